@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
 import platform
-from collections.abc import Iterable
+import time
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -37,6 +39,37 @@ def check_table(checks: Iterable[Check]) -> list[str]:
     ]
 
 
+def report_head(
+    title: str, about: Mapping[str, object], checks: Iterable[Check], missing: Iterable[str] = ()
+) -> list[str]:
+    """The first lines of a report.
+
+    Args:
+        title: of it.
+        about: where and how it was measured, by name.
+        checks: all aims.
+        missing: why something was not measured.
+    """
+    return [
+        f"# {title}",
+        "",
+        *(f"- {name}: {value}" for name, value in about.items()),
+        *(f"- **not measured:** {why}" for why in missing),
+        "",
+        *check_table(checks),
+    ]
+
+
+def write_report(
+    folder: Path, text: str, about: Mapping[str, object], content: Mapping[str, object]
+) -> None:
+    """Write report.md and report.json into an existing folder."""
+    (folder / "report.md").write_text(text, encoding="utf-8")
+    data = {"about": dict(about), **content}
+    encoded = json.dumps(data, indent=1, default=str)
+    (folder / "report.json").write_text(encoded + "\n", encoding="utf-8")
+
+
 @dataclass(frozen=True)
 class Load:
     """Load of the machine by other processes since this object was created.
@@ -67,6 +100,12 @@ def _times_s() -> tuple[float, float]:
     # The time of virtual machines is in `user` and `nice` too.
     twice = getattr(times, "guest", 0.0) + getattr(times, "guest_nice", 0.0)
     return getattr(times, "steal", 0.0), sum(times) - twice
+
+
+def measured_on(load: Load, **others: object) -> dict[str, object]:
+    """The machine, its load until now, what else a report names, and the date."""
+    date = time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime())
+    return {"machine": machine(), **load.figures(), **others, "date": date}
 
 
 def machine() -> str:

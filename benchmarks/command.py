@@ -33,6 +33,19 @@ def say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
+def parts_of(text: str, known: Sequence[str]) -> tuple[str, ...]:
+    """Names of a benchmark's parts, separated by commas, in the order of those known.
+
+    Raises:
+        InputError: an unknown one.
+    """
+    names = text.split(",")
+    for name in names:
+        if name not in known:
+            raise InputError("--only", f"no part {name!r}", f"use some of {', '.join(known)}")
+    return tuple(part for part in known if part in names)
+
+
 def report(name: str, measure: Callable[[], Measured], *, as_json: bool) -> int:
     """Measure and print the report.
 

@@ -28,7 +28,12 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         action = actions.add_parser(name, help=text)
         if name in ("backup", "restore"):
             action.add_argument("file", type=Path, metavar="FILE", help="the backup")
-        action.add_argument("--url", default=_DEFAULT, help=f"database URL (default: {_DEFAULT})")
+        action.add_argument(
+            *("--database", "--url"),
+            dest="url",
+            default=_DEFAULT,
+            help=f"database URL (default: {_DEFAULT})",
+        )
         if name == "prune":
             action.add_argument("--keep-days", type=float, help="delete cycles older than this")
             action.add_argument(

@@ -25,7 +25,12 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         "list", help="all orders, those that changed last at the end; or the life of one"
     )
     listing.add_argument("order", nargs="?", help="one order: each change of its state")
-    listing.add_argument("--url", default=_DEFAULT, help=f"database URL (default: {_DEFAULT})")
+    listing.add_argument(
+        *("--database", "--url"),
+        dest="url",
+        default=_DEFAULT,
+        help=f"database URL (default: {_DEFAULT})",
+    )
     listing.add_argument(
         "--state",
         action="append",
@@ -44,7 +49,7 @@ def run(options: argparse.Namespace) -> int:
     with open_reader(options.url) as reader:
         try:
             if not reader.exists():
-                mend = "give the dispatcher's database_url with --url"
+                mend = "give the dispatcher's database_url with --database"
                 raise InputError(options.url, "no database there", mend)
             if options.order is not None:
                 found: Sequence[OrderRecord | OrderChange] = reader.order_changes(options.order)

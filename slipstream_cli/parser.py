@@ -30,7 +30,7 @@ class _Formatter(argparse.HelpFormatter):
         if isinstance(default, list | tuple):
             default = " ".join(map(str, default))
         shown = "none" if default is None or default == "" else str(default).replace("%", "%%")
-        return f"{text} (default: {shown})"
+        return f"{text.removesuffix('.')} (default: {shown})"
 
 
 if TYPE_CHECKING:
@@ -45,7 +45,8 @@ class _Commands(_Action):
     def add_parser(self, name: str, **options: Any) -> argparse.ArgumentParser:
         summary = options.get("help")
         if summary:
-            options.setdefault("description", f"{summary[0].upper()}{summary[1:]}.")
+            sentence = f"{summary[0].upper()}{summary[1:]}"
+            options.setdefault("description", sentence + ("" if sentence.endswith("?") else "."))
         return super().add_parser(name, **options)
 
     @property

@@ -34,11 +34,19 @@ class Finding:
 
 @dataclass
 class Heard:
-    """What came over the bus."""
+    """What came over the bus.
+
+    Attributes:
+        connected: a router has answered.
+        rsus: the latest health of each.
+        dispatcher: its latest health.
+        unreadable: what is wrong with a message, by its key.
+    """
 
     connected: bool = False
     rsus: dict[str, RsuHealth] = field(default_factory=dict)
     dispatcher: DispatcherHealth | None = None
+    unreadable: dict[str, str] = field(default_factory=dict)
 
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -121,11 +129,18 @@ def listen(settings: BusSettings, seconds: float) -> Heard:
     heard = Heard()
 
     def on_rsu(key: str, payload: bytes) -> None:
-        health = decode(RsuHealth, payload, key)
-        heard.rsus[health.rsu] = health
+        try:
+            health = decode(RsuHealth, payload, key)
+        except InputError as error:
+            heard.unreadable[key] = f"{error.problem}; {error.mend}"
+        else:
+            heard.rsus[health.rsu] = health
 
     def on_dispatcher(key: str, payload: bytes) -> None:
-        heard.dispatcher = decode(DispatcherHealth, payload, key)
+        try:
+            heard.dispatcher = decode(DispatcherHealth, payload, key)
+        except InputError as error:
+            heard.unreadable[key] = f"{error.problem}; {error.mend}"
 
     try:
         with Bus.open(settings) as bus:
@@ -196,13 +211,18 @@ def of_bus(
         now_ns: UTC.
         needed: a daemon runs here that needs a router.
     """
+    from slipstream.messages import rsu_health_key
+
     where = ", ".join(bus.connect) if bus.config_file is None else str(bus.config_file)
     if not heard.connected:
         if needed:
             yield Finding("bus", False, f"no router answers at {where}")
         return
     yield Finding("bus", True, f"connected to {where}")
-    for rsu in sorted(expected | heard.rsus.keys()):
+    for key, problem in sorted(heard.unreadable.items()):
+        yield Finding(key, False, problem)
+    unreadable = {rsu for rsu in expected if rsu_health_key(rsu) in heard.unreadable}
+    for rsu in sorted((expected | heard.rsus.keys()) - unreadable):
         yield _of_rsu(rsu, heard.rsus.get(rsu), now_ns)
     health = heard.dispatcher
     if health is None:
@@ -218,6 +238,8 @@ def of_bus(
     elif health.database_set_aside is not None:
         text = f"started with a new database; the damaged one is {health.database_set_aside}"
         yield Finding("dispatcher (bus)", False, text)
+    elif health.paused:
+        yield Finding("dispatcher (bus)", False, f"paused: no cycle runs; {text}")
     else:
         yield Finding("dispatcher (bus)", True, text)
 

@@ -50,7 +50,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
             option,
             type=type(field.default),
             default=field.default,
-            help=f"{field.description} (default: {field.default:g})",
+            help=field.description,
         )
     command.add_argument(
         "--bare", action="store_true", help="the paper's rule without hysteresis and error bars"

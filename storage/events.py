@@ -75,6 +75,12 @@ def alarms(session: Session, ended_ns: int) -> Iterator[Event]:
     return map(_event, session.scalars(query.order_by(EventRow.number)))
 
 
+def lasting(session: Session) -> Iterator[Event]:
+    """What operators did, a pause above all, and alarms in force; oldest first."""
+    query = select(EventRow).where(or_(EventRow.alarm.is_(None), EventRow.ended_ns.is_(None)))
+    return map(_event, session.scalars(query.order_by(EventRow.number)))
+
+
 def between(
     session: Session, begin_ns: int, end_ns: int, limit: int, before: int | None
 ) -> Iterator[Event]:

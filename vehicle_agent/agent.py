@@ -146,9 +146,10 @@ class Agent:
         match message:
             case PlatoonControl() | PlatoonManagement():
                 self._platooning.receive(message, now_ns)
-            case SegmentState():
+            # One that is dated ahead would keep out those that come once its clock is set.
+            case SegmentState() if not freshness.is_ahead(message.time_ns, now_ns):
                 self._roadside.receive(message)
-            case SignalPhaseAndTiming():
+            case SignalPhaseAndTiming() if not freshness.is_ahead(message.time_ns, now_ns):
                 self._timings.receive(message)
             case SignalStatus():
                 self._note_status(message)

@@ -8,6 +8,7 @@ import time
 from collections import deque
 from typing import Final
 
+from slipstream import freshness
 from slipstream.bus import Bus, Publisher
 from slipstream.errors import InputError
 from slipstream.messages import (
@@ -120,7 +121,7 @@ class AgentDaemon:
             return None
         if isinstance(message, VehicleSensing):
             before = self._sensing.get(message.vehicle)
-            if message.vehicle in self._files and not _is_older(message, before):
+            if message.vehicle in self._files and is_news(message, before, time.time_ns()):
                 self._sensing[message.vehicle] = message
                 return message.vehicle
             return None
@@ -161,8 +162,11 @@ class AgentDaemon:
             log.exception("%s failed: %s", what, error)
 
 
-def _is_older(message: VehicleSensing, before: VehicleSensing | None) -> bool:
-    return before is not None and message.time_ns < before.time_ns
+def is_news(message: VehicleSensing, before: VehicleSensing | None, now_ns: int) -> bool:
+    """Whether sensing is no older than the one before, if that is not dated ahead of the clock."""
+    if before is None or message.time_ns >= before.time_ns:
+        return True
+    return freshness.is_ahead(before.time_ns, now_ns)
 
 
 def run_agents(settings: AgentSettings) -> None:

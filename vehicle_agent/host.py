@@ -58,7 +58,7 @@ class AgentHost:
             message: of any kind that agents take, but a VehicleSensing.
             now_ns: UTC.
         """
-        for name in self._addressees(message):
+        for name in self._addressees(message, now_ns):
             agent = self.agents.get(name)
             if agent is not None:
                 agent.receive(message, now_ns)
@@ -76,7 +76,7 @@ class AgentHost:
         self._follow(sensing.vehicle, agent)
         return advice, agent.take_outgoing()
 
-    def _addressees(self, message: Message) -> Iterable[str]:
+    def _addressees(self, message: Message, now_ns: int) -> Iterable[str]:
         match message:
             case PlatoonControl():
                 listening = self._listeners.get(platoon_controls_on(message.path[0]), {})
@@ -87,9 +87,10 @@ class AgentHost:
                 return [message.vehicle]
             case SignalStatus():
                 return dict.fromkeys(request.vehicle for request in message.requests)
-            case SegmentState():
+            # One that is dated ahead would keep out those that come once its clock is set.
+            case SegmentState() if not freshness.is_ahead(message.time_ns, now_ns):
                 self._roadside.receive(message)
-            case SignalPhaseAndTiming():
+            case SignalPhaseAndTiming() if not freshness.is_ahead(message.time_ns, now_ns):
                 self._timings.receive(message)
         return ()
 

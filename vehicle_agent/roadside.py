@@ -7,6 +7,8 @@ from typing import Final
 from slipstream import freshness
 from slipstream.messages import SegmentState
 
+_FORGET_EVERY_NS: Final = 60 * 10**9
+
 
 class Roadside:
     """Latest states of segments, judged as the dispatcher judges them.
@@ -21,7 +23,7 @@ class Roadside:
     def __init__(self, stale_after_s: float = freshness.STALE_AFTER_S) -> None:
         self._stale_after_s = stale_after_s
         self._states: dict[str, dict[str, SegmentState]] = {}
-        self._now_ns = 0
+        self._now_ns = self._forgot_ns = 0
         self._judged: dict[str, int | None] = {}
 
     def receive(self, state: SegmentState) -> None:
@@ -37,12 +39,9 @@ class Roadside:
         if now_ns != self._now_ns:
             self._now_ns = now_ns
             self._judged.clear()
-
-    def keep(self, segments: frozenset[str]) -> None:
-        """Forget the states of all other segments."""
-        for segment in [name for name in self._states if name not in segments]:
-            del self._states[segment]
-        self._judged.clear()
+        if now_ns - self._forgot_ns >= _FORGET_EVERY_NS:
+            self._forgot_ns = now_ns
+            self._forget()
 
     def is_open(self, segment: str) -> bool:
         """Whether a fresh state calls it stable, and none turbulent."""
@@ -51,6 +50,15 @@ class Roadside:
     def is_turbulent(self, segment: str) -> bool:
         """Whether a fresh state calls it turbulent."""
         return self._flag(segment) == 0
+
+    def _forget(self) -> None:
+        """Forget states that are too old, which count for nothing: those of roads left behind."""
+        for segment, known in list(self._states.items()):
+            for rsu, state in list(known.items()):
+                if freshness.age_s(state.time_ns, self._now_ns) > self._stale_after_s:
+                    del known[rsu]
+            if not known:
+                del self._states[segment]
 
     def _flag(self, segment: str) -> int | None:
         states = self._states.get(segment)

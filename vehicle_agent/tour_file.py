@@ -11,6 +11,7 @@ from urllib.parse import quote
 from slipstream.errors import InputError
 from slipstream.files import read_file
 from slipstream.messages import decode
+from slipstream.service import LogLimiter
 from vehicle_agent.tour import Tour, TourRecord
 
 log = logging.getLogger(__name__)
@@ -39,6 +40,7 @@ class TourFile:
         self._path = folder / f"{quote(tour.vehicle, safe='')}.json"
         self._tour = tour
         self._kept = tour.revision
+        self._limiter = LogLimiter()
 
     def load(self) -> None:
         """Go on from the file, if there is one; a damaged one is set aside and left."""
@@ -65,6 +67,7 @@ class TourFile:
                 os.fsync(file.fileno())
             unfinished.replace(self._path)
         except OSError as error:
-            log.warning("the tour is not kept over a restart: %s", error)
+            line = f"the tour of {self._tour.vehicle} is not kept over a restart: {error}"
+            self._limiter.warn(log, "keep", line)
             return
         self._kept = revision

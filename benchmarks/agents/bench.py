@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 import threading
@@ -18,7 +17,7 @@ import psutil
 import tomli_w
 
 from benchmarks.agents.traffic import Van, roadside
-from benchmarks.aims import Check, check_table
+from benchmarks.aims import Check, report_head, write_report
 from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings
 from slipstream.messages import (
@@ -207,10 +206,7 @@ def checks(one: Figures, many: Figures) -> list[Check]:
 
 def write(folder: Path, one: Figures, many: Figures, about: Mapping[str, str]) -> None:
     """Write report.md and report.json."""
-    lines = ["# Agents: what they cost", ""]
-    lines += [f"- {name}: {value}" for name, value in about.items()]
-    lines += ["", *check_table(checks(one, many)), ""]
-    lines += [f"- {figures}" for figures in (one, many)]
-    (folder / "report.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    data = {"about": dict(about), "one": asdict(one), "many": asdict(many)}
-    (folder / "report.json").write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+    lines = report_head("Agents: what they cost", about, checks(one, many))
+    lines += ["", *(f"- {figures}" for figures in (one, many)), ""]
+    content = {"one": asdict(one), "many": asdict(many)}
+    write_report(folder, "\n".join(lines), about, content)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
-from benchmarks.aims import Load, machine
+from benchmarks.aims import Load, measured_on
 from benchmarks.coordination import report
 from research.coordination.cells import Cell, Place, Result, found, measured
 from research.coordination.corridor import DENSITIES, WINDOWS_MIN
@@ -94,11 +93,6 @@ def written(settings: BenchSettings) -> list[Result]:
     return results
 
 
-def _about(settings: BenchSettings, load: Load) -> Mapping[str, Any]:
+def _about(settings: BenchSettings, load: Load) -> dict[str, object]:
     form = {FULL: "full", SHORT: "short: a minute or two"}
-    return {
-        "machine": machine(),
-        **load.figures(),
-        "form": form.get(settings.form, "own"),
-        "date": time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime()),
-    }
+    return measured_on(load, form=form.get(settings.form, "own"))

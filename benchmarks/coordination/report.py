@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Final
 
-from benchmarks.aims import Check, check_table
+from benchmarks.aims import Check, report_head, write_report
 from research.coordination.cells import NONE_KWH, OWN, Place, Result
 from research.coordination.strategies import STRATEGIES
 from slipstream.tables import markdown_table
@@ -58,20 +57,17 @@ def checks(results: Iterable[Result]) -> list[Check]:
 
 def write(folder: Path, results: Sequence[Result], about: Mapping[str, object]) -> None:
     """Write report.md and report.json into an existing folder."""
-    (folder / "report.md").write_text(markdown(results, about), encoding="utf-8")
     content = {
-        "about": dict(about),
         "checks": [asdict(c) for c in checks(results)],
         "results": [asdict(result) for result in results],
     }
-    (folder / "report.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    write_report(folder, markdown(results, about), about, content)
 
 
 def markdown(results: Sequence[Result], about: Mapping[str, object]) -> str:
     """The report as people read it."""
-    lines = ["# Coordination: share of the drafting ceiling by density", ""]
-    lines += [f"- {name}: {value}" for name, value in about.items()]
-    lines += ["", *check_table(checks(results))]
+    title = "Coordination: share of the drafting ceiling by density"
+    lines = report_head(title, about, checks(results))
     for price_kw in dict.fromkeys(r.cell.price_kw for r in results):
         some = [r for r in results if r.cell.price_kw == price_kw]
         lines += ["", f"## Waiting at {price_kw} kW", "", *_net(some), "", *_ours(some)]

@@ -16,7 +16,7 @@ from typing import Any, Final
 import psutil
 import tomli_w
 
-from benchmarks.aims import Check, check_table
+from benchmarks.aims import Check, report_head, write_report
 from benchmarks.dashboard.viewer import Viewer, first_paint_s
 from benchmarks.service.grid import write_grid
 from slipstream.bus import Router, free_port
@@ -254,11 +254,7 @@ def write(
 ) -> None:
     """Write report.md and report.json."""
     lines = [
-        "# The operator's page",
-        "",
-        *(f"- {name}: {value}" for name, value in about.items()),
-        "",
-        *check_table(aims),
+        *report_head("The operator's page", about, aims),
         "",
         "| roads | s | events/s | delay p50 | p95 | max | probes | memory, MB |",
         "|--:|--:|--:|--:|--:|--:|--:|--:|",
@@ -270,6 +266,5 @@ def write(
         ),
         "",
     ]
-    (folder / "report.md").write_text("\n".join(lines), encoding="utf-8")
-    report = {"about": dict(about), "cities": [asdict(one) for one in figures]}
-    (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+    content = {"cities": [asdict(one) for one in figures]}
+    write_report(folder, "\n".join(lines), about, content)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from benchmarks.aims import Check, check_table
+from benchmarks.aims import Check, report_head, write_report
 from benchmarks.perception.daemons import DaemonRun
 from benchmarks.perception.speed import Speed
 
@@ -136,10 +135,7 @@ def _median(values: Sequence[float]) -> float:
 
 def markdown(results: Results, about: Mapping[str, object]) -> str:
     """The report as people read it."""
-    lines = ["# Perception: how fast", ""]
-    lines += [f"- {name}: {value}" for name, value in about.items()]
-    lines += [f"- **not measured:** {why}" for why in results.missing]
-    lines += ["", *check_table(checks(results))]
+    lines = report_head("Perception: how fast", about, checks(results), results.missing)
     lines += [
         "",
         "| runner (median of rounds) | ms a frame | p95 of blocks | latency p50 | p95 "
@@ -178,9 +174,7 @@ def markdown(results: Results, about: Mapping[str, object]) -> str:
 
 def write(folder: Path, results: Results, about: Mapping[str, object]) -> None:
     """Write report.md and report.json into an existing folder."""
-    (folder / "report.md").write_text(markdown(results, about))
     content = {
-        "about": dict(about),
         "checks": [asdict(check) for check in checks(results)],
         "rounds": [{name: asdict(s) for name, s in speeds.items()} for speeds in results.rounds],
         "cameras": [asdict(run) for run in results.cameras],
@@ -188,4 +182,4 @@ def write(folder: Path, results: Results, about: Mapping[str, object]) -> None:
         "fast": asdict(results.fast) if results.fast else None,
         "missing": list(results.missing),
     }
-    (folder / "report.json").write_text(json.dumps(content, indent=1, default=str) + "\n")
+    write_report(folder, markdown(results, about), about, content)

@@ -126,9 +126,8 @@ def score_boxes(labelled: dict[int, Array], found: dict[int, Array]) -> list[Box
         drawn_hit.append(np.isin(np.arange(len(boxes)), rows))
         found_px.append(others[:, 3] - others[:, 1])
         found_hit.append(np.isin(np.arange(len(others)), columns))
-    drawn, hit, seen, right = (
-        np.concatenate(each) for each in (drawn_px, drawn_hit, found_px, found_hit)
-    )
+    drawn, hit = np.concatenate(drawn_px), np.concatenate(drawn_hit)
+    seen, right = np.concatenate(found_px), np.concatenate(found_hit)
     ranges = [*pairwise(_HEIGHTS_PX), (0.0, np.inf)]
     return [_score(low, high, drawn, hit, seen, right) for low, high in ranges]
 

@@ -127,7 +127,7 @@ def _road(numbers: Array, image_px: Array) -> Array:
 
 def _gate_middles(recording: Recording) -> Array:
     """The middle of the road at the first and the last gate that a vehicle crosses, px, (2, 2)."""
-    return _outline(recording).reshape(2, 2, 2).mean(axis=1)
+    return np.asarray(_outline(recording).reshape(2, 2, 2).mean(axis=1))
 
 
 def _outline(recording: Recording) -> Array:

@@ -49,12 +49,12 @@ class Matched:
     @staticmethod
     def join(parts: Sequence[Matched]) -> Matched:
         """All of the parts; there must be one part at least."""
-        columns = (
-            np.concatenate([getattr(part, name) for part in parts])
-            for name in ("true_kmh", "speed_kmh", "error_kmh")
-        )
         return Matched(
-            *columns, sum(part.passages for part in parts), sum(part.unmatched for part in parts)
+            true_kmh=np.concatenate([part.true_kmh for part in parts]),
+            speed_kmh=np.concatenate([part.speed_kmh for part in parts]),
+            error_kmh=np.concatenate([part.error_kmh for part in parts]),
+            passages=sum(part.passages for part in parts),
+            unmatched=sum(part.unmatched for part in parts),
         )
 
 
@@ -107,8 +107,9 @@ def match(passages: Sequence[Passage], measured: Sequence[VehicleSpeed]) -> Matc
         first <= vehicle.end_s < last and number not in taken
         for number, vehicle in enumerate(measured)
     )
-    columns = np.array(rows).reshape(-1, 3).T
-    return Matched(*columns, sum(passage.valid for passage in passages), unmatched)
+    true_kmh, speed_kmh, error_kmh = np.array(rows).reshape(-1, 3).T
+    valid = sum(passage.valid for passage in passages)
+    return Matched(true_kmh, speed_kmh, error_kmh, valid, unmatched)
 
 
 def figures(matched: Matched) -> Figures | None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from benchmarks.real.brno import SIZE, PixelTrack, Recording
 from benchmarks.real.cameras import Surveyed
@@ -58,7 +59,7 @@ def counted(recording: Recording) -> list[PixelTrack]:
     kept = []
     for track in recording.tracks:
         inner = (track.image_px > _BORDER_PX) & (track.image_px < np.array(SIZE) - _BORDER_PX)
-        inside = track.take(inner.all(axis=1))
+        inside = track.take(np.all(inner, axis=1))
         if (
             len(inside) >= _MIN_POSITIONS
             and inside.time_s[0] < last_s
@@ -168,8 +169,8 @@ def _sightings(tracks: list[PixelTrack], surveyed: Surveyed) -> Sightings:
     )
 
 
-def _car_boxes(image_px: Array, surveyed: Surveyed) -> Array:
-    """Boxes of a car whose front stands at each point, px, shape (n, 4), float32."""
+def _car_boxes(image_px: Array, surveyed: Surveyed) -> npt.NDArray[np.float32]:
+    """Boxes of a car whose front stands at each point, px, shape (n, 4)."""
     camera, segment = surveyed.camera, surveyed.segment
     pose = camera.pose
     if pose is None:
@@ -191,7 +192,8 @@ def _car_boxes(image_px: Array, surveyed: Surveyed) -> Array:
     size = seen.max(axis=0) - seen.min(axis=0)
     half = size[:, 0] / 2
     x, y = image_px.T
-    return np.column_stack([x - half, y - size[:, 1], x + half, y]).astype(np.float32)
+    boxes = np.column_stack([x - half, y - size[:, 1], x + half, y])
+    return boxes.astype(np.float32)
 
 
 def _between_gates(recording: Recording, track: PixelTrack) -> int:

@@ -6,8 +6,8 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.command import Measured, report, say, start
-from benchmarks.routing.bench import FULL, PARTS, SHORT, BenchSettings, parts_of, run_bench
+from benchmarks.command import Measured, parts_of, report, say, start
+from benchmarks.routing.bench import FULL, PARTS, SHORT, BenchSettings, run_bench
 from benchmarks.routing.report import checks
 
 _DEFAULTS = BenchSettings()
@@ -28,7 +28,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             out=options.out,
             plots=options.plots,
             form=SHORT if options.short else FULL,
-            parts=tuple(parts_of(options.only)),
+            parts=parts_of(options.only, PARTS),
         )
         results = run_bench(settings, say)
         return Measured(settings.out, checks(results), results.missing)

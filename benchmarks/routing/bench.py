@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import sys
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
-from benchmarks.aims import Load, machine
+from benchmarks.aims import Load, measured_on
 from benchmarks.routing import report
 from benchmarks.routing.figures import CityRun, Gap
 from benchmarks.routing.instances import measure_instances
@@ -268,23 +267,4 @@ _PARTS: Final[dict[str, Callable[[_Bench, Results], Results]]] = {
 
 def _about(settings: BenchSettings, load: Load) -> dict[str, object]:
     form = {FULL: "full", SHORT: "short: smaller than the aims ask"}.get(settings.form, "own")
-    return {
-        "machine": machine(),
-        **load.figures(),
-        "form": form,
-        "parts": ", ".join(settings.parts),
-        "date": time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime()),
-    }
-
-
-def parts_of(text: str) -> Sequence[str]:
-    """Names of parts, separated by commas.
-
-    Raises:
-        InputError: an unknown one.
-    """
-    names = text.split(",")
-    for name in names:
-        if name not in PARTS:
-            raise InputError("--only", f"no part {name!r}", f"use some of {', '.join(PARTS)}")
-    return [part for part in PARTS if part in names]
+    return measured_on(load, form=form, parts=", ".join(settings.parts))

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import fmean, median
 from typing import Final
 
-from benchmarks.aims import Check, check_table
+from benchmarks.aims import Check, report_head, write_report
 from benchmarks.routing.figures import (
     SAME_KWH,
     CityRun,
@@ -258,10 +257,7 @@ def _gap_checks(gaps: Sequence[Gap]) -> list[Check]:
 
 def markdown(results: Results, about: Mapping[str, object]) -> str:
     """The report as people read it."""
-    lines = ["# Routing core: how good, how fast", ""]
-    lines += [f"- {name}: {value}" for name, value in about.items()]
-    lines += [f"- **not measured:** {why}" for why in results.missing]
-    lines += ["", *check_table(checks(results))]
+    lines = report_head("Routing core: how good, how fast", about, checks(results), results.missing)
     if results.instances:
         lines += ["", "## Named instances", "", *instance_table(results.instances)]
     if results.city:
@@ -290,7 +286,5 @@ def markdown(results: Results, about: Mapping[str, object]) -> str:
 
 def write(folder: Path, results: Results, about: Mapping[str, object]) -> None:
     """Write report.md and report.json into an existing folder."""
-    (folder / "report.md").write_text(markdown(results, about))
-    content = {"about": dict(about), "checks": [asdict(c) for c in checks(results)]}
-    content |= asdict(results)
-    (folder / "report.json").write_text(json.dumps(content, indent=1, default=str) + "\n")
+    content = {"checks": [asdict(c) for c in checks(results)], **asdict(results)}
+    write_report(folder, markdown(results, about), about, content)

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from benchmarks.aims import Check, check_table
+from benchmarks.aims import Check, report_head, write_report
 from benchmarks.service.grid import write_grid
 from benchmarks.service.loaded import Cost, Loaded, run_load
 from slipstream.messages import ALL_STATES
@@ -158,11 +158,7 @@ def write(
     """Write report.md and report.json; returns the aims."""
     aims = checks(found)
     lines = [
-        "# Segment states into one dispatcher",
-        "",
-        *(f"- {name}: {value}" for name, value in about.items()),
-        "",
-        *check_table(aims),
+        *report_head("Segment states into one dispatcher", about, aims),
         "",
         "| states/s | lost | missed | superseded | core | p99, at most | within 100 ms "
         "| senders late |",
@@ -185,11 +181,9 @@ def write(
         ),
         "",
     ]
-    (folder / "report.md").write_text("\n".join(lines), encoding="utf-8")
-    report = {
-        "about": dict(about),
+    content = {
         "steps": [asdict(step) for step in steps],
         "costs": [asdict(cost) for cost in costs],
     }
-    (folder / "report.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+    write_report(folder, "\n".join(lines), about, content)
     return aims

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import Final
 from xml.sax.saxutils import escape
 
+from benchmarks.aims import write_report
 from benchmarks.soak.observer import Observer
 from benchmarks.soak.processes import Sample
 from benchmarks.soak.trend import Trend
@@ -32,9 +32,8 @@ def write(
         folder: an existing folder; files of an earlier soak are replaced.
         about: how and where it was measured, and what the run itself reported.
     """
-    content = {"green": verdict.green, "about": dict(about), **asdict(verdict)}
-    (folder / "report.json").write_text(json.dumps(content, indent=1, default=str) + "\n")
-    (folder / "report.md").write_text(markdown(verdict, about))
+    content = {"green": verdict.green, **asdict(verdict)}
+    write_report(folder, markdown(verdict, about), about, content)
     (folder / "memory.svg").write_text(memory_svg(samples, verdict))
     with (folder / "processes.csv").open("w", newline="") as file:
         rows = csv.writer(file, lineterminator="\n")

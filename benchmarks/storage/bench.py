@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -12,7 +11,7 @@ from statistics import median
 from typing import Final
 
 import storage
-from benchmarks.aims import Check, check_table
+from benchmarks.aims import Check, report_head, write_report
 from benchmarks.storage.city import CYCLE_S, START_NS, City, StoredCycle
 from dispatcher_daemon.store import PRUNE_BATCH, TIDY_S, delete_old_traffic
 from slipstream.messages import VehiclePlan
@@ -234,8 +233,8 @@ def checks(figures: Figures) -> list[Check]:
 def write(folder: Path, all_figures: list[Figures], about: Mapping[str, str]) -> None:
     """Write report.md and report.json."""
     folder.mkdir(parents=True, exist_ok=True)
-    lines = ["# Storage", "", *(f"- {name}: {value}" for name, value in about.items()), ""]
-    lines += check_table(check for figures in all_figures for check in checks(figures))
+    aims = [check for figures in all_figures for check in checks(figures)]
+    lines = report_head("Storage", about, aims)
     for figures in all_figures:
         about_size = (
             f"{figures.gb:.2f} GB after {figures.days} days, {figures.gb_a_day:.3f} more a day"
@@ -266,6 +265,5 @@ def write(folder: Path, all_figures: list[Figures], about: Mapping[str, str]) ->
             f"| {name} | {value:.1f} | {figures.queries_cpu_ms[name]:.1f} |"
             for name, value in figures.queries_ms.items()
         ]
-    (folder / "report.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    data = {"about": dict(about), "databases": [asdict(figures) for figures in all_figures]}
-    (folder / "report.json").write_text(json.dumps(data, indent=1), encoding="utf-8")
+    content = {"databases": [asdict(figures) for figures in all_figures]}
+    write_report(folder, "\n".join(lines) + "\n", about, content)

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from benchmarks.command import Measured, report, say, start
-from benchmarks.world.bench import FULL, PARTS, SHORT, BenchSettings, Form, parts_of, run_bench
+from benchmarks.command import Measured, parts_of, report, say, start
+from benchmarks.world.bench import FULL, PARTS, SHORT, BenchSettings, Form, run_bench
 from benchmarks.world.report import checks
 from slipstream.errors import InputError
 
@@ -33,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             out=options.out,
             form=_form(options),
             seeds=_seeds(options.seeds or ("1" if options.short else "1,2,3")),
-            parts=parts_of(options.only),
+            parts=parts_of(options.only, PARTS),
         )
         results = run_bench(settings, say)
         return Measured(settings.out, checks(results), results.missing)

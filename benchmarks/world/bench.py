@@ -6,13 +6,13 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
-from benchmarks.aims import Load, machine
+from benchmarks.aims import Load, measured_on
 from benchmarks.routing.watch import watched
 from benchmarks.world import report
 from benchmarks.world.figures import Repeat, Saved, TimedRun
@@ -320,26 +320,11 @@ _PARTS: Final[dict[str, Callable[[_Bench, Results], Results]]] = {
 }
 
 
-def _about(settings: BenchSettings, load: Load) -> Mapping[str, Any]:
+def _about(settings: BenchSettings, load: Load) -> dict[str, object]:
     form = {FULL: "full", SHORT: "short: minutes, which no aim is judged by"}
-    return {
-        "machine": machine(),
-        **load.figures(),
-        "form": form.get(settings.form, "own"),
-        "parts": ", ".join(settings.parts),
-        "seeds": ", ".join(map(str, settings.seeds)),
-        "date": time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime()),
-    }
-
-
-def parts_of(text: str) -> tuple[str, ...]:
-    """Names of parts, separated by commas.
-
-    Raises:
-        InputError: an unknown one.
-    """
-    names = text.split(",")
-    for name in names:
-        if name not in PARTS:
-            raise InputError("--only", f"no part {name!r}", f"use some of {', '.join(PARTS)}")
-    return tuple(part for part in PARTS if part in names)
+    return measured_on(
+        load,
+        form=form.get(settings.form, "own"),
+        parts=", ".join(settings.parts),
+        seeds=", ".join(map(str, settings.seeds)),
+    )

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from benchmarks.aims import Check, check_table
+from benchmarks.aims import Check, report_head, write_report
 from benchmarks.world.figures import (
     Repeat,
     Saved,
@@ -49,10 +48,9 @@ def checks(results: Results) -> list[Check]:
 
 def markdown(results: Results, about: Mapping[str, object]) -> str:
     """The report as people read it."""
-    lines = ["# Worlds: how fast, how repeatable, what they save", ""]
-    lines += [f"- {name}: {value}" for name, value in about.items()]
-    lines += [f"- **not measured:** {why}" for why in results.missing]
-    lines += ["", *check_table(checks(results))]
+    lines = report_head(
+        "Worlds: how fast, how repeatable, what they save", about, checks(results), results.missing
+    )
     if results.runs:
         lines += ["", "## Times", "", _run_table(results.runs)]
     different = [f"{r.scenario}: {', '.join(r.different)}" for r in results.repeats if r.different]
@@ -65,10 +63,8 @@ def markdown(results: Results, about: Mapping[str, object]) -> str:
 
 def write(folder: Path, results: Results, about: Mapping[str, object]) -> None:
     """Write report.md and report.json into an existing folder."""
-    (folder / "report.md").write_text(markdown(results, about))
-    content = {"about": dict(about), "checks": [asdict(c) for c in checks(results)]}
-    content |= asdict(results)
-    (folder / "report.json").write_text(json.dumps(content, indent=1) + "\n")
+    content = {"checks": [asdict(c) for c in checks(results)], **asdict(results)}
+    write_report(folder, markdown(results, about), about, content)
 
 
 def _run_table(runs: Sequence[TimedRun]) -> str:

@@ -154,13 +154,12 @@ class Dispatcher:
             self.control.store_pause()
 
     def _run_one_cycle(self) -> None:
-        self.cycle_began = time.monotonic()
+        number, self.cycle_began = self.delivery.next_number, time.monotonic()
         try:
-            with span("cycle", cycle=self.delivery.next_number):
+            with span("cycle", cycle=number):
                 self._run_cycle()
         except Exception as error:
             self.delivery.count_lost()
-            number = self.delivery.next_number - 1
             self.delivery.last = failed_report(number, time.time_ns(), 0.0, error_text(error))
             if self._limiter.allow("lost"):
                 log.exception("cycle %d is lost: %s", number, error)

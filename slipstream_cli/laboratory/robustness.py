@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
 _MAX_BYTES = 256_000_000
 _MAX_LINE = 100_000
-_FIRST = "make them with: slipstream track VIDEO --camera camera.toml --out states.jsonl"
+_TRACK = "slipstream track VIDEO --camera camera.toml --out states.jsonl"
+_FIRST = f"make them with: {_TRACK}"
 
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -27,7 +28,8 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         "robustness",
         help="the paper's noise table, on measured states",
         description="Multiplies each feature of measured SegmentStates by 1 + noise·N(0, 1), "
-        "applies the paper's bare rule and counts the flags that stay stable. " + _FIRST,
+        "applies the paper's bare rule and counts the flags that stay stable. "
+        f"States are made with: {_TRACK}",
     )
     command.add_argument(
         "states", type=Path, nargs="*", metavar="STATES.jsonl", help="a SegmentState a line"

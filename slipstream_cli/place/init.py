@@ -10,6 +10,7 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -107,6 +108,9 @@ def _write(options: argparse.Namespace, folder: Path, net: str, made: Path | Non
         for name, (_, _, text) in files.items():
             (folder / name).write_text(text, encoding="utf-8")
     except OSError as error:
+        for name in (*files, *(() if made is None else (made.name,))):
+            with suppress(OSError):
+                (folder / name).unlink()
         raise InputError(folder, error.strerror or "not writable", "give another folder") from None
     street = _street(part, layout.depot)
     commands = start_commands(folder, options.rsu)

@@ -15,7 +15,10 @@ if TYPE_CHECKING:
     from slipstream.roads import RoadNetwork, Segment
 
 _MPS_TO_KMH: Final = 3.6
-_COMPASS: Final = ("east", "north-east", "north", "north-west", "west", "south-west", "south")
+_COMPASS: Final = (
+    *("east", "north-east", "north", "north-west"),
+    *("west", "south-west", "south", "south-east"),
+)
 
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -158,5 +161,4 @@ def _degrees(value: float) -> float:
 
 def compass(dx: float, dy: float) -> str:
     """Direction of travel in words; x is east and y north."""
-    eighth = round(math.atan2(dy, dx) / (math.pi / 4)) % 8
-    return (*_COMPASS, "south-east")[eighth]
+    return _COMPASS[round(math.atan2(dy, dx) / (math.pi / 4)) % len(_COMPASS)]

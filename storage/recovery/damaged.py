@@ -1,21 +1,24 @@
 """A damaged file at a dispatcher's start: it is set aside, and a new database takes its place.
 
 Vehicles refuse plans of lower cycles than they know, so that numbers go on above those of before.
-Orders, vehicles and plans in force are taken over if all of them can still be read.
+Orders, vehicles and plans in force are taken over if all of them can still be read; so is what
+operators did, as a dispatcher that is paused has to stay so, and alarms in force.
 """
 
 from __future__ import annotations
 
 import logging
 import time
+from collections.abc import Callable
 from itertools import groupby
 from pathlib import Path
+from typing import TypeVar
 
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
 from slipstream.orders import FleetRecords
-from storage import fleet, schema
+from storage import events, fleet, schema
 from storage.database import Database, open_database
 from storage.engine import is_sqlite, parse_url, reader_engine, sqlite_path
 from storage.opening import DamagedError
@@ -25,6 +28,8 @@ from storage.recovery.backup import NUMBERS_LEFT_OUT, empty_report
 from storage.retention import reserve_path
 
 log = logging.getLogger(__name__)
+
+T = TypeVar("T")
 
 
 def open_or_set_aside(url: str) -> Database:
@@ -57,11 +62,14 @@ def _set_aside(path: Path, error: DamagedError) -> Path:
         highest = files.highest_cycle(place)
         # No dispatcher has made more cycles than seconds have passed since 1970.
         number = now_ns // 10**9 if highest is None else highest + NUMBERS_LEFT_OUT
-        records = _readable_fleet(place, now_ns)
+        records = _readable(place, lambda session: fleet.load(session, now_ns))
+        told = _readable(place, lambda session: tuple(events.lasting(session)))
         with files.new_file(place) as part:
             with open_database(f"sqlite:///{part}") as database:
                 if records is not None:
                     _take_over(database, records)
+                if told:
+                    database.save_events(told)
                 line = f"the database of before {error.problem}"[:500]
                 database.record_cycle(empty_report(number, now_ns, line), [], [])
             aside = files.replace(place, part, "corrupt")
@@ -70,23 +78,23 @@ def _set_aside(path: Path, error: DamagedError) -> Path:
     assert aside is not None
     log.error(
         "%s: it was set aside as %s, and a new database begins with cycle %d; orders, vehicles "
-        "and plans in force %s",
+        "and plans in force %s; alarms and whether it is paused %s",
         error,
         aside.name,
         number + 1,
-        "could not be read" if records is None else "were taken over",
+        *("could not be read" if found is None else "were taken over" for found in (records, told)),
     )
     return aside
 
 
-def _readable_fleet(path: Path, now_ns: int) -> FleetRecords | None:
-    """Orders, vehicles and plans in force of a damaged file; None if not all can be read."""
+def _readable(path: Path, read: Callable[[Session], T]) -> T | None:
+    """What is read of a damaged file; None if not all of it can be."""
     engine = reader_engine(parse_url(f"sqlite:///{path}"))
     try:
         with Session(engine) as session:
             if schema.current(session.connection()) != schema.head():
                 return None
-            return fleet.load(session, now_ns)
+            return read(session)
     except (DBAPIError, ValueError, TypeError):
         return None
     finally:

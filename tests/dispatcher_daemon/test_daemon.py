@@ -246,6 +246,28 @@ def test_a_cycle_that_raises_is_recorded_with_its_reason(demo: RoutingProblem) -
     assert (dispatcher.delivery.cycles, dispatcher.delivery.failed) == (1, 1)
 
 
+def test_a_cycle_that_is_lost_before_it_begins_has_its_own_number(
+    demo: RoutingProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A device that cannot be told of the cycle; the next one has the number anew."""
+
+    class Device:
+        def begin_cycle(self, number: int) -> None:
+            raise RuntimeError("gone")
+
+    dispatcher = make(demo, Log())
+    with monkeypatch.context() as patched:
+        patched.setattr(dispatcher, "_job_manager", Device())
+        dispatcher.run_cycle()
+    lost = dispatcher.delivery.last
+    assert lost is not None
+    assert (lost.cycle, lost.status, lost.reason) == (7, "failed", "RuntimeError: gone")
+    dispatcher.run_cycle()
+    done = dispatcher.delivery.last
+    assert done is not None
+    assert (done.cycle, done.status) == (7, "ok")
+
+
 def test_a_cycle_given_up_at_the_end_leaves_nothing(demo: RoutingProblem) -> None:
     """A dispatcher that is stopping publishes no plan made without its solvers."""
     log = Log()

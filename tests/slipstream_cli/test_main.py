@@ -128,7 +128,7 @@ def test_check_takes_fleets_and_instances_and_lists_what_nobody_can_serve(tmp_pa
 def test_the_database_is_made_checked_and_pruned(tmp_path: Path) -> None:
     """The three actions work on one file and report as JSON."""
     url = f"sqlite:///{tmp_path / 'a.db'}"
-    assert slipstream("db", "upgrade", "--url", url).returncode == 0
+    assert slipstream("db", "upgrade", "--database", url).returncode == 0
     checked = slipstream("db", "check", "--url", url, "--json")
     assert checked.returncode == 0
     assert json.loads(checked.stdout)["faults"] == []

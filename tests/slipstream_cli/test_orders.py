@@ -33,7 +33,7 @@ def url(tmp_path: Path) -> str:
 
 def test_orders_are_listed(url: str, capsys: pytest.CaptureFixture[str]) -> None:
     """All of them, those in a state, or the life of one; as lines or as JSON."""
-    assert main(["orders", "list", "--url", url]) == 0
+    assert main(["orders", "list", "--database", url]) == 0
     assert capsys.readouterr().out.splitlines() == [
         "2026-09-21T14:13:20Z  served     s1  served by van-a",
         "2026-09-21T14:13:20Z  open       s2  new",

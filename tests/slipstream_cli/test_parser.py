@@ -29,6 +29,8 @@ def test_every_option_has_a_description_and_a_default() -> None:
         if not command.description:
             faults.append(f"{command.prog}: no description")
         shown = " ".join(command.format_help().split())
+        if "?." in shown or ". (default" in shown:
+            faults.append(f"{command.prog}: a full stop in the wrong place")
         for action in command._actions:
             if isinstance(action, argparse._SubParsersAction) or action.help == argparse.SUPPRESS:
                 continue

@@ -127,6 +127,32 @@ def test_what_is_wrong_comes_first(router: Router, capsys: pytest.CaptureFixture
     assert all(f["well"] for f in others)
 
 
+@pytest.mark.slow
+def test_a_message_of_another_version_is_one_line(
+    router: Router, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """An RSU that was upgraded before this machine: neither a traceback nor silence."""
+    newer = json.loads(rsu().model_dump_json()) | {"of_tomorrow": 1}
+    key = rsu_health_key("rsu-1")
+    with Bus.open(BusSettings(connect=(router.endpoint,))) as bus:
+        publisher = bus.publisher(key, history=1)
+        publisher.put(json.dumps(newer).encode())
+        assert main(["status", "--bus", router.endpoint, "--seconds", "3"]) == 1
+    said = capfd.readouterr()
+    assert said.err == ""
+    first, *others = said.out.splitlines()
+    assert first.startswith(f"FAULT  {key}  not a RsuHealth")
+    assert len(others) == 1
+
+
+def test_an_expected_rsu_that_cannot_be_read_is_told_once() -> None:
+    """Not also as one of which nothing was heard."""
+    heard = Heard(True, unreadable={rsu_health_key("a"): "not a RsuHealth"})
+    found = _found(heard, "a", "b")
+    assert set(found) == {"bus", rsu_health_key("a"), "RSU b"}
+    assert not found[rsu_health_key("a")].well
+
+
 @pytest.mark.slow(long=True)
 def test_all_well_is_exit_status_0(router: Router, capsys: pytest.CaptureFixture[str]) -> None:
     """One line each."""
@@ -186,6 +212,8 @@ def test_what_the_bus_tells_is_judged_by_age_and_content() -> None:
     assert {name for name, finding in found.items() if finding.well} == {"bus", "RSU d"}
     silent = _found(Heard(True, {}, dispatcher(time_ns=old)))["dispatcher (bus)"]
     assert (silent.well, "silent for 6" in silent.text) == (False, True)
+    paused = _found(Heard(True, {}, dispatcher(paused=True)))["dispatcher (bus)"]
+    assert (paused.well, paused.text.partition(";")[0]) == (False, "paused: no cycle runs")
 
 
 def test_units_are_told_unless_nobody_wants_them() -> None:

@@ -6,6 +6,7 @@ import errno
 import logging
 import os
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,8 @@ from slipstream.errors import InputError
 from slipstream.orders import FleetRecords, OrderRecord
 from slipstream_cli.main import main
 from storage.retention import reserve_path
+
+from .test_events import PAUSED, RAISED
 
 
 def _path(url: str) -> Path:
@@ -187,6 +190,8 @@ def test_orders_and_plans_survive_damage_elsewhere(url, make_cycle, tmp_path):
             records = FleetRecords(orders=(order,)) if number == 60 else None
             database.record_cycle(*make_cycle(number), records)
         loaded = database.load_fleet(0)
+        ended = replace(RAISED, alarm="0b", ended_ns=RAISED.time_ns + 1)
+        database.save_events([ended, RAISED, PAUSED])
         with database._raw() as cursor:
             root = "SELECT rootpage FROM sqlite_master WHERE name = 'solver_runs'"
             page = cursor.execute(root).fetchone()[0]
@@ -200,6 +205,8 @@ def test_orders_and_plans_survive_damage_elsewhere(url, make_cycle, tmp_path):
         after = database.load_fleet(0)
         assert after.orders == (order,)
         assert after.plans == loaded.plans
+        assert database.last_event(["pause"]) == replace(PAUSED, number=2)
+        assert database.load_alarms(0) == (replace(RAISED, number=1),)
         assert database.next_cycle_number() == 60 + 1000 + 1
 
 

@@ -333,3 +333,20 @@ def test_a_tour_is_kept_on_disk(tmp_path: Path) -> None:
     TourFile(tmp_path, damaged).load()
     assert damaged.plan is None
     assert kept.with_suffix(".damaged").exists()
+
+
+def test_a_tour_that_cannot_be_kept_is_told_once(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """It is tried ten times a second; once it can be kept it is."""
+    tour = following(3)
+    file = TourFile(tmp_path / "tours", tour)
+    drive(tour, 0, 100)
+    (tmp_path / "tours").rmdir()
+    for _ in range(10):
+        file.keep()
+    (line,) = caplog.messages
+    assert line.startswith(f"the tour of {VAN} is not kept over a restart")
+    (tmp_path / "tours").mkdir()
+    file.keep()
+    assert len(list((tmp_path / "tours").iterdir())) == 1

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import re
 import signal
 import subprocess
@@ -137,6 +139,26 @@ def test_bad_input_writes_nothing(
     assert main(["init", str(folder), *options]) == 2
     assert said in capsys.readouterr().err
     assert not folder.exists() or not list(folder.iterdir())
+
+
+def test_what_cannot_be_written_whole_is_not_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A disk that is full at the third file: none is left, so that `init` can be run again."""
+    whole = Path.write_text
+    names: list[str] = []
+
+    def write(path: Path, *arguments: Any, **options: Any) -> int:
+        names.append(path.name)
+        if len(names) == 3:
+            whole(path, "half of it")
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return whole(path, *arguments, **options)
+
+    monkeypatch.setattr(Path, "write_text", write)
+    assert main(["init", str(tmp_path)]) == 2
+    assert "No space left on device" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_folder_that_is_not_empty_is_left_alone(
