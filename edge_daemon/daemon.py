@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from edge_daemon import metrics
+from edge_daemon.calibration.calibration import stated_calibration
 from edge_daemon.camera import Camera, load_camera
 from edge_daemon.detection import Detections, Detector, detect_stream, open_detector
 from edge_daemon.frame import Frame
@@ -27,6 +28,7 @@ from edge_daemon.watch import Watch, read_reference
 from slipstream.bus import Bus, Publisher
 from slipstream.messages import (
     CAMERA_FAULTS,
+    CameraCalibration,
     CameraFault,
     RsuHealth,
     SegmentState,
@@ -55,6 +57,7 @@ def run_edge(settings: EdgeSettings) -> None:
     configure_allocator()
     configure_logging(f"edge {settings.rsu}", settings.service)
     camera = load_camera(settings.camera)
+    calibration = stated_calibration(settings.camera, camera)
     reference = read_reference(camera)
     watch = Watch(camera, settings.watch, reference)
     detector = open_detector(settings.detector, camera)
@@ -72,7 +75,9 @@ def run_edge(settings: EdgeSettings) -> None:
             log.info("no reference picture: the first seconds are taken for the calibrated view")
         source = open_source(settings.source, camera.size)
         try:
-            EdgeDaemon(settings, camera, detector, pipeline, watch, source, bus, service).run()
+            EdgeDaemon(
+                settings, camera, detector, pipeline, watch, source, bus, service, calibration
+            ).run()
         finally:
             source.close()
 
@@ -90,9 +95,11 @@ class EdgeDaemon:
         source: FrameSource,
         bus: Bus,
         service: Service,
+        calibration: CameraCalibration | None = None,
     ) -> None:
         self._settings = settings
         self._camera = camera
+        self._calibration = calibration
         self._detector = detector
         self._pipeline = pipeline
         self._watch = watch
@@ -361,6 +368,7 @@ class EdgeDaemon:
                 max_speed_cv=limits.max_speed_cv,
                 max_acceleration_variance_m2ps4=limits.max_acceleration_variance_m2ps4,
             ),
+            calibration=self._calibration,
         )
 
     def _publish_preview(self, frame: Frame) -> None:

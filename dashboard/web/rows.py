@@ -148,7 +148,6 @@ class Tour:
             {
                 "carrier": scene.vehicles.get(plan.vehicle),
                 "kwh": round(plan.energy_kwh, 2),
-                "saved_kwh": None,
                 "km": round(plan.distance_m / 1000, 1),
                 "platoon_km": round(platoon_km(plan), 1),
                 "cycle": plan.cycle,
@@ -166,6 +165,7 @@ def vehicle_row(
     drawn: list[list[int]],
     scene: Scene,
     partners: Mapping[tuple[str, str], Sequence[str]],
+    saved_kwh: float | None,
 ) -> Row:
     """One vehicle.
 
@@ -175,6 +175,7 @@ def vehicle_row(
         drawn: see `Tour.drawn`.
         scene: roads and fleet.
         partners: vehicles by platoon and road, see `platoons`.
+        saved_kwh: by the platoons of its plan; None: not known.
     """
     done, plan = van.progress, van.plan
     place = None if done.position is None else scene.places.on_road(*done.position)
@@ -204,6 +205,7 @@ def vehicle_row(
         "at": None if done.part is None else tour.before[done.part],
         "colour": van.colour,
         "charge_kwh": None if van.charge_kwh is None else round(van.charge_kwh, 1),
+        "saved_kwh": None if saved_kwh is None else round(saved_kwh, 3),
         **tour.fixed,
     }
 
@@ -316,7 +318,6 @@ def cycle_row(report: CycleReport) -> Row:
         "saved_share": None if energy is None else energy["saved_share"],
         "platoon_km": None if energy is None else energy["platoon_km"],
         "unserved": len(report.unserved),
-        "refused": None,
     }
 
 

@@ -220,6 +220,35 @@ def test_cards_of_the_past(run: Run) -> None:
     assert run.served.get(f"/api/vehicles/nobody?t={t}").status == 404
 
 
+def test_cards_say_why_as_the_cycle_did(run: Run) -> None:
+    """A vehicle's energy against the same drive alone, its stops and the platoons it does not have;
+    all of a cycle; nothing of one that is not stored.
+    """
+    van = run.get(f"/api/vehicles/van-a?t={run.ms(310)}")
+    plan = van["plan"]
+    assert plan["alone_kwh"] == pytest.approx(plan["energy_kwh"] * 4 / 3, abs=2e-3)
+    assert van["saved_kwh"] == pytest.approx(plan["energy_kwh"] / 3, abs=2e-3)
+    assert van["why_route"] == [
+        "Serves mill, as in the baseline",
+        "Needs 0.7500 kWh, alone on the same way 1.0000 kWh: platoons save 0.2500 kWh over 200 m",
+        "That is 0.2500 kWh less than in the baseline; it drives for 1 min 40 s, there for "
+        "1 min 30 s",
+    ]
+    assert van["why_platoon"][0].startswith("With van-b for ")
+    refused = "van-a and van-b on bridge: not together in time, 61.5 s apart"
+    assert van["why_platoon"][-1].startswith(f"Not: {refused}")
+    cycle = run.get("/api/cycles/2")
+    holds("CycleCard", cycle)
+    told = cycle["explain"]
+    assert [one["id"] for one in told["vehicles"]] == ["van-a", "van-b"]
+    assert "leads van-b in platoon" in told["vehicles"][0]["lines"][-1]
+    assert told["summary"][0] == "Cycle 2: ok"
+    assert told["refused"][0].startswith(refused)
+    assert told["notes"] == []
+    # Plans as they are followed tell no more than what is stored of their cycle.
+    assert run.served.services.words.of_cycle(99, 0) is None
+
+
 def test_energy_by_hour_and_day(run: Run) -> None:
     """The two hours of the run lie on one day in Berlin."""
     hours = run.get("/api/energy?by=hour")["rows"]

@@ -22,7 +22,6 @@ export function rsuCard(id, row, detail, ctx) {
       ["Watches", h("span", {}, links("road", row.segments, ctx.roadName))],
       ["Last heard", row.seen === null ? "now, as each second" : f.moment(row.seen)],
       ...(detail ? [
-        ["Calibration", detail.calibration ?? "not told"],
         ["Source", detail.source],
         ["Running since", f.moment(detail.started)],
         ["Frames", `${f.number(detail.frames)}, ${f.number(detail.repeated)} repeated, ${count(detail.decode_errors ?? 0, "decode error")}`],
@@ -30,6 +29,7 @@ export function rsuCard(id, row, detail, ctx) {
         ["Memory", detail.rss_mb === null ? null : `${f.number(detail.rss_mb)}\u00a0MB`],
       ] : []),
     ]),
+    detail ? section("Calibration", detail.calibration ? calibration(detail.calibration, f) : h("p.muted", {}, ctx.t === null ? "This unit's version does not tell it." : "It is not stored.")) : null,
     detail?.reception ? section("Reception", facts([
       ["Messages", f.number(detail.reception.received)],
       ["Missed", f.number(detail.reception.missed)],
@@ -37,6 +37,22 @@ export function rsuCard(id, row, detail, ctx) {
       ["Out of order", f.number(detail.reception.out_of_order)],
       ["Delay", detail.reception.delay_s === null ? null : `${f.number(detail.reception.delay_s, 2)}\u00a0s`],
     ])) : null,
+  ];
+}
+
+/** Beyond this relative error of speed `slipstream calibrate` warns too. */
+const MAX_SPEED_ERROR = 0.03;
+
+function calibration(told, f) {
+  const known = told.speed_error !== null;
+  const sure = known && told.speed_error <= MAX_SPEED_ERROR;
+  return [
+    h("div.lead", {}, chip(sure ? "ok" : "warn", known ? `speeds within ±${f.share(told.speed_error)}` : "speed error unknown")),
+    facts([
+      ["Residual", `${f.number(told.residual_px, 2)}\u00a0px over ${count(told.points, "point")}`],
+      ["Written", f.moment(told.written)],
+      ["File", told.file],
+    ]),
   ];
 }
 
