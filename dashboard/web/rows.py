@@ -67,13 +67,25 @@ def road_row(road: RoadView) -> Row:
         "kmh": None if road.speed_kmh is None else round(road.speed_kmh),
         "cv": None if road.cv is None else round(road.cv, 2),
         "vehicles": road.vehicles,
-        "gate": None if road.gate_cycle is None else "open" if road.gate_open else "closed",
-        "gate_why": road.gate_reason or None,
+        "gate": None if road.gate_cycle is None else "open" if road.platoons_allowed else "closed",
+        "gate_why": _gate_why(road),
         "rsu": road.rsu or None,
         "stopped": road.stopped,
         "since": ms(road.since_ns),
         "level": "warn" if road.stopped and level == "ok" else level,
     }
+
+
+def _gate_why(road: RoadView) -> str | None:
+    """Why a gate is closed now: by the last cycle, or by the flag since."""
+    if road.gate_cycle is None or road.platoons_allowed:
+        return None
+    if road.gate_open:
+        now = "turbulent traffic" if road.traffic == "turbulent" else road.reason or "no data"
+        return f"{now} now; cycle #{road.gate_cycle} had opened it"
+    if road.traffic == "stable":
+        return f"{road.gate_reason} in cycle #{road.gate_cycle}; the next one may open it"
+    return road.gate_reason
 
 
 def rsu_row(rsu: RsuView, scene: Scene, pictured: bool) -> Row:
