@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -276,6 +277,29 @@ def test_tables_as_csv(run: Run) -> None:
     name = answer.headers["content-disposition"]
     assert re.fullmatch(r'attachment; filename="depot-s-hne-orders-\d{8}-\d{6}\.csv"', name)
     assert run.served.get("/api/export/tokens.csv").status == 404
+
+
+def test_rows_as_they_are_shown(run: Run) -> None:
+    """Those that were asked for, in that order; one that has gone is left out."""
+
+    def ask(body: object, table: str = "orders") -> Any:
+        path = f"/api/export/{table}.csv?t={run.ms(20)}"
+        return run.served.ask("POST", path, body=json.dumps(body).encode())
+
+    answer = ask({"ids": ["mill", "gone", "=late"]})
+    assert answer.status == 200
+    assert [line.split(",")[0] for line in answer.body.decode().splitlines()] == [
+        *("order", "mill", "'=late")
+    ]
+    assert "-orders-" in answer.headers["content-disposition"]
+    for body, table, status in (
+        ([], "orders", 422),
+        ({"ids": [1]}, "orders", 422),
+        ({"ids": ["x" * 600]}, "orders", 422),
+        ({"ids": []}, "energy", 404),
+    ):
+        refused = ask(body, table)
+        assert (refused.status, refused.json["status"]) == (status, status)
 
 
 def test_the_report_of_a_day(run: Run) -> None:

@@ -45,6 +45,15 @@ def test_every_answer_keeps_browsers_from_running_what_is_not_ours(serve):
     assert page.get("/nothing/here").status == 404
 
 
+def test_the_page_is_asked_for_without_its_body(serve):
+    """As monitors do."""
+    page = serve()
+    head, whole = page.ask("HEAD", "/"), page.get("/")
+    assert (head.status, head.body) == (200, b"")
+    assert head.headers["content-length"] == str(len(whole.body))
+    assert head.headers["etag"] == whole.headers["etag"]
+
+
 def test_a_script_in_a_name_is_text(serve, tell, world, now_ns):
     """It comes as JSON, and only as JSON."""
     page = serve()
