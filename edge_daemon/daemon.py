@@ -20,7 +20,7 @@ from edge_daemon.camera import Camera, load_camera
 from edge_daemon.detection import Detections, Detector, detect_stream, open_detector
 from edge_daemon.frame import Frame
 from edge_daemon.pipeline import Pipeline
-from edge_daemon.preview import annotate
+from edge_daemon.preview import annotate, scaled
 from edge_daemon.runtime import TRIM_INTERVAL_S, StageTimer, configure_allocator, trim_memory
 from edge_daemon.settings import EdgeSettings
 from edge_daemon.sources import FrameSource, mark_repeats, open_source
@@ -33,6 +33,7 @@ from slipstream.messages import (
     RsuHealth,
     SegmentState,
     StabilityLimits,
+    bare_preview_key,
     preview_key,
     rsu_health_key,
     state_key,
@@ -116,11 +117,12 @@ class EdgeDaemon:
         self._standing: set[str] = set()
         self._warned: set[str] = set()
         self._health_publisher = bus.publisher(rsu_health_key(settings.rsu), history=0)
-        self._preview_publisher: Publisher | None = (
-            bus.publisher(preview_key(settings.rsu), best_effort=True)
+        keys = {preview_key(settings.rsu): True, bare_preview_key(settings.rsu): False}
+        self._preview_publishers: list[tuple[Publisher, bool]] = [
+            (bus.publisher(key, best_effort=True), boxes)
+            for key, boxes in keys.items()
             if settings.preview.fps > 0
-            else None
-        )
+        ]
         self._started_ns = time.time_ns()
         self._frames = 0
         self._published_ns, self._published_frames = self._started_ns, 0
@@ -372,21 +374,25 @@ class EdgeDaemon:
         )
 
     def _publish_preview(self, frame: Frame) -> None:
-        publisher = self._preview_publisher
-        if publisher is None or not publisher.has_subscribers():
-            return
-        picture = annotate(
-            frame.image,
-            self._camera,
-            self._pipeline.tracks,
-            self._latest,
-            frame.media_time_s,
-            self._settings.preview.width,
-        )
         quality = [cv2.IMWRITE_JPEG_QUALITY, self._settings.preview.jpeg_quality]
-        ok, data = cv2.imencode(".jpg", picture, quality)
-        if ok:
-            publisher.put(data.tobytes())
+        width = self._settings.preview.width
+        for publisher, boxes in self._preview_publishers:
+            if not publisher.has_subscribers():
+                continue
+            if boxes:
+                picture = annotate(
+                    frame.image,
+                    self._camera,
+                    self._pipeline.tracks,
+                    self._latest,
+                    frame.media_time_s,
+                    width,
+                )
+            else:
+                picture = scaled(frame.image, width)
+            ok, data = cv2.imencode(".jpg", picture, quality)
+            if ok:
+                publisher.put(data.tobytes())
 
 
 def _finish(steps: Iterator[None]) -> None:

@@ -222,6 +222,11 @@ def preview_key(rsu: str) -> str:
     return f"{ROOT}/rsu/{chunk(rsu)}/preview"
 
 
+def bare_preview_key(rsu: str) -> str:
+    """Key of the same picture without boxes and labels."""
+    return f"{preview_key(rsu)}/bare"
+
+
 ALL_STATES: Final = f"{ROOT}/rsu/*/segment/*/state"
 ALL_STOPPED: Final = f"{ROOT}/rsu/*/segment/*/stopped"
 ALL_RSU_HEALTH: Final = f"{ROOT}/rsu/*/health"

@@ -3,6 +3,7 @@
 import { getJson } from "./api.js";
 import { Actions } from "./actions.js";
 import { Banner, faults } from "./banner.js";
+import { setBoxes } from "./boxes.js";
 import { CameraGrid } from "./cameras.js";
 import { CardPanel } from "./card.js";
 import { makeColumns } from "./columns.js";
@@ -84,6 +85,12 @@ class Page {
       if (!form.matches("[data-report]")) return;
       event.preventDefault();
       open(`report?day=${new FormData(form).get("day")}`, "_blank", "noopener");
+    });
+    addEventListener("change", (event) => {
+      const box = /** @type {HTMLInputElement} */ (event.target);
+      if (!box.matches("[data-boxes]")) return;
+      setBoxes(box.checked);
+      this.card.draw();
     });
     setInterval(() => this.header.tick(this.shown, this._now()), 1000);
   }

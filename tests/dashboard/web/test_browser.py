@@ -410,6 +410,23 @@ def test_rows_are_saved_as_they_are_shown(opened):
     assert not tab.is_visible("#export-shown")
 
 
+def test_boxes_in_pictures_are_switched_off_and_stay_off(opened):
+    """On a unit's card and in the grid alike, also after a reload."""
+    tab = opened("?tab=rsus#rsu/rsu-1")
+    picture = tab.locator("figure.picture img")
+    assert picture.get_attribute("src") == "api/rsus/rsu-1/picture"
+    tab.uncheck("figure.picture [data-boxes]")
+    assert picture.get_attribute("src") == "api/rsus/rsu-1/picture?boxes=false"
+    tab.reload()
+    tab.wait_for_selector("figure.picture img")
+    assert picture.get_attribute("src") == "api/rsus/rsu-1/picture?boxes=false"
+    tab.click("#tab-cameras")
+    assert not tab.is_checked("#pane-cameras [data-boxes]")
+    with tab.expect_request(lambda request: "/still" in request.url) as asked:
+        pass
+    assert asked.value.url.endswith("/still?boxes=false")
+
+
 @pytest.mark.slow(long=True)
 def test_colours_follow_the_system_until_one_is_chosen(opened):
     """The choice is kept."""

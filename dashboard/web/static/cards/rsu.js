@@ -1,6 +1,6 @@
 /** A roadside unit's card: its picture, its figures, its faults and its calibration. */
 
-import { subjectUrl } from "../api.js";
+import { boxSwitch, pictureUrl } from "../boxes.js";
 import { h } from "../dom.js";
 import { count, words } from "../format.js";
 import { chip } from "../marks.js";
@@ -60,6 +60,6 @@ function picture(id, row, ctx) {
   if (ctx.t !== null) return h("p.muted", {}, "Pictures are not stored: there is none of a past moment.");
   if (!row.picture) return h("p.empty.picture", {}, "It sends no picture.");
   return h("figure.picture", { "data-key": id },
-    h("img", { src: subjectUrl("rsus", id, null, "/picture"), alt: `Live picture of ${id}` }),
-    h("figcaption", {}, "Live, with the boxes of the vehicles that it recognises"));
+    h("img", { src: pictureUrl(id, "/picture"), alt: `Live picture of ${id}` }),
+    h("figcaption", {}, boxSwitch()));
 }
