@@ -27,6 +27,7 @@ from slipstream.messages import (
     CycleReport,
     preview_key,
 )
+from slipstream.orders import drafting_kwh
 from slipstream.service import LogLimiter
 
 log = logging.getLogger(__name__)
@@ -130,7 +131,9 @@ class HistoryFeed(threading.Thread):
             is_new = latest is not None and (latest.cycle, latest.started_ns) != self._latest
             if latest is not None and is_new:
                 history = self._reader.cycles(self._cycles_to_read(latest), gates=False)
-                self._live.add_history(history, self._reader.latest_plans())
+                records = self._reader.latest_plan_records()
+                self._live.add_history(history, [record.plan for record in records])
+                self._live.set_drafting(drafting_kwh(records))
                 self._latest = (latest.cycle, latest.started_ns)
             self._live.set_orders(self._reader.orders(ended_since_ns=self._oldest_ns()))
             self._live.set_has_database(self._reader.exists())

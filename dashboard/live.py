@@ -65,6 +65,7 @@ class Snapshot:
         alarms: that the dispatcher published last.
         connected: whether the bus answers.
         has_database: whether there is one; True until it was looked for.
+        drafting_kwh: what platoons save of a plan, by vehicle and cycle, as far as it is stored.
         previews: latest JPEG and the UTC ns of its arrival, by RSU.
         history_problem: why the stored history cannot be read; None if it can.
     """
@@ -85,6 +86,7 @@ class Snapshot:
     alarms: Alarms | None = None
     connected: bool = True
     has_database: bool = True
+    drafting_kwh: Mapping[tuple[str, int], float] = field(default_factory=dict)
 
 
 class LiveData:
@@ -123,6 +125,7 @@ class LiveData:
         self._alarms: Alarms | None = None
         self._connected = True
         self._has_database = True
+        self._drafting: tuple[dict[tuple[str, int], float], dict[tuple[str, int], float]] = {}, {}
 
     def on_state(self, key: str, payload: bytes) -> None:
         """Store a SegmentState.
@@ -225,6 +228,13 @@ class LiveData:
             for number in sorted(self._cycles)[:-1]:
                 self._cycles[number] = _without_details(self._cycles[number])
 
+    def set_drafting(self, saved_kwh: dict[tuple[str, int], float]) -> None:
+        """Set what platoons save of the latest stored plans, by vehicle and cycle; those before
+        are kept once, as a vehicle follows its older plan for a while.
+        """
+        with self._lock:
+            self._drafting = saved_kwh, self._drafting[0] | saved_kwh
+
     def set_history_problem(self, problem: str | None) -> None:
         """Set why the stored history cannot be read; None if it can."""
         with self._lock:
@@ -250,6 +260,7 @@ class LiveData:
                 alarms=self._alarms,
                 connected=self._connected,
                 has_database=self._has_database,
+                drafting_kwh=self._drafting[1],
             )
 
     def watched(self) -> dict[str, tuple[str, ...]]:

@@ -14,7 +14,6 @@ import numpy as np
 from dispatcher_daemon.arc_form import ArcForm, arc_cycle, arc_form, arc_form_obstacle
 from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.planning import (
-    RefusedPlatoon,
     refused_platoons,
     route_cycle,
     servable_part,
@@ -25,7 +24,6 @@ from dispatcher_daemon.plans import (
     FormResult,
     Refusal,
     RouteEnergy,
-    VehicleAccount,
     plan_energies,
     plans_to_send,
     summarise,
@@ -38,6 +36,7 @@ from dispatcher_daemon.solvers.execution.pool import Solve
 from slipstream.energy import total
 from slipstream.energy_ledger import PlanEnergy
 from slipstream.errors import InputError
+from slipstream.explain import RefusedPlatoon, VehicleAccount
 from slipstream.messages import CarrierSummary, CycleReport, Unserved, VehiclePlan
 
 log = logging.getLogger(__name__)

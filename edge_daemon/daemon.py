@@ -15,11 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from edge_daemon import metrics
+from edge_daemon.calibration.calibration import stated_calibration
 from edge_daemon.camera import Camera, load_camera
 from edge_daemon.detection import Detections, Detector, detect_stream, open_detector
 from edge_daemon.frame import Frame
 from edge_daemon.pipeline import Pipeline
-from edge_daemon.preview import annotate
+from edge_daemon.preview import annotate, scaled
 from edge_daemon.runtime import TRIM_INTERVAL_S, StageTimer, configure_allocator, trim_memory
 from edge_daemon.settings import EdgeSettings
 from edge_daemon.sources import FrameSource, mark_repeats, open_source
@@ -27,10 +28,12 @@ from edge_daemon.watch import Watch, read_reference
 from slipstream.bus import Bus, Publisher
 from slipstream.messages import (
     CAMERA_FAULTS,
+    CameraCalibration,
     CameraFault,
     RsuHealth,
     SegmentState,
     StabilityLimits,
+    bare_preview_key,
     preview_key,
     rsu_health_key,
     state_key,
@@ -55,6 +58,7 @@ def run_edge(settings: EdgeSettings) -> None:
     configure_allocator()
     configure_logging(f"edge {settings.rsu}", settings.service)
     camera = load_camera(settings.camera)
+    calibration = stated_calibration(settings.camera, camera)
     reference = read_reference(camera)
     watch = Watch(camera, settings.watch, reference)
     detector = open_detector(settings.detector, camera)
@@ -72,7 +76,9 @@ def run_edge(settings: EdgeSettings) -> None:
             log.info("no reference picture: the first seconds are taken for the calibrated view")
         source = open_source(settings.source, camera.size)
         try:
-            EdgeDaemon(settings, camera, detector, pipeline, watch, source, bus, service).run()
+            EdgeDaemon(
+                settings, camera, detector, pipeline, watch, source, bus, service, calibration
+            ).run()
         finally:
             source.close()
 
@@ -90,9 +96,11 @@ class EdgeDaemon:
         source: FrameSource,
         bus: Bus,
         service: Service,
+        calibration: CameraCalibration | None = None,
     ) -> None:
         self._settings = settings
         self._camera = camera
+        self._calibration = calibration
         self._detector = detector
         self._pipeline = pipeline
         self._watch = watch
@@ -109,11 +117,12 @@ class EdgeDaemon:
         self._standing: set[str] = set()
         self._warned: set[str] = set()
         self._health_publisher = bus.publisher(rsu_health_key(settings.rsu), history=0)
-        self._preview_publisher: Publisher | None = (
-            bus.publisher(preview_key(settings.rsu), best_effort=True)
+        keys = {preview_key(settings.rsu): True, bare_preview_key(settings.rsu): False}
+        self._preview_publishers: list[tuple[Publisher, bool]] = [
+            (bus.publisher(key, best_effort=True), boxes)
+            for key, boxes in keys.items()
             if settings.preview.fps > 0
-            else None
-        )
+        ]
         self._started_ns = time.time_ns()
         self._frames = 0
         self._published_ns, self._published_frames = self._started_ns, 0
@@ -361,24 +370,29 @@ class EdgeDaemon:
                 max_speed_cv=limits.max_speed_cv,
                 max_acceleration_variance_m2ps4=limits.max_acceleration_variance_m2ps4,
             ),
+            calibration=self._calibration,
         )
 
     def _publish_preview(self, frame: Frame) -> None:
-        publisher = self._preview_publisher
-        if publisher is None or not publisher.has_subscribers():
-            return
-        picture = annotate(
-            frame.image,
-            self._camera,
-            self._pipeline.tracks,
-            self._latest,
-            frame.media_time_s,
-            self._settings.preview.width,
-        )
         quality = [cv2.IMWRITE_JPEG_QUALITY, self._settings.preview.jpeg_quality]
-        ok, data = cv2.imencode(".jpg", picture, quality)
-        if ok:
-            publisher.put(data.tobytes())
+        width = self._settings.preview.width
+        for publisher, boxes in self._preview_publishers:
+            if not publisher.has_subscribers():
+                continue
+            if boxes:
+                picture = annotate(
+                    frame.image,
+                    self._camera,
+                    self._pipeline.tracks,
+                    self._latest,
+                    frame.media_time_s,
+                    width,
+                )
+            else:
+                picture = scaled(frame.image, width)
+            ok, data = cv2.imencode(".jpg", picture, quality)
+            if ok:
+                publisher.put(data.tobytes())
 
 
 def _finish(steps: Iterator[None]) -> None:

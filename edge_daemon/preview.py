@@ -29,6 +29,15 @@ _LABELLED_OF_FONT: Final = 50  # px of box a unit of font scale
 _TINT: Final = 0.22
 
 
+def scaled(image: Image, width: int) -> Image:
+    """A copy of the frame, ``width`` px wide."""
+    zoom = width / image.shape[1]
+    if zoom == 1:
+        return image.copy()
+    size = width, round(image.shape[0] * zoom)
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
 def annotate(
     image: Image,
     camera: Camera,
@@ -44,12 +53,8 @@ def annotate(
     vehicles that have been followed for half a second.
     """
     zoom = width / image.shape[1]
-    height = round(image.shape[0] * zoom)
-    picture = (
-        image.copy()
-        if zoom == 1
-        else np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
-    )
+    picture = scaled(image, width)
+    height = len(picture)
     stroke = max(1, round(height / 360))
     labels = Labels(picture)
     for row, segment in enumerate(camera.segments):

@@ -37,6 +37,11 @@ class PlanEnergy:
     saved_acceleration_kwh: float = 0.0
     begin: float = 0.0
 
+    @property
+    def drafting_kwh(self) -> float:
+        """What platoons save of the same drive alone."""
+        return fsum(self.saved_drag_kwh)
+
 
 @dataclass(frozen=True)
 class EnergyHour:

@@ -8,7 +8,9 @@ end refused by it, superseded by a later one, done, or lapsed.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import Any, Final, Literal, get_args
 
 from slipstream.energy_ledger import EnergyHour, PlanEnergy
@@ -106,6 +108,15 @@ class PlanRecord:
     since_ns: int
     reason: str | None = None
     energy: PlanEnergy | None = None
+
+
+def drafting_kwh(records: Iterable[PlanRecord]) -> dict[tuple[str, int], float]:
+    """What platoons save of plans, by vehicle and cycle, of those whose energy is known."""
+    return {
+        (record.plan.vehicle, record.plan.cycle): record.energy.drafting_kwh
+        for record in records
+        if record.energy is not None
+    }
 
 
 @dataclass(frozen=True)
@@ -219,3 +230,8 @@ class OrderRefused(Exception):
     ) -> None:
         self.refusal = OrderRefusal(order=order, kind=kind, key=key, problem=problem, mend=mend)
         super().__init__(f"{order or 'order'}: {problem}; {mend}")
+
+
+def utc(time_ns: int) -> str:
+    """A moment for people, as reasons name it."""
+    return datetime.fromtimestamp(time_ns // 10**9, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")

@@ -22,10 +22,11 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
 
 def run(options: argparse.Namespace) -> int:
     """Print it."""
-    from dispatcher_daemon.explain import as_text, explanation
+    from slipstream.explain import as_text, explanation
 
     with stored_cycle(options) as (_, stored):
-        found = explanation(stored)
+        record = None if stored.inputs is None else stored.inputs.record
+        found = explanation(stored.report, stored.plans, record)
     if options.vehicle is not None:
         own = found.of_vehicle(options.vehicle)
         if own is None:

@@ -8,10 +8,9 @@ import argparse
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
-from datetime import UTC, datetime
 
 from slipstream.errors import InputError
-from slipstream.orders import ORDER_STATES, OrderChange, OrderRecord
+from slipstream.orders import ORDER_STATES, OrderChange, OrderRecord, utc
 from slipstream_cli import order_calls
 
 _DEFAULT = "sqlite:///slipstream.db"
@@ -70,5 +69,4 @@ def run(options: argparse.Namespace) -> int:
 
 def _line(row: OrderRecord | OrderChange) -> str:
     time_ns = row.since_ns if isinstance(row, OrderRecord) else row.time_ns
-    when = datetime.fromtimestamp(time_ns * 1e-9, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
-    return f"{when}  {row.state:<9}  {row.order}  {row.reason}"
+    return f"{utc(time_ns)}  {row.state:<9}  {row.order}  {row.reason}"

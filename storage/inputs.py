@@ -90,8 +90,8 @@ def load(session: Session, cycle: int) -> CycleInputs | None:
     Raises:
         ValueError: they are damaged.
     """
-    data = session.scalar(select(InputRow.data).where(InputRow.cycle == cycle))
-    if data is None:
+    own = record(session, cycle)
+    if own is None:
         return None
     query = (
         select(InputUseRow.name, InputPartRow.hash, InputPartRow.data)
@@ -99,8 +99,18 @@ def load(session: Session, cycle: int) -> CycleInputs | None:
         .where(InputUseRow.cycle == cycle)
     )
     parts = {name: Part(hashed, part) for name, hashed, part in session.execute(query)}
+    return CycleInputs(own, parts)
+
+
+def record(session: Session, cycle: int) -> bytes | None:
+    """What a cycle alone was made from and recorded (`CycleInputs.record`), without its parts.
+
+    Raises:
+        ValueError: it is damaged.
+    """
+    data = session.scalar(select(InputRow.data).where(InputRow.cycle == cycle))
     try:
-        return CycleInputs(zlib.decompress(data), parts)
+        return None if data is None else zlib.decompress(data)
     except zlib.error as error:
         raise ValueError(f"the inputs of cycle {cycle} are damaged: {error}") from None
 

@@ -161,7 +161,7 @@ def _as_at(record: PlanRecord, time_ns: int) -> PlanRecord:
     if record.status in IN_FORCE or 0 < record.since_ns <= time_ns:
         return record
     # What became of it later was not known yet.
-    return PlanRecord(record.plan, "published", record.plan.issued_ns)
+    return PlanRecord(record.plan, "published", record.plan.issued_ns, energy=record.energy)
 
 
 def orders_at(session: Session, time_ns: int, limit: int) -> list[OrderRecord]:

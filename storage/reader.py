@@ -70,6 +70,10 @@ class Reader:
         return cycles[-1] if cycles else None
 
     def latest_plans(self) -> tuple[VehiclePlan, ...]:
+        """Those of `latest_plan_records`."""
+        return tuple(record.plan for record in self.latest_plan_records())
+
+    def latest_plan_records(self) -> tuple[PlanRecord, ...]:
         """The plans of the latest cycle with plans, and the latest in force of each other vehicle:
         one that is on its way gets a plan only where something changes. Ordered by vehicle.
         """
@@ -81,7 +85,7 @@ class Reader:
         )
         with self._read_session() as session:
             plans = {row.vehicle: row for row in _all(session, query)}
-            return tuple(vehicle_plan(row) for row in plans.values())
+            return tuple(map(fleet.as_plan, plans.values()))
 
     def cycles(
         self, limit: int, before: int | None = None, *, gates: bool = True
@@ -124,6 +128,15 @@ class Reader:
                 history.states_of(session, cycle) if history.is_recent(session, cycle) else None,
                 inputs.load(session, cycle),
             )
+
+    def cycle_record(self, cycle: int) -> bytes | None:
+        """What a cycle recorded (`CycleInputs.record`); None: it is not stored, or not any more.
+
+        Raises:
+            ValueError: it is damaged.
+        """
+        with self._read_session() as session:
+            return None if session is None else inputs.record(session, cycle)
 
     def plan(self, cycle: int, vehicle: str) -> VehiclePlan | None:
         """A vehicle's plan from a cycle; None: it is not stored."""

@@ -187,6 +187,8 @@ class Batch:
         scene: the scene of all browsers, or of one.
         name: of the node.
         shape: what to draw.
+        material: how it is lit.
+        opacity: of all; None: it hides what is behind.
     """
 
     def __init__(
@@ -195,8 +197,10 @@ class Batch:
         name: str,
         shape: Shape,
         material: Literal["standard", "toon3"] = "standard",
+        opacity: float | None = None,
     ) -> None:
         self._material: Final = material
+        self._opacity: Final = opacity
         self._scene = scene
         self._name = name
         self._shape = shape
@@ -238,6 +242,7 @@ class Batch:
             batched_colors=new.rgb,
             # The shapes are simple; viser would search for simpler ones in each browser.
             lod="off",
+            opacity=self._opacity,
             material=self._material,
             cast_shadow=False,
             receive_shadow=False,

@@ -31,6 +31,8 @@ VEHICLE_UNITS: Final = 2.2
 LANE_UNITS: Final = 0.5
 """Offset of a road's band, and of the vehicles on it, to the right of its line, in units."""
 _ROUTE_UNITS: Final[Array] = np.array([1.2 + 0.42 * lane for lane in range(ROUTE_LANES)])
+PLANNED_OPACITY: Final = 0.38
+"""Of vehicles that are where their plans put them, as nobody has heard of them."""
 _MAX_LINK_VEHICLES: Final = 12.0
 """Members of a platoon further apart than so many drawn vehicles are not linked."""
 _LINK_RGB: Final[Rgb] = (0, 120, 90)
@@ -46,12 +48,15 @@ class Placed:
     Attributes:
         vehicles: in the order of the arrays.
         trucks: which of them are trucks, (N,).
+        reported: which of them report where they are, (N,); the others are where their plans put
+            them.
         places_m: (N, 2).
         headings: from the east, anticlockwise, rad, (N,).
     """
 
     vehicles: tuple[VehicleView, ...]
     trucks: npt.NDArray[np.bool_]
+    reported: npt.NDArray[np.bool_]
     places_m: Array
     headings: Array
 
@@ -86,8 +91,13 @@ class FleetLayer:
         self._platoon_batch = Batch(scene, "/platoons", shapes.QUAD, "toon3")
         self._link_batch = Batch(scene, "/platoon_links", shapes.QUAD, "toon3")
         self._stop_batch = Batch(scene, "/stops", shapes.STOP)
-        self._van_batch = Batch(scene, "/vans", shapes.VAN)
-        self._truck_batch = Batch(scene, "/trucks", shapes.TRUCK)
+        # By whether they are trucks, and whether they report where they are.
+        self._body_batches = {
+            (False, True): Batch(scene, "/vans", shapes.VAN),
+            (True, True): Batch(scene, "/trucks", shapes.TRUCK),
+            (False, False): Batch(scene, "/planned_vans", shapes.VAN, opacity=PLANNED_OPACITY),
+            (True, False): Batch(scene, "/planned_trucks", shapes.TRUCK, opacity=PLANNED_OPACITY),
+        }
         self._line = cache(lambda name: canvas.offset_line(name, LANE_UNITS))
 
     def update(
@@ -239,16 +249,15 @@ class FleetLayer:
         return Placed(
             tuple(vehicles),
             np.array([van.vehicle in self._trucks for van in vehicles], dtype=np.bool_),
+            np.array([van.progress.reported for van in vehicles], dtype=np.bool_),
             places,
             np.arctan2(ahead[:, 1], ahead[:, 0]),
         )
 
     def _update_bodies(self, placed: Placed) -> None:
         rgb = np.array([van.rgb for van in placed.vehicles]).reshape(-1, 3)
-        for batch, mine in (
-            (self._van_batch, ~placed.trucks),
-            (self._truck_batch, placed.trucks),
-        ):
+        for (trucks, reported), batch in self._body_batches.items():
+            mine = (placed.trucks == trucks) & (placed.reported == reported)
             bodies = self._canvas.bodies(
                 placed.places_m[mine], placed.headings[mine], rgb[mine], VEHICLE_UNITS
             )

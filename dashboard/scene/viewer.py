@@ -189,7 +189,8 @@ class Viewer:
         near = (depth > 0) & np.all((pixels > -0.1 * size) & (pixels < 1.1 * size), axis=1)
         near &= VEHICLE_UNITS * canvas.unit * eye.focal_px > DETAIL_PX * depth
         for trucks, batch in self._details.items():
-            mine = near & (placed.trucks == trucks)
+            # One that is only planned has neither windows nor wheels.
+            mine = near & placed.reported & (placed.trucks == trucks)
             batch.show(
                 canvas.bodies(
                     placed.places_m[mine], placed.headings[mine], _DETAIL_RGB, VEHICLE_UNITS

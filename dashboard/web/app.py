@@ -39,7 +39,7 @@ def make_app(services: Services) -> ASGIApp:
     for router in ROUTERS:
         app.include_router(router)
 
-    @app.get("/", include_in_schema=False)
+    @app.api_route("/", methods=["GET", "HEAD"], include_in_schema=False)
     def index() -> FileResponse:
         """The page."""
         return FileResponse(STATIC / "index.html")

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import AsyncIterator
-from typing import Final
+from typing import Annotated, Final
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Query
 from fastapi.responses import Response
 
-from dashboard.web.pictures import Pictures
+from dashboard.web.pictures import Pictures, picture_key
 from dashboard.web.services import Page, Services
 from slipstream.http.problems import Problem
 from slipstream.http.streaming import EndlessResponse
@@ -18,31 +18,34 @@ FIRST_WITHIN_S: Final = 10.0
 """A stream ends where no picture comes for so long."""
 _BOUNDARY: Final = "slipstream-picture"
 
+Boxes = Annotated[bool, Query(description="With the boxes that the unit draws.")]
+
 router = APIRouter(prefix="/api/rsus")
 
 
 @router.get("/{rsu:path}/picture")
-async def picture(page: Page, rsu: str) -> Response:
+async def picture(page: Page, rsu: str, boxes: Boxes = True) -> Response:
     """A stream of JPEGs, as browsers show it in an image."""
     pictures = _pictures(page, rsu)
     return EndlessResponse(
-        _parts(pictures, rsu),
+        _parts(pictures, picture_key(rsu, boxes=boxes)),
         f"multipart/x-mixed-replace; boundary={_BOUNDARY}",
         send_within_s=SEND_WITHIN_S,
     )
 
 
 @router.get("/{rsu:path}/still")
-async def still(page: Page, rsu: str) -> Response:
+async def still(page: Page, rsu: str, boxes: Boxes = True) -> Response:
     """The latest picture. Browsers keep few connections, so grids of pictures ask for one after the
     other; the unit is asked to send on for a while.
     """
     pictures = _pictures(page, rsu)
-    pictures.glance(rsu)
-    jpeg = pictures.latest(rsu)
+    key = picture_key(rsu, boxes=boxes)
+    pictures.glance(key)
+    jpeg = pictures.latest(key)
     if jpeg is None:
-        with pictures.looking(rsu):
-            async for first in pictures.following(rsu, FIRST_WITHIN_S):
+        with pictures.looking(key):
+            async for first in pictures.following(key, FIRST_WITHIN_S):
                 jpeg = first
                 break
     if jpeg is None:
@@ -56,11 +59,11 @@ def _pictures(page: Services, rsu: str) -> Pictures:
     return page.pictures
 
 
-async def _parts(pictures: Pictures, rsu: str) -> AsyncIterator[bytes]:
-    with pictures.looking(rsu) as taken:
+async def _parts(pictures: Pictures, key: str) -> AsyncIterator[bytes]:
+    with pictures.looking(key) as taken:
         if not taken:
             return
-        async for jpeg in pictures.following(rsu, FIRST_WITHIN_S):
+        async for jpeg in pictures.following(key, FIRST_WITHIN_S):
             head = (
                 f"--{_BOUNDARY}\r\nContent-Type: image/jpeg\r\nContent-Length: {len(jpeg)}\r\n\r\n"
             )

@@ -9,6 +9,7 @@ from fastapi import APIRouter, Query
 from fastapi.responses import Response
 
 from dashboard.web import card_parts as parts
+from dashboard.web import vehicle_parts
 from dashboard.web.hub import encoded
 from dashboard.web.services import Known, Page, Services
 from slipstream.http.problems import Problem
@@ -29,22 +30,24 @@ def vehicle_card(page: Page, vehicle: str, t: T = None) -> Response:
     """All about a vehicle."""
     known = page.known(t)
     row = row_of(known, "vehicles", vehicle)
-    plan = parts.plan_of(known.snapshot, vehicle, row["cycle"])
+    plan = vehicle_parts.plan_of(known.snapshot, vehicle, row["cycle"])
     before = None if t is None or plan is None else plan.cycle + 1
     records = _stored(page, lambda reader: reader.plans_of(vehicle, PLANS_TOLD, before), ())
     reports = known.snapshot.cycles
+    words = None if plan is None else page.words.of_cycle(plan.cycle, plan.issued_ns)
+    told = None if words is None else words.of_vehicle(vehicle)
     return _json(
         {
             "id": vehicle,
             **row,
             "plan": None
             if plan is None
-            else parts.plan_card(plan, row, page.scene, known.moment["orders"]),
-            "why_route": [] if plan is None else parts.why_route(plan, reports),
+            else vehicle_parts.plan_card(plan, row, page.scene, known.moment["orders"], records),
+            "why_route": [] if plan is None else vehicle_parts.why_route(plan, reports, told),
             "why_platoon": []
             if plan is None
-            else parts.why_platoon(vehicle, plan, known, page.scene),
-            "history": [parts.plan_history(record) for record in records],
+            else vehicle_parts.why_platoon(vehicle, plan, known, page.scene, told),
+            "history": [vehicle_parts.plan_history(record) for record in records],
         }
     )
 
@@ -109,7 +112,8 @@ def cycle_card(page: Page, number: int) -> Response:
         report = _stored(page, lambda reader: reader.cycle(number), None) or report
     if report is None:
         raise Problem(404, f"cycle {number} is not kept", "ask for one of the table's")
-    return _json(parts.cycle_card(report, page.settings.energy_factors))
+    words = page.words.of_cycle(number, report.started_ns)
+    return _json(parts.cycle_card(report, page.settings.energy_factors, words))
 
 
 def row_of(known: Known, table: str, name: str) -> dict[str, Any]:

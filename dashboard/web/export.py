@@ -56,7 +56,7 @@ TABLES: Final[Mapping[str, tuple[Column, ...]]] = {
     ),
     "cycles": _columns(
         "id=cycle @t=started level status why wall_s plans solver variables saved_kwh saved_share "
-        "platoon_km unserved refused"
+        "platoon_km unserved"
     ),
     "alarms": _columns(
         "id=alarm severity subject text mend @since @ended by=acknowledged_by @acknowledged"

@@ -17,7 +17,8 @@ from slipstream.service import LogLimiter
 
 log = logging.getLogger(__name__)
 
-MAX_BODY_BYTES: Final = 64_000
+MAX_BODY_BYTES: Final = 256_000
+"""The ids of the largest table, that is exported as it is shown, fit into it."""
 CSP: Final = (
     "default-src 'self'; img-src 'self' blob: data:; style-src 'self'; script-src 'self'; "
     "connect-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'self'"

@@ -8,15 +8,20 @@ from collections.abc import Iterable, Mapping
 from datetime import date
 from typing import Annotated, Any, Final, Literal
 
-from fastapi import APIRouter, Query
+from fastapi import APIRouter, Query, Request
+from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import HTMLResponse, Response, StreamingResponse
+from pydantic import Field
 
 from dashboard.web import export, report
 from dashboard.web.cards import T
 from dashboard.web.energy import DAY_NS, Factors, local, zone_of
 from dashboard.web.hub import encoded
+from dashboard.web.rows import TABLES
 from dashboard.web.services import Page, Past, Services
-from slipstream.http.problems import Problem
+from slipstream.config import Settings, check, parse_json
+from slipstream.errors import InputError
+from slipstream.http.problems import Problem, from_input_error
 from storage import Reader
 
 HOURS_BACK_NS: Final = 7 * DAY_NS
@@ -28,6 +33,14 @@ Until = Annotated[int | None, Query(ge=0, lt=2**53, description="UTC, ms.")]
 By = Annotated[Literal["hour", "day"], Query(description="Time of a sum.")]
 
 router = APIRouter()
+
+
+class ShownRows(Settings):
+    """What a reader's browser shows of a table."""
+
+    ids: Annotated[tuple[Annotated[str, Field(max_length=500)], ...], Field(max_length=20_000)] = (
+        Field(description="Of its rows, in their order.")
+    )
 
 
 @router.get("/api/past")
@@ -98,6 +111,30 @@ def table_as_csv(
     else:
         found = page.known(t)
         rows, stamp_ns = export.sorted_rows(found.moment[table]), found.now_ns
+    return _csv(page, table, rows, stamp_ns)
+
+
+@router.post("/api/export/{table}.csv")
+async def shown_table_as_csv(
+    page: Page, table: str, request: Request, t: T = None
+) -> StreamingResponse:
+    """Rows of a table that a reader has filtered and sorted, in that order, as CSV."""
+    if table not in TABLES:
+        raise Problem(404, f"no rows of {table[:50]}", f"use one of: {', '.join(TABLES)}")
+    try:
+        ids = check(parse_json(await request.body(), "request"), ShownRows, "request").ids
+    except InputError as error:
+        raise from_input_error(error) from None
+    found = await run_in_threadpool(page.known, t)
+    known = found.moment[table]
+    # One that has gone meanwhile is left out.
+    rows = [(name, known[name]) for name in ids if name in known]
+    return _csv(page, table, rows, found.now_ns)
+
+
+def _csv(
+    page: Services, table: str, rows: Iterable[tuple[str, Mapping[str, Any]]], stamp_ns: int
+) -> StreamingResponse:
     stamp = local(stamp_ns, zone_of(page.settings.time_zone)).strftime("%Y%m%d-%H%M%S")
     title = re.sub(r"[^A-Za-z0-9]+", "-", page.settings.title).strip("-").lower() or "slipstream"
     name = f"{title}-{table}-{stamp}.csv"

@@ -10,8 +10,9 @@ import asyncio
 import json
 import threading
 import zlib
-from collections import deque
 from typing import Any, Final
+
+from slipstream.http.queue import EventQueue
 
 MAX_VIEWERS: Final = 64
 MAX_WAITING: Final = 8
@@ -55,15 +56,8 @@ class Part:
 HEARTBEAT: Final = Part(b": heartbeat\n\n")
 
 
-class Viewer:
-    """What one browser has not taken yet; filled by any thread, taken in its event loop."""
-
-    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
-        self.closed = False
-        self._loop = loop
-        self._wake = asyncio.Event()
-        self._waiting: deque[Part] = deque()
-        self._lock = threading.Lock()
+class Viewer(EventQueue[Part]):
+    """What one browser has not taken yet."""
 
     def put(self, part: Part) -> bool:
         """Add one; False: too many wait, and it is left out."""
@@ -80,30 +74,6 @@ class Viewer:
             self._waiting.clear()
             self._waiting.append(part)
         self._notify()
-
-    def close(self) -> None:
-        """End it."""
-        self.closed = True
-        self._notify()
-
-    async def take(self, within_s: float) -> list[Part]:
-        """What waits, as soon as something does; empty if nothing comes in time, or it ends."""
-        try:
-            async with asyncio.timeout(within_s):
-                await self._wake.wait()
-        except TimeoutError:
-            return []
-        with self._lock:
-            self._wake.clear()
-            found = list(self._waiting)
-            self._waiting.clear()
-        return found
-
-    def _notify(self) -> None:
-        try:
-            self._loop.call_soon_threadsafe(self._wake.set)
-        except RuntimeError:  # the loop is closed: the server went down
-            self.closed = True
 
 
 class Hub:

@@ -12,11 +12,11 @@ from typing import Final, Protocol
 from urllib.parse import unquote
 
 from slipstream.errors import InputError
-from slipstream.messages import preview_key
+from slipstream.messages import bare_preview_key, preview_key
 
 MAX_PICTURE_BYTES: Final = 512 * 1024
 MAX_KEPT: Final = 64
-"""Latest pictures that are kept, of as many units."""
+"""Latest pictures that are kept, each of its key."""
 MAX_LOOKS: Final = 64
 """Streams of pictures at once."""
 KEPT_S: Final = 3.0
@@ -66,72 +66,74 @@ class Pictures:
         Raises:
             InputError: it is none, or too large.
         """
-        rsu = rsu_of(key)
+        check_key(key)
         check_jpeg(key, payload)
         with self._lock:
-            self._latest[rsu] = payload, self._clock_s()
-            self._latest.move_to_end(rsu)
+            self._latest[key] = payload, self._clock_s()
+            self._latest.move_to_end(key)
             if len(self._latest) > MAX_KEPT:
                 self._latest.popitem(last=False)
-            waiting = tuple(self._waiting.get(rsu, ()))
+            waiting = tuple(self._waiting.get(key, ()))
         for loop, event in waiting:
             with contextlib.suppress(RuntimeError):  # the loop is closed: the server went down
                 loop.call_soon_threadsafe(event.set)
 
-    def latest(self, rsu: str) -> bytes | None:
-        """The latest picture of a unit; None: there is none of the last `KEPT_S`."""
+    def latest(self, key: str) -> bytes | None:
+        """The latest picture of a key; None: there is none of the last `KEPT_S`."""
         with self._lock:
-            jpeg, at_s = self._latest.get(rsu, (b"", 0.0))
+            jpeg, at_s = self._latest.get(key, (b"", 0.0))
         return jpeg if jpeg and self._clock_s() - at_s <= KEPT_S else None
 
     @contextlib.contextmanager
-    def looking(self, rsu: str) -> Iterator[bool]:
-        """While the block runs, the unit is asked for pictures; False: too many are looked at."""
+    def looking(self, key: str) -> Iterator[bool]:
+        """While the block runs, a unit is asked for the pictures of a key (`picture_key`); False:
+        too many are looked at.
+        """
         with self._lock:
             taken = sum(self._looks.values()) < MAX_LOOKS
             if taken:
-                self._looks[rsu] += 1
+                self._looks[key] += 1
         self._ask()
         try:
             yield taken
         finally:
             if taken:
                 with self._lock:
-                    self._looks[rsu] -= 1
-                    if not self._looks[rsu]:
-                        del self._looks[rsu]
+                    self._looks[key] -= 1
+                    if not self._looks[key]:
+                        del self._looks[key]
                 self._ask()
 
-    def glance(self, rsu: str) -> None:
-        """Ask the unit for pictures for `GLANCE_S` from now on; call it in the server's loop."""
-        if rsu in self._glances:
-            timer, look = self._glances[rsu]
+    def glance(self, key: str) -> None:
+        """Ask for pictures of a key for `GLANCE_S` from now on; call it in the server's loop."""
+        if key in self._glances:
+            timer, look = self._glances[key]
             timer.cancel()
         else:
             look = contextlib.ExitStack()
-            if not look.enter_context(self.looking(rsu)):
+            if not look.enter_context(self.looking(key)):
                 return
 
         def end() -> None:
-            del self._glances[rsu]
+            del self._glances[key]
             look.close()
 
-        self._glances[rsu] = asyncio.get_running_loop().call_later(GLANCE_S, end), look
+        self._glances[key] = asyncio.get_running_loop().call_later(GLANCE_S, end), look
 
-    async def following(self, rsu: str, within_s: float) -> AsyncIterator[bytes]:
-        """The pictures of a unit as they come; one that is not taken in time is left out.
+    async def following(self, key: str, within_s: float) -> AsyncIterator[bytes]:
+        """The pictures of a key as they come; one that is not taken in time is left out.
 
         Args:
-            rsu: the unit.
+            key: see `picture_key`.
             within_s: ends where none comes for so long.
         """
         loop, event = asyncio.get_running_loop(), asyncio.Event()
         with self._lock:
-            self._waiting.setdefault(rsu, set()).add((loop, event))
+            self._waiting.setdefault(key, set()).add((loop, event))
         shown = None
         try:
             while True:
-                jpeg = self.latest(rsu)
+                jpeg = self.latest(key)
                 if jpeg is not None and jpeg is not shown:
                     shown = jpeg
                     yield jpeg
@@ -143,9 +145,9 @@ class Pictures:
                 event.clear()
         finally:
             with self._lock:
-                self._waiting[rsu].discard((loop, event))
-                if not self._waiting[rsu]:
-                    del self._waiting[rsu]
+                self._waiting[key].discard((loop, event))
+                if not self._waiting[key]:
+                    del self._waiting[key]
 
     def _ask(self) -> None:
         with self._change:
@@ -154,19 +156,24 @@ class Pictures:
 
     def _keys(self) -> frozenset[str]:
         with self._lock:
-            return frozenset(map(preview_key, self._looks))
+            return frozenset(self._looks)
 
 
-def rsu_of(key: str) -> str:
-    """The unit that a key of pictures names.
+def picture_key(rsu: str, *, boxes: bool) -> str:
+    """Key of a unit's pictures, with the boxes that it draws or without."""
+    return preview_key(rsu) if boxes else bare_preview_key(rsu)
+
+
+def check_key(key: str) -> None:
+    """Check that a key is one of pictures.
 
     Raises:
-        InputError: it is no such key.
+        InputError: it is not.
     """
-    rsu = unquote(key.split("/")[3]) if key.count("/") == 4 else ""
-    if key != preview_key(rsu):
+    chunks = key.split("/")
+    rsu = unquote(chunks[3]) if len(chunks) in (5, 6) else ""
+    if key not in (preview_key(rsu), bare_preview_key(rsu)):
         raise InputError(key, f"its message belongs under {preview_key(rsu)}", "check the sender")
-    return rsu
 
 
 def check_jpeg(key: str, payload: bytes) -> None:

@@ -67,13 +67,25 @@ def road_row(road: RoadView) -> Row:
         "kmh": None if road.speed_kmh is None else round(road.speed_kmh),
         "cv": None if road.cv is None else round(road.cv, 2),
         "vehicles": road.vehicles,
-        "gate": None if road.gate_cycle is None else "open" if road.gate_open else "closed",
-        "gate_why": road.gate_reason or None,
+        "gate": None if road.gate_cycle is None else "open" if road.platoons_allowed else "closed",
+        "gate_why": _gate_why(road),
         "rsu": road.rsu or None,
         "stopped": road.stopped,
         "since": ms(road.since_ns),
         "level": "warn" if road.stopped and level == "ok" else level,
     }
+
+
+def _gate_why(road: RoadView) -> str | None:
+    """Why a gate is closed now: by the last cycle, or by the flag since."""
+    if road.gate_cycle is None or road.platoons_allowed:
+        return None
+    if road.gate_open:
+        now = "turbulent traffic" if road.traffic == "turbulent" else road.reason or "no data"
+        return f"{now} now; cycle #{road.gate_cycle} had opened it"
+    if road.traffic == "stable":
+        return f"{road.gate_reason} in cycle #{road.gate_cycle}; the next one may open it"
+    return road.gate_reason
 
 
 def rsu_row(rsu: RsuView, scene: Scene, pictured: bool) -> Row:
@@ -148,7 +160,6 @@ class Tour:
             {
                 "carrier": scene.vehicles.get(plan.vehicle),
                 "kwh": round(plan.energy_kwh, 2),
-                "saved_kwh": None,
                 "km": round(plan.distance_m / 1000, 1),
                 "platoon_km": round(platoon_km(plan), 1),
                 "cycle": plan.cycle,
@@ -166,6 +177,7 @@ def vehicle_row(
     drawn: list[list[int]],
     scene: Scene,
     partners: Mapping[tuple[str, str], Sequence[str]],
+    saved_kwh: float | None,
 ) -> Row:
     """One vehicle.
 
@@ -175,6 +187,7 @@ def vehicle_row(
         drawn: see `Tour.drawn`.
         scene: roads and fleet.
         partners: vehicles by platoon and road, see `platoons`.
+        saved_kwh: by the platoons of its plan; None: not known.
     """
     done, plan = van.progress, van.plan
     place = None if done.position is None else scene.places.on_road(*done.position)
@@ -204,6 +217,7 @@ def vehicle_row(
         "at": None if done.part is None else tour.before[done.part],
         "colour": van.colour,
         "charge_kwh": None if van.charge_kwh is None else round(van.charge_kwh, 1),
+        "saved_kwh": None if saved_kwh is None else round(saved_kwh, 3),
         **tour.fixed,
     }
 
@@ -316,7 +330,6 @@ def cycle_row(report: CycleReport) -> Row:
         "saved_share": None if energy is None else energy["saved_share"],
         "platoon_km": None if energy is None else energy["platoon_km"],
         "unserved": len(report.unserved),
-        "refused": None,
     }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, Protocol
 
 from fastapi import Depends, Request
@@ -14,6 +15,7 @@ from dashboard.web.energy import EnergyBook
 from dashboard.web.hub import Hub
 from dashboard.web.pictures import Pictures
 from dashboard.web.rows import Moment, Scene
+from dashboard.web.words import Words
 from slipstream.http.problems import Problem
 from storage import Reader
 
@@ -72,6 +74,11 @@ class Services:
     pictures: Pictures | None = None
     past: Past | None = None
     reader: Reader | None = None
+
+    @cached_property
+    def words(self) -> Words:
+        """Stored cycles in words."""
+        return Words(self.reader)
 
     def known(self, t: int | None) -> Known:
         """What is known now, or was at a moment.

@@ -113,7 +113,7 @@ class Tables:
         wrong = troubles(snapshot, roads, rsus, vans, now_ns, self._limits.silent_after_s)
         heard = not any(trouble.subject in ("bus", "dispatcher") for trouble in wrong[:1])
         new: Moment = {
-            "vehicles": self._vehicle_rows(vans, heard),
+            "vehicles": self._vehicle_rows(vans, heard, snapshot.drafting_kwh),
             "roads": {name: road.row for name, road in self._roads.items()},
             "rsus": {rsu.rsu: rows.rsu_row(rsu, self._scene, pictured) for rsu in rsus},
             "orders": self._order_rows(snapshot, now_ns),
@@ -166,7 +166,12 @@ class Tables:
             self._roads[name] = known
         return [road.view for road in self._roads.values()]
 
-    def _vehicle_rows(self, vans: tuple[VehicleView, ...], heard: bool) -> Rows:
+    def _vehicle_rows(
+        self,
+        vans: tuple[VehicleView, ...],
+        heard: bool,
+        drafting_kwh: Mapping[tuple[str, int], float],
+    ) -> Rows:
         known, self._tours = self._tours, {}
         plans, made = tuple(van.plan for van in vans if not van.idle), {}
         key = tuple(map(id, plans))
@@ -181,7 +186,8 @@ class Tables:
             if not drawn or was_open != is_open:
                 drawn = tour.drawn(van.open_roads)
             self._tours[van.vehicle] = tour, is_open, drawn
-            row = rows.vehicle_row(van, tour, drawn, self._scene, self._partners[2])
+            saved_kwh = drafting_kwh.get((van.vehicle, van.plan.cycle))
+            row = rows.vehicle_row(van, tour, drawn, self._scene, self._partners[2], saved_kwh)
             if not heard and row["level"] == "ok" and row["source"] != "reported":
                 # What is shown by plan cannot be confirmed: it must not look well.
                 row["level"] = "warn"

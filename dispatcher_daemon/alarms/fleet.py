@@ -13,9 +13,8 @@ from dispatcher_daemon.tracking import (
     FleetTracker,
     TrackedVehicle,
     lateness_s,
-    utc,
 )
-from slipstream.orders import OrderRecord
+from slipstream.orders import OrderRecord, utc
 
 FAILED_S: Final = 3600.0
 """A failed order is told of for so long, s."""

@@ -9,10 +9,10 @@ from typing import Final
 
 from dispatcher_daemon.alarms.conditions import Condition
 from dispatcher_daemon.reception import MAX_RSUS, Reception
-from dispatcher_daemon.tracking import utc
 from slipstream.admission import refusal
 from slipstream.errors import InputError
 from slipstream.messages import RsuHealth, StoppedVehicles, decode, rsu_health_key, stopped_key
+from slipstream.orders import utc
 from slipstream.roads import RoadNetwork
 
 STARTED_S: Final = 60.0

@@ -11,7 +11,7 @@ from dispatcher_daemon.api.auth import requires
 from dispatcher_daemon.api.parameters import Before, Limit, Number
 from dispatcher_daemon.api.problems import Problem
 from dispatcher_daemon.api.services import Dispatch
-from dispatcher_daemon.explain import Explanation, explanation
+from slipstream.explain import Explanation, explanation
 from slipstream.messages import CycleReport, VehiclePlan
 from storage import StoredCycle
 
@@ -67,7 +67,8 @@ def explain_cycle(
     if stored is None:
         raise _unknown(number)
     try:
-        found = explanation(stored)
+        record = None if stored.inputs is None else stored.inputs.record
+        found = explanation(stored.report, stored.plans, record)
     except ValueError:
         mend = "ask the version of Slipstream that stored it"
         raise Problem(404, f"the inputs of cycle {number} cannot be read", mend) from None

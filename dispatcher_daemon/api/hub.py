@@ -16,6 +16,7 @@ from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Final, Literal, get_args
 
+from slipstream.http.queue import EventQueue
 from slipstream.messages import Message, SegmentState
 from slipstream.orders import OrderChange
 
@@ -56,64 +57,35 @@ class Event:
         return f"{number}event: {self.kind}\ndata: {data}\n\n".encode()
 
 
-class Stream:
-    """The events that one caller has not taken yet; filled by any thread, taken in its loop.
+class Stream(EventQueue[Event]):
+    """The events that one caller has not taken yet.
 
-    Attributes:
-        closed: nothing more will come.
+    Args:
+        kinds: that it wants.
+        loop: of the caller.
     """
 
     def __init__(self, kinds: Collection[Kind], loop: asyncio.AbstractEventLoop) -> None:
+        super().__init__(loop)
         self.kinds = frozenset(kinds)
-        self.closed = False
-        self._loop = loop
-        self._lock = threading.Lock()
-        self._events: deque[Event] = deque()
         self._states: dict[tuple[str, str], Event] = {}
-        self._woken = False
-        self._wake = asyncio.Event()
 
     def put(self, event: Event) -> None:
         """Add an event of a kind that it wants."""
         with self._lock:
             if isinstance(event.value, SegmentState):
                 self._states[event.value.segment, event.value.rsu] = event
-            elif len(self._events) >= MAX_WAITING:
-                self._events.clear()
-                self._events.append(_reset("too many events at once"))
+            elif len(self._waiting) >= MAX_WAITING:
+                self._waiting.clear()
+                self._waiting.append(_reset("too many events at once"))
             elif not self.closed:
-                self._events.append(event)
+                self._waiting.append(event)
         self._notify()
 
-    def close(self) -> None:
-        """End it."""
-        self.closed = True
-        self._notify()
-
-    async def take(self, within_s: float) -> list[Event]:
-        """What waits, as soon as something does; empty if nothing comes in time, or it ends."""
-        try:
-            async with asyncio.timeout(within_s):
-                await self._wake.wait()
-        except TimeoutError:
-            return []
-        with self._lock:
-            self._wake.clear()
-            self._woken = False
-            found = [*self._events, *self._states.values()]
-            self._events.clear()
-            self._states.clear()
+    def _drained(self) -> list[Event]:
+        found = [*super()._drained(), *self._states.values()]
+        self._states.clear()
         return found
-
-    def _notify(self) -> None:
-        with self._lock:
-            if self._woken:
-                return
-            self._woken = True
-        try:
-            self._loop.call_soon_threadsafe(self._wake.set)
-        except RuntimeError:  # the loop is closed: the server went down
-            self.closed = True
 
 
 class EventHub:

@@ -7,9 +7,8 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property
 
 from dispatcher_daemon.fleet import DEPOT, MAX_SNAP_M, Fleet, Stop, Vehicle, snapper_of
-from dispatcher_daemon.tracking import utc
 from slipstream.messages import OrderRequest
-from slipstream.orders import OrderRefused
+from slipstream.orders import OrderRefused, utc
 from slipstream.roads import RoadNetwork
 from slipstream.snapping import Snapper
 from slipstream.vehicle_types import RoutingProfile

@@ -14,7 +14,7 @@ from dispatcher_daemon.planning.form import RouteForm, route_form
 from dispatcher_daemon.planning.insertion import insert_stops
 from dispatcher_daemon.planning.itineraries import Planner
 from dispatcher_daemon.planning.pyvrp_search import Searched, search_within
-from dispatcher_daemon.planning.refused import RefusedPlatoon, refused_platoons
+from dispatcher_daemon.planning.refused import refused_platoons
 from dispatcher_daemon.planning.servability import (
     NO_WAY,
     WINDOW_CLOSES,
@@ -30,7 +30,6 @@ __all__ = [
     "Choice",
     "FleetPlan",
     "Planner",
-    "RefusedPlatoon",
     "RouteForm",
     "Searched",
     "initial_choices",

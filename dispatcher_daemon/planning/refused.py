@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import islice
-from typing import Final, Literal, NamedTuple
+from typing import Final, NamedTuple
 
 from dispatcher_daemon.planning.itineraries import MAX_WAIT_S, Itinerary, Planner
 from dispatcher_daemon.plans import Candidate, Cycle, DeclinedMeeting
@@ -16,45 +16,14 @@ from dispatcher_daemon.platooning import (
     traversals,
 )
 from dispatcher_daemon.roads import Route
+from slipstream.explain import RefusalReason, RefusedPlatoon
 from slipstream.vehicle_types import RoutingProfile
-
-RefusalReason = Literal["turbulent", "unknown", "apart", "not_worth", "missed"]
 
 MAX_OF_A_REASON: Final = 20
 """Refused platoons that are kept of each reason, most worth first."""
 OTHER_WAY: Final = "by another way or departure"
 _NEXT_PASSAGES: Final = 3
 """So many vehicles behind each one are looked at, on every segment."""
-
-
-@dataclass(frozen=True)
-class RefusedPlatoon:
-    """Two vehicles that pass the same segments and are in no platoon there.
-
-    Attributes:
-        vehicles: who enters first, and who comes next.
-        segments: in the order of the first one's way.
-        reason: "turbulent": the gate is closed as traffic is turbulent; "unknown": closed for
-            another reason; "apart": the two are not there together, and their times do not allow
-            it; "not_worth": they could be, and that would cost more than it saves; "missed": it
-            would have been worth it, but no solver came to it, or it would leave a carrier with
-            less than alone.
-        detail: reason of the closed gate; where the two are close in time, why they make no
-            platoon all the same; `OTHER_WAY` where a solver could have chosen it so; None
-            otherwise.
-        saving_kwh: of a close platoon of the two there; where a meeting was tried, what all
-            platoons of the vehicle that moves would save more.
-        apart_s: between their entries where these are closest.
-        cost_kwh: of the cheapest way to meet; None: none was tried, or there is none.
-    """
-
-    vehicles: tuple[str, str]
-    segments: tuple[str, ...]
-    reason: RefusalReason
-    detail: str | None
-    saving_kwh: float
-    apart_s: float
-    cost_kwh: float | None = None
 
 
 class _Passage(NamedTuple):

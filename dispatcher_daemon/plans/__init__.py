@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dispatcher_daemon.plans.accounts import VehicleAccount, plan_energies, vehicle_accounts
+from dispatcher_daemon.plans.accounts import plan_energies, vehicle_accounts
 from dispatcher_daemon.plans.candidates import (
     Attempt,
     Candidate,
@@ -28,7 +28,6 @@ __all__ = [
     "Gains",
     "Refusal",
     "RouteEnergy",
-    "VehicleAccount",
     "attempt",
     "plan_energies",
     "plans_to_send",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from math import fsum
 
 import networkx as nx
@@ -15,35 +14,7 @@ from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Route
 from slipstream.energy import Energy, split_saving, total
 from slipstream.energy_ledger import PlanEnergy
-
-
-@dataclass(frozen=True)
-class VehicleAccount:
-    """One vehicle in one cycle. Energies and times are 0 where it does not drive.
-
-    Attributes:
-        stops: that it serves, in order.
-        driven_kwh: by the plan, with what its platoons are expected to save.
-        alone_kwh: of the same drive with nobody near.
-        driving_s: time on the road by the plan.
-        waiting_s: for other vehicles, at stops and hubs; and at its depot, beyond the time at which
-            it leaves in the baseline.
-        platooned_m: way on which it is expected to be in a close platoon.
-        baseline_stops: that it serves in the baseline, the plan without platooning.
-        baseline_kwh: likewise.
-        baseline_driving_s: likewise.
-    """
-
-    vehicle: str
-    stops: tuple[str, ...]
-    driven_kwh: float
-    alone_kwh: float
-    driving_s: float
-    waiting_s: float
-    platooned_m: float
-    baseline_stops: tuple[str, ...]
-    baseline_kwh: float
-    baseline_driving_s: float
+from slipstream.explain import VehicleAccount
 
 
 def vehicle_accounts(

@@ -17,8 +17,7 @@ from typing import Any, Final
 from pydantic import TypeAdapter
 
 from dispatcher_daemon.cycle import CycleResult
-from dispatcher_daemon.planning import RefusedPlatoon
-from dispatcher_daemon.plans import Cycle, VehicleAccount
+from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.platooning import on_road
 from dispatcher_daemon.problem import routing_problem
 from dispatcher_daemon.replay.networks import network_data, network_from
@@ -42,6 +41,7 @@ from dispatcher_daemon.replay.trace import Trace
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.traffic import take_snapshot
 from slipstream import __version__
+from slipstream.explain import CycleFacts, facts_data
 from storage import CycleInputs, Part, StoredCycle
 
 _PACKAGES: Final = (
@@ -56,28 +56,22 @@ _PACKAGES: Final = (
 )
 """A plan depends on their versions."""
 _TRACE: Final = TypeAdapter(Trace)
-_ACCOUNTS: Final = TypeAdapter(tuple[VehicleAccount, ...])
-_REFUSED: Final = TypeAdapter(tuple[RefusedPlatoon, ...])
 
 
 @dataclass(frozen=True)
 class CycleRecord:
-    """What is one cycle's own, beside its report.
+    """What is one cycle's own, beside its report and what its words are made of.
 
     Attributes:
         trace: see `Trace`.
         made: vehicles that it made plans for that were to be sent; some may have reported meanwhile
             so that theirs was not.
         versions: of the software that made it.
-        accounts: of its vehicles.
-        refused: platoons that it does not have.
     """
 
     trace: Trace
     made: tuple[str, ...]
     versions: Mapping[str, str]
-    accounts: tuple[VehicleAccount, ...]
-    refused: tuple[RefusedPlatoon, ...]
 
 
 class InputEncoder:
@@ -103,6 +97,7 @@ class InputEncoder:
             "expected": self._part("expected", snapshot.expected, expected_data),
             "start": self._part("start", cycle.start, start_data),
         }
+        made = tuple(plan.vehicle for plan in result.plans)
         own = {
             "now_ns": cycle.now_ns,
             "seed": cycle.seed,
@@ -111,10 +106,8 @@ class InputEncoder:
             "commitments": [commitment_data(own) for own in cycle.commitments],
             "on_road": [[user.vehicle, user.cycle, user.late_s] for user in cycle.on_road],
             "trace": _TRACE.dump_python(trace, mode="json"),
-            "made": [plan.vehicle for plan in result.plans],
             "versions": versions(),
-            "accounts": _ACCOUNTS.dump_python(result.accounts, mode="json"),
-            "refused": _REFUSED.dump_python(result.refused, mode="json"),
+            **facts_data(CycleFacts(made, result.accounts, result.refused)),
         }
         return CycleInputs(_json(own), parts)
 
@@ -138,8 +131,6 @@ def cycle_record(inputs: CycleInputs) -> CycleRecord:
             _TRACE.validate_python(own["trace"]),
             tuple(own["made"]),
             dict(own["versions"]),
-            _ACCOUNTS.validate_python(own["accounts"]),
-            _REFUSED.validate_python(own["refused"]),
         )
     except (KeyError, TypeError) as error:
         raise ValueError(f"its record cannot be read: {error!r}") from None

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dispatcher_daemon.tracking.lateness import lateness_s
 from dispatcher_daemon.tracking.open_tours import OpenTour, fleet_of
-from dispatcher_daemon.tracking.order_stops import NO_PLACE, OPENS_LATER, stop_of, utc
+from dispatcher_daemon.tracking.order_stops import NO_PLACE, OPENS_LATER, stop_of
 from dispatcher_daemon.tracking.orders import OrderBook
 from dispatcher_daemon.tracking.situation import HIDDEN, Situation
 from dispatcher_daemon.tracking.tracker import FleetTracker
@@ -25,5 +25,4 @@ __all__ = [
     "fleet_of",
     "lateness_s",
     "stop_of",
-    "utc",
 ]

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator
-from datetime import UTC, datetime
 from typing import Any, Final
 
 from dispatcher_daemon.fleet import DEPOT, Fleet, Stop
-from slipstream.orders import OrderRecord
+from slipstream.orders import OrderRecord, utc
 
 OPENS_LATER: Final = "its window opens later"
 """Begin of the reason of an order that is not planned yet."""
@@ -146,11 +145,6 @@ def requested_stops(
         else:
             found.append(requested_stop(order, reference_ns))
     return found, kept
-
-
-def utc(time_ns: int) -> str:
-    """A moment for people."""
-    return datetime.fromtimestamp(time_ns // 10**9, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
 def _places(fleet: Fleet | None) -> frozenset[str]:

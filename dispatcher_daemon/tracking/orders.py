@@ -9,9 +9,9 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from dispatcher_daemon.fleet import Stop
-from dispatcher_daemon.tracking.order_stops import details, opened, utc
+from dispatcher_daemon.tracking.order_stops import details, opened
 from slipstream.messages import OrderRequest, OrderState, PlannedStop, VehiclePlan, Visit
-from slipstream.orders import FleetRecords, OrderChange, OrderRecord
+from slipstream.orders import FleetRecords, OrderChange, OrderRecord, utc
 
 REMEMBERED_NS: Final = 86_400 * 10**9
 """How long an ended order is known after nobody asks for it any more."""

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from edge_daemon.calibration.advice import EndAccuracy, warnings_of
+from edge_daemon.camera import Camera
 from edge_daemon.camera.checks import (
     check_line_misses,
     check_lines,
@@ -32,8 +33,16 @@ from edge_daemon.camera.homography import Array, CalibrationError, Lines
 from edge_daemon.camera.pose import CameraPose, pose_of
 from edge_daemon.camera.segment import WatchedSegment
 from edge_daemon.camera.selection import choose_road
-from edge_daemon.settings import CalibrationLine, CalibrationPoint, SegmentSettings, Term
+from edge_daemon.settings import (
+    CalibrationLine,
+    CalibrationPoint,
+    CameraSettings,
+    SegmentSettings,
+    Term,
+)
+from slipstream.config import load
 from slipstream.errors import InputError
+from slipstream.messages import CameraCalibration
 
 CLICK_PX: Final = 1.0
 _MAX_CONTRADICTING: Final = 0.2
@@ -167,6 +176,34 @@ def _check_contradictions(road_m: Array, used: npt.NDArray[np.bool_], source: Pa
             "check their coordinates and whether the road is as assumed there, or leave them out",
             key="points",
         )
+
+
+def stated_calibration(path: Path, camera: Camera) -> CameraCalibration:
+    """How well a calibrated camera measures, for its health messages.
+
+    Args:
+        path: the camera.toml.
+        camera: read from it.
+
+    Raises:
+        InputError: the file is not readable any more.
+    """
+    settings = load(path, CameraSettings)
+    road, image = check_points(settings.points, camera.size, path)
+    known = Observations(road, image, check_lines(settings.lines, camera.size, path))
+    misses = camera.projection.residuals_px(road, image)
+    click_px = max(CLICK_PX, click_error_px(misses, settings.terms))
+    ends = accuracy_of(
+        camera.projection, known, camera.size, settings.terms, camera.segments, click_px
+    )
+    worst = max((end.speed_error for end in ends), default=np.inf)
+    return CameraCalibration(
+        file=str(path),
+        written_ns=path.stat().st_mtime_ns,
+        points=len(road),
+        residual_px=camera.reprojection_error_px,
+        speed_error=worst if np.isfinite(worst) else None,
+    )
 
 
 def click_error_px(residuals_px: Array, terms: tuple[Term, ...] = ()) -> float:

@@ -149,6 +149,19 @@ class StabilityLimits(Message):
     max_acceleration_variance_m2ps4: NonNegative
 
 
+class CameraCalibration(Message):
+    """How well an RSU's camera measures, as its edge daemon finds it from its file at its start."""
+
+    file: str = Field(description="The camera.toml.")
+    written_ns: TimeNs = Field(description="UTC at which that file was last written.")
+    points: Count = Field(description="Points known in the picture and on the road.")
+    residual_px: NonNegative = Field(description="Root mean square over the points.")
+    speed_error: NonNegative | None = Field(
+        description="Relative standard error of a speed that the points leave, at the worst end of "
+        "a watched segment; null: it cannot be stated."
+    )
+
+
 class RsuHealth(Message):
     """How an edge daemon is doing; counters run from its start."""
 
@@ -179,6 +192,9 @@ class RsuHealth(Message):
     stability: StabilityLimits | None = Field(
         default=None, description="Senders before this field left null."
     )
+    calibration: CameraCalibration | None = Field(
+        default=None, description="Senders before this field left null."
+    )
 
 
 def state_key(rsu: str, segment: str) -> str:
@@ -204,6 +220,11 @@ def rsu_health_key(rsu: str) -> str:
 def preview_key(rsu: str) -> str:
     """Key of an RSU's annotated preview picture (JPEG bytes)."""
     return f"{ROOT}/rsu/{chunk(rsu)}/preview"
+
+
+def bare_preview_key(rsu: str) -> str:
+    """Key of the same picture without boxes and labels."""
+    return f"{preview_key(rsu)}/bare"
 
 
 ALL_STATES: Final = f"{ROOT}/rsu/*/segment/*/state"

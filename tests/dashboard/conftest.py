@@ -12,6 +12,7 @@ from slipstream.bus import Bus
 from slipstream.messages import (
     CYCLE_KEY,
     DISPATCHER_HEALTH_KEY,
+    CameraCalibration,
     CycleReport,
     DispatcherHealth,
     EnergySummary,
@@ -105,6 +106,13 @@ class World:
             latency_ms_p95=31.0,
             vehicles_in_view=9,
             rss_mb=310.0,
+            calibration=CameraCalibration(
+                file="camera.toml",
+                written_ns=time_ns - 86_400 * S,
+                points=8,
+                residual_px=0.71,
+                speed_error=0.012,
+            ),
         )
 
     def plan(self, vehicle: str, cycle: int, time_ns: int = NOW_NS) -> VehiclePlan:

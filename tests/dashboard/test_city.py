@@ -65,10 +65,17 @@ def test_one_node_a_layer(server, network, world, now_ns):
         for message in server._websock_server._broadcast_buffer.message_from_id.values()
         if type(message).__name__ in ("MeshMessage", "BatchedMeshesMessage", "LabelMessage")
     }
-    assert {"/roads", "/watched", "/all_routes", "/platoons", "/vans", "/trucks"} <= nodes
+    assert {
+        "/roads",
+        "/watched",
+        "/all_routes",
+        "/platoons",
+        "/planned_vans",
+        "/planned_trucks",
+    } <= nodes
     assert len(nodes) <= MAX_NODES
-    assert len(scene.get_handle_by_name("/trucks").batched_positions) == 50
-    assert len(scene.get_handle_by_name("/vans").batched_positions) == 150
+    assert len(scene.get_handle_by_name("/planned_trucks").batched_positions) == 50
+    assert len(scene.get_handle_by_name("/planned_vans").batched_positions) == 150
     assert len(scene.get_handle_by_name("/rsus").batched_positions) == 600
     places = {stop.node for plan in snapshot.plans.values() for stop in plan.stops} - {"x0y0"}
     assert len(scene.get_handle_by_name("/stops").batched_positions) == len(places)
@@ -89,7 +96,7 @@ def test_routes_end_with_their_vans(server, network, world, now_ns):
     for plans, shown in ((True, True), (False, False), (True, True)):
         snapshot = city.snapshot(world, network, now_ns)
         road_map.update(_view(snapshot if plans else Snapshot(), now_ns))
-        for name in ("/all_routes", "/platoons", "/vans", "/stops", "/watched"):
+        for name in ("/all_routes", "/platoons", "/planned_vans", "/stops", "/watched"):
             assert (server.scene.get_handle_by_name(name) is not None) == shown, name
 
 

@@ -28,6 +28,7 @@ from slipstream.messages import (
     DISPATCHER_HEALTH_KEY,
     acknowledgement_key,
     advice_key,
+    bare_preview_key,
     driver_key,
     order_key,
     plan_key,
@@ -155,6 +156,7 @@ PROBES = {
     "another RSU's stopped": stopped_key("rsu-2", "avenue_east"),
     "health": rsu_health_key("rsu-1"),
     "picture": preview_key("rsu-1"),
+    "bare picture": bare_preview_key("rsu-1"),
     "plan": plan_key("van-1"),
     "another's plan": plan_key("truck"),
     "cycle": CYCLE_KEY,
@@ -192,7 +194,7 @@ MAY = {
         *("position", "acknowledgement", "progress"),
         *("another's position", "another's acknowledgement", "another's progress"),
     },
-    "edge-rsu-1": {"state", "stopped", "health", "picture"},
+    "edge-rsu-1": {"state", "stopped", "health", "picture", "bare picture"},
     "signals": {"timing", "status"},
     "agent-depot-1": {
         *("position", "acknowledgement", "progress"),
@@ -228,7 +230,7 @@ def test_each_daemon_publishes_its_own_keys_only(
             bus = stack.enter_context(open_bus(machine, users / user))
             for what, key in PROBES.items():
                 publisher = bus.publisher(
-                    key, best_effort=what == "picture", history=int(what in KEPT)
+                    key, best_effort=what.endswith("picture"), history=int(what in KEPT)
                 )
                 publisher.put(f"{user}: {what} early".encode())
                 publishers[user, what] = publisher
@@ -750,16 +752,19 @@ def test_a_vehicles_box_speaks_for_its_vehicle_only(
 
 @pytest.mark.slow(long=True)
 @pytest.mark.process
-def test_pictures_are_asked_for_through_the_wall(sites: dict[str, int], users: Path) -> None:
+@pytest.mark.parametrize("key", [preview_key("rsu-1"), bare_preview_key("rsu-1")])
+def test_pictures_are_asked_for_through_the_wall(
+    sites: dict[str, int], users: Path, key: str
+) -> None:
     """An RSU behind TLS and access control knows whether somebody looks at its pictures."""
     with (
         open_bus(sites["box-1"], users / "edge-rsu-1") as box,
         open_bus(sites["server"], users / "dashboard") as server,
     ):
-        pictures = box.publisher("slipstream/v1/rsu/rsu-1/preview", best_effort=True)
+        pictures = box.publisher(key, best_effort=True)
         assert not pictures.has_subscribers()
         seen = Seen()
-        server.subscribe("slipstream/v1/rsu/*/preview", seen, history=False)
+        server.subscribe(key, seen, history=False)
         deadline = time.monotonic() + 10
         while not pictures.has_subscribers() and time.monotonic() < deadline:
             time.sleep(0.05)

@@ -5,16 +5,21 @@ from __future__ import annotations
 import pytest
 
 from dispatcher_daemon.cycle import CycleResult
-from dispatcher_daemon.explain import as_text, explanation, refusal_line
-from dispatcher_daemon.explain.vehicles import explained_vehicles
-from dispatcher_daemon.planning import RefusedPlatoon
-from dispatcher_daemon.planning.refused import RefusalReason
-from dispatcher_daemon.plans import Cycle, VehicleAccount
+from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.replay import InputEncoder, Trace
 from dispatcher_daemon.settings import DispatcherSettings
-from dispatcher_daemon.tracking import utc
 from dispatcher_daemon.traffic import take_snapshot
+from slipstream.explain import (
+    Explanation,
+    RefusalReason,
+    RefusedPlatoon,
+    VehicleAccount,
+    as_text,
+    refusal_line,
+)
+from slipstream.explain import explanation as explanation_of
+from slipstream.explain.vehicles import explained_vehicles
 from slipstream.messages import (
     CycleReport,
     PlannedSegment,
@@ -23,6 +28,7 @@ from slipstream.messages import (
     Unserved,
     VehiclePlan,
 )
+from slipstream.orders import utc
 from storage import StoredCycle
 
 START_NS = 1_790_000_000_000_000_000
@@ -105,6 +111,11 @@ def stored(demo: RoutingProblem, made: tuple[str, ...] = ("van-a", "van-b")) -> 
     result = CycleResult(REPORT, plans, accounts=ACCOUNTS, refused=(REFUSED,))
     cycle = Cycle(demo, snapshot, settings, 7, START_NS, 1)
     return StoredCycle(REPORT, plans, (), InputEncoder().encode(cycle, Trace(), result))
+
+
+def explanation(of: StoredCycle) -> Explanation:
+    """The words of a stored cycle."""
+    return explanation_of(of.report, of.plans, None if of.inputs is None else of.inputs.record)
 
 
 def test_a_cycle_s_words_say_why_each_vehicle_goes_where_it_goes(demo: RoutingProblem) -> None:

@@ -36,6 +36,7 @@ KEYS = {
     messages.platoon_management_key("{partner}", "{vehicle}"),
     messages.position_key("{vehicle}"),
     messages.preview_key("{rsu}"),
+    messages.bare_preview_key("{rsu}"),
     messages.progress_key("{vehicle}"),
     messages.rsu_health_key("{rsu}"),
     messages.sensing_key("{vehicle}"),

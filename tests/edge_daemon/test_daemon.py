@@ -34,10 +34,12 @@ class Ears:
         self.states: list[SegmentState] = []
         self.health: list[RsuHealth] = []
         self.previews: list[bytes] = []
+        self.bare: list[bytes] = []
         self._changed = threading.Condition()
         for key in (ALL_STATES, ALL_RSU_HEALTH):
             bus.subscribe(key, self._take)
-        bus.subscribe(ALL_PREVIEWS, self._take, history=False)
+        for key in (ALL_PREVIEWS, f"{ALL_PREVIEWS}/bare"):
+            bus.subscribe(key, self._take, history=False)
 
     def _take(self, key: str, payload: bytes) -> None:
         with self._changed:
@@ -46,7 +48,7 @@ class Ears:
             elif key.endswith("health"):
                 self.health.append(decode(RsuHealth, payload, key))
             else:
-                self.previews.append(payload)
+                (self.bare if key.endswith("bare") else self.previews).append(payload)
             self._changed.notify_all()
 
     def until(self, condition: object, seconds: float) -> bool:
@@ -126,7 +128,7 @@ def test_states_health_and_preview_come_and_sigterm_ends_it(
     process = start(config)
     try:
         assert ears.until(lambda: any(s.y_e is not None for s in ears.states), 60)
-        assert ears.until(lambda: bool(ears.previews), 10)
+        assert ears.until(lambda: bool(ears.previews and ears.bare), 10)
     finally:
         log = end(process)
     assert process.returncode == 0, log
@@ -138,9 +140,13 @@ def test_states_health_and_preview_come_and_sigterm_ends_it(
     health = ears.health[-1]
     assert health.frames > 50
     assert ears.until(lambda: len(ears.states) == health.states, 10)
-    picture = cv2.imdecode(np.frombuffer(ears.previews[-1], np.uint8), cv2.IMREAD_COLOR)
-    assert picture is not None
-    assert picture.shape == (360, 640, 3)
+    for payloads in (ears.previews, ears.bare):
+        picture = cv2.imdecode(np.frombuffer(payloads[-1], np.uint8), cv2.IMREAD_COLOR)
+        assert picture is not None
+        assert picture.shape == (360, 640, 3)
+    assert health.calibration is not None
+    assert health.calibration.file == str(folder / "camera.toml")
+    assert 0 < (health.calibration.speed_error or 0) < 0.05
 
 
 @pytest.mark.slow(long=True)

@@ -13,6 +13,7 @@ from dashboard.web.past import views
 from dashboard.web.past.facts import Facts
 from dashboard.web.rows import Moment, Row, Scene, Tour, ms
 from slipstream.messages import Alarm, Severity
+from slipstream.orders import drafting_kwh
 from storage import Event
 
 _LEVEL: Final = {"critical": "bad", "warning": "warn", "info": "ok"}
@@ -22,7 +23,10 @@ _RANK: Final = {"bad": 0, "warn": 1, "ok": 2}
 def snapshot_at(facts: Facts) -> Snapshot:
     """The messages that are stored of a moment."""
     return Snapshot(
-        plans=facts.plans_in_force, cycles=tuple(facts.cycles), orders=tuple(facts.orders)
+        plans=facts.plans_in_force,
+        cycles=tuple(facts.cycles),
+        orders=tuple(facts.orders),
+        drafting_kwh=drafting_kwh(facts.plans),
     )
 
 
@@ -42,7 +46,9 @@ def moment_at(facts: Facts, snapshot: Snapshot, scene: Scene) -> Moment:
 
     def vehicle_row(van: VehicleView) -> Row:
         tour = Tour.of(van.plan, scene)
-        return rows.vehicle_row(van, tour, tour.drawn(van.open_roads), scene, partners)
+        saved_kwh = snapshot.drafting_kwh.get((van.vehicle, van.plan.cycle))
+        drawn = tour.drawn(van.open_roads)
+        return rows.vehicle_row(van, tour, drawn, scene, partners, saved_kwh)
 
     return {
         "t": ms(facts.time_ns),

@@ -1,6 +1,6 @@
 /** The camera grid: pictures of the units that the reader chooses, asked for only while they are in view. */
 
-import { subjectUrl } from "./api.js";
+import { boxSwitch, pictureUrl } from "./boxes.js";
 import { h, setText } from "./dom.js";
 import { levelMark, levelRank } from "./marks.js";
 
@@ -27,7 +27,7 @@ export class CameraGrid {
     this.choice = h("div.choice", {});
     this.grid = h("div.cameras", {});
     this.note = h("p.empty", { hidden: true });
-    root.replaceChildren(h("details.choose", {}, this.summary, this.choice), this.note, this.grid);
+    root.replaceChildren(h("details.choose", {}, this.summary, this.choice), boxSwitch(), this.note, this.grid);
     this.watcher = new IntersectionObserver((entries) => {
       for (const { target, isIntersecting } of entries) {
         const id = /** @type {string} */ (target.getAttribute("data-rsu"));
@@ -110,7 +110,7 @@ export class CameraGrid {
 
   async _fetch(id) {
     try {
-      const answer = await fetch(subjectUrl("rsus", id, null, "/still"), { cache: "no-store", signal: AbortSignal.timeout(5000) });
+      const answer = await fetch(pictureUrl(id, "/still"), { cache: "no-store", signal: AbortSignal.timeout(5000) });
       const tile = this.tiles.get(id);
       if (!tile) return;
       const image = /** @type {HTMLImageElement} */ (tile.querySelector("img"));

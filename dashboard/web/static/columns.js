@@ -110,7 +110,6 @@ export function makeColumns(f, city) {
       text("solver", "Solver", 86, 5),
       figure("plans", "Plans", 50, 6, (n) => f.number(n)),
       figure("unserved", "Unserved", 68, 3, (n) => f.number(n)),
-      figure("refused", "Refused", 62, 7, (n) => f.number(n)),
       figure("variables", "Variables", 70, 8, (n) => f.number(n)),
     ],
     alarms: [

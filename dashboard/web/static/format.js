@@ -129,7 +129,7 @@ export class Format {
 
   kwh(kwh, signed = false) {
     if (missing(kwh)) return MISSING;
-    const digits = Math.abs(kwh) < 10 ? 2 : Math.abs(kwh) < 1000 ? 1 : 0;
+    const digits = Math.abs(kwh) < 0.1 && kwh !== 0 ? 3 : Math.abs(kwh) < 10 ? 2 : Math.abs(kwh) < 1000 ? 1 : 0;
     return `${signed && kwh > 0 ? "+" : ""}${this.number(kwh, digits)}${NBSP}kWh`;
   }
 

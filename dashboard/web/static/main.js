@@ -3,11 +3,13 @@
 import { getJson } from "./api.js";
 import { Actions } from "./actions.js";
 import { Banner, faults } from "./banner.js";
+import { setBoxes } from "./boxes.js";
 import { CameraGrid } from "./cameras.js";
 import { CardPanel } from "./card.js";
 import { makeColumns } from "./columns.js";
 import { byId, setText } from "./dom.js";
 import { EnergyPanel } from "./energy.js";
+import { saveRows } from "./export.js";
 import { Format } from "./format.js";
 import { counts, drawGlance } from "./glance.js";
 import { Header } from "./header.js";
@@ -73,6 +75,7 @@ class Page {
   _listen() {
     document.addEventListener("click", (event) => this._click(event));
     byId("card-close").addEventListener("click", () => this.select(null));
+    byId("export-shown").addEventListener("click", () => this._export());
     byId("card-show").addEventListener("click", () => this.map.show());
     addEventListener("keydown", (event) => {
       if (event.key === "Escape" && this.selection && !document.querySelector("dialog[open]") && event.target === document.body) this.select(null);
@@ -82,6 +85,12 @@ class Page {
       if (!form.matches("[data-report]")) return;
       event.preventDefault();
       open(`report?day=${new FormData(form).get("day")}`, "_blank", "noopener");
+    });
+    addEventListener("change", (event) => {
+      const box = /** @type {HTMLInputElement} */ (event.target);
+      if (!box.matches("[data-boxes]")) return;
+      setBoxes(box.checked);
+      this.card.draw();
     });
     setInterval(() => this.header.tick(this.shown, this._now()), 1000);
   }
@@ -152,7 +161,7 @@ class Page {
     this._drawPane();
     const table = this.selection && KINDS[this.selection.kind].table;
     this.card.refresh(changed === null || Boolean(table && changed[table]?.has(this.selection.id)));
-    byId("export-table").href = this._exportUrl();
+    this._drawExport();
     if (document.documentElement.dataset.ready) return;
     document.documentElement.dataset.ready = "1";
     performance.mark("content");
@@ -169,6 +178,22 @@ class Page {
     const items = faults(status, this.connection);
     if (this.failure) items.push({ subject: "page", level: "warn", text: this.failure });
     this.banner.show(items, this.past !== null && this.config.live);
+  }
+
+  _drawExport() {
+    byId("export-table").href = this._exportUrl();
+    byId("export-shown").hidden = !this.tabs.ids;
+  }
+
+  /** Saves the rows of the open table as they are shown. */
+  async _export() {
+    try {
+      await saveRows(this._exportUrl(), this.tabs.ids ?? []);
+      this.failure = null;
+    } catch (error) {
+      this.failure = `The table could not be saved: ${error.message}`;
+    }
+    this._drawBanner();
   }
 
   _exportUrl() {
@@ -195,7 +220,7 @@ class Page {
     this.tabs.open(name);
     this.tabs.update(this.shown.tables, null);
     this._drawPane();
-    byId("export-table").href = this._exportUrl();
+    this._drawExport();
     this._address(false);
   }
 

@@ -51,6 +51,9 @@ export class Tabs {
     this.list.addEventListener("keydown", (event) => this._key(event));
   }
 
+  /** Ids of the rows that the open table shows, in their order; null: no table is open. @returns {string[]|null} */
+  get ids() { return this.tables.get(this.name)?.order.ids ?? null; }
+
   /** @param {string} name */
   open(name) {
     this.name = TABS.some(([tab]) => tab === name) ? name : "vehicles";

@@ -170,7 +170,7 @@ def test_a_road_that_has_changed_since_the_last_cycle(world, now_ns):
     view = _view(snapshot, now_ns)
     block = card_html(view, Selection("road", "avenue_east"), None)
     assert "no fresh data" in block
-    assert "Platooning open in cycle #3." in block
+    assert "Platooning open in cycle #3; not now: traffic is unknown." in block
     block = card_html(view, Selection("road", "avenue_west"), None)
     assert "Platooning closed in cycle #3, turbulent traffic." in block
 

@@ -154,3 +154,19 @@ def test_the_marker_moves_with_the_van(world, now_ns, scene):
     )
     layer.update(vehicle_views(strange, now_ns, frozenset()), ())
     assert scene.get_handle_by_name("/vans") is None
+
+
+def test_a_vehicle_by_plan_is_drawn_translucent(world, now_ns, scene):
+    """Until it reports where it is."""
+    plan = world.plan("van-a", 1, now_ns)
+    middle_ns = (plan.segments[0].entry_ns + plan.segments[0].exit_ns) // 2
+    layer = FleetLayer(scene, Canvas(world.network))
+    told = Snapshot(plans={"van-a": plan})
+    layer.update(vehicle_views(told, middle_ns, frozenset()), ())
+    assert scene.get_handle_by_name("/vans") is None
+    assert 0 < scene.get_handle_by_name("/planned_vans").opacity < 0.6
+    position = {"van-a": _position(middle_ns)}
+    heard = Snapshot(plans={"van-a": plan}, positions=position, followed={"van-a": plan})
+    layer.update(vehicle_views(heard, middle_ns, frozenset()), ())
+    assert scene.get_handle_by_name("/vans").opacity is None
+    assert scene.get_handle_by_name("/planned_vans") is None

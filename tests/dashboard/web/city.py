@@ -237,7 +237,6 @@ def cycle(n: int, dice: random.Random, t: int) -> Row:
         "saved_share": round(dice.uniform(0.01, 0.08), 3),
         "platoon_km": round(dice.uniform(5, 30), 1),
         "unserved": 1 if idle else 0,
-        "refused": 4,
     }
 
 
@@ -476,5 +475,13 @@ def cycle_details(t: int) -> Row:
         ],
         "unserved": [{"stop": "o-5", "reason": "time_window"}],
         "energy": energy(1.9),
-        "explain": ["van-1 and van-2 drive together on River Road."],
+        "explain": {
+            "summary": ["Cycle 40: ok", "The plan is that of exact: objective 12.3456 kWh"],
+            "vehicles": [
+                {"id": f"van-{n}", "lines": ["serves stop-1, as in the baseline"]}
+                for n in range(1, 12)
+            ],
+            "refused": ["van-1 and van-2 on River Road: traffic there was turbulent; 0.0300 kWh"],
+            "notes": [],
+        },
     }

@@ -106,7 +106,6 @@ class CycleRow(TypedDict):
     saved_share: Number | None
     platoon_km: Number | None
     unserved: int
-    refused: int | None
 
 
 @with_config(STRICT)
@@ -310,6 +309,15 @@ class Reception(TypedDict):
     delay_s: Number | None
 
 
+@with_config(STRICT)
+class RsuCalibration(TypedDict):
+    file: str
+    written: Ms
+    points: int
+    residual_px: Number
+    speed_error: Number | None
+
+
 class RsuCard(RsuRow):
     id: str
     source: str | None
@@ -320,7 +328,7 @@ class RsuCard(RsuRow):
     reconnects: int | None
     rss_mb: Number | None
     reception: Reception | None
-    calibration: str | None
+    calibration: RsuCalibration | None
 
 
 @with_config(STRICT)
@@ -347,12 +355,26 @@ class UnservedStop(TypedDict):
     reason: str
 
 
+@with_config(STRICT)
+class VehicleWords(TypedDict):
+    id: str
+    lines: list[str]
+
+
+@with_config(STRICT)
+class CycleWords(TypedDict):
+    summary: list[str]
+    vehicles: list[VehicleWords]
+    refused: list[str]
+    notes: list[str]
+
+
 class CycleCard(CycleRow):
     n: int
     solvers: list[dict[str, Any]]
     unserved: list[UnservedStop]  # in place of their number
     energy: EnergySum | None
-    explain: list[str] | None
+    explain: CycleWords | None
 
 
 @with_config(STRICT)
@@ -408,7 +430,19 @@ SHAPES: dict[str, Any] = {
         *(Config, Network, Road, Depot, Origin, Moment, Delta, VehicleRow, RoadRow, RsuRow),
         *(OrderRow, CycleRow, AlarmRow, Status, StatusItem, Energy, EnergySum),
         *(VehicleCard, PlanCard, PlanStop, PlanSegment, PlanHistory, RoadCard, Feature, Hour),
-        *(Refused, Stopped, RsuCard, Reception, OrderCard, OrderStep, CycleCard, UnservedStop),
+        *(
+            Refused,
+            Stopped,
+            RsuCard,
+            Reception,
+            RsuCalibration,
+            OrderCard,
+            OrderStep,
+            CycleCard,
+            CycleWords,
+            VehicleWords,
+            UnservedStop,
+        ),
     )
 }
 """All shapes by their names in docs/page.md."""

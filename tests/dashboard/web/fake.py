@@ -204,6 +204,9 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_POST(self) -> None:
         body = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
+        if self.path.startswith("/api/export/"):
+            self._send(200, "text/csv", "\n".join(["id", *body["ids"]]).encode())
+            return
         if self.headers["Authorization"] != f"Bearer {TOKEN}":
             self._problem(401, "The token is not known.", "Ask the administrator for one.")
             return

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from typing import Any
 
 import storage
-from slipstream.energy_ledger import EnergyHour
+from slipstream.energy_ledger import EnergyHour, PlanEnergy
+from slipstream.explain import CycleFacts, RefusedPlatoon, VehicleAccount, facts_data
+from slipstream.messages import VehiclePlan
 from slipstream.orders import FleetRecords, OrderChange, OrderRecord, PlanRecord
-from storage import Event, RollUpBuffer
+from storage import CycleInputs, Event, RollUpBuffer
 
 S = 1_000_000_000
 CYCLES = 3
@@ -37,7 +40,12 @@ def store_run(url: str, world: Any, begin_ns: int) -> None:
                 second = world.plan("van-b", 2, times[1])
                 ended.append(PlanRecord(second, "done", time_ns + 60 * S))
             database.record_cycle(
-                world.cycle(number, time_ns), plans, states, FleetRecords(plans=tuple(ended))
+                world.cycle(number, time_ns),
+                plans,
+                states,
+                FleetRecords(plans=tuple(ended)),
+                CycleInputs(_record(vans), {}),
+                {plan.vehicle: _energy(plan) for plan in plans},
             )
             buffer = RollUpBuffer()
             for second in range(60):
@@ -46,6 +54,22 @@ def store_run(url: str, world: Any, begin_ns: int) -> None:
             database.add_rollups(buffer.take())
         database.save_fleet(_fleet(times))
         database.save_events(_events(times))
+
+
+def _energy(plan: VehiclePlan) -> PlanEnergy:
+    """A quarter of what it needs alone is saved by a platoon, on its first segment."""
+    size = len(plan.segments)
+    drag_kwh = (plan.energy_kwh / 3, *[0.0] * (size - 1))
+    return PlanEnergy((plan.energy_kwh / size,) * size, drag_kwh)
+
+
+def _record(vans: tuple[str, ...]) -> bytes:
+    accounts = tuple(
+        VehicleAccount(van, ("mill",), 0.75, 1.0, 100.0, 0.0, 200.0, ("mill",), 1.0, 90.0)
+        for van in vans
+    )
+    refused = (RefusedPlatoon(("van-a", "van-b"), ("bridge",), "apart", None, 0.02, 61.5),)
+    return json.dumps(facts_data(CycleFacts(vans, accounts, refused))).encode()
 
 
 def _states(world: Any, time_ns: int, number: int) -> list[Any]:

@@ -387,10 +387,46 @@ def test_exports_lead_to_what_is_shown(opened):
         tab.click("#export-map")
     assert download.value.suggested_filename.endswith("Z.png")
     assert Path(download.value.path()).read_bytes()[:4] == b"\x89PNG"
+    assert tab.text_content("#export-table") == "Whole table, CSV"
     with tab.expect_popup() as report:
         tab.click("#reports button")
     assert re.search(r"/report\?day=\d{4}-\d\d-\d\d$", report.value.url)
     report.value.close()
+
+
+def test_rows_are_saved_as_they_are_shown(opened):
+    """Filtered and sorted; where no table is open, nothing is offered."""
+    tab = opened("?tab=roads")
+    tab.fill("#filter", "turbulent")
+    tab.click("#pane-roads button[data-sort=name]")
+    tab.click("#pane-roads button[data-sort=name]")
+    shown = rows(tab)
+    tab.click("#export summary")
+    with tab.expect_download() as download:
+        tab.click("#export-shown")
+    head, *saved = Path(download.value.path()).read_text().splitlines()
+    assert head == "id"
+    assert len(saved) > 1
+    assert saved[: len(shown)] == shown
+    tab.click("#tab-energy")
+    assert not tab.is_visible("#export-shown")
+
+
+def test_boxes_in_pictures_are_switched_off_and_stay_off(opened):
+    """On a unit's card and in the grid alike, also after a reload."""
+    tab = opened("?tab=rsus#rsu/rsu-1")
+    picture = tab.locator("figure.picture img")
+    assert picture.get_attribute("src") == "api/rsus/rsu-1/picture"
+    tab.uncheck("figure.picture [data-boxes]")
+    assert picture.get_attribute("src") == "api/rsus/rsu-1/picture?boxes=false"
+    tab.reload()
+    tab.wait_for_selector("figure.picture img")
+    assert picture.get_attribute("src") == "api/rsus/rsu-1/picture?boxes=false"
+    tab.click("#tab-cameras")
+    assert not tab.is_checked("#pane-cameras [data-boxes]")
+    with tab.expect_request(lambda request: "/still" in request.url) as asked:
+        pass
+    assert asked.value.url.endswith("/still?boxes=false")
 
 
 @pytest.mark.slow(long=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -220,6 +221,35 @@ def test_cards_of_the_past(run: Run) -> None:
     assert run.served.get(f"/api/vehicles/nobody?t={t}").status == 404
 
 
+def test_cards_say_why_as_the_cycle_did(run: Run) -> None:
+    """A vehicle's energy against the same drive alone, its stops and the platoons it does not have;
+    all of a cycle; nothing of one that is not stored.
+    """
+    van = run.get(f"/api/vehicles/van-a?t={run.ms(310)}")
+    plan = van["plan"]
+    assert plan["alone_kwh"] == pytest.approx(plan["energy_kwh"] * 4 / 3, abs=2e-3)
+    assert van["saved_kwh"] == pytest.approx(plan["energy_kwh"] / 3, abs=2e-3)
+    assert van["why_route"] == [
+        "Serves mill, as in the baseline",
+        "Needs 0.7500 kWh, alone on the same way 1.0000 kWh: platoons save 0.2500 kWh over 200 m",
+        "That is 0.2500 kWh less than in the baseline; it drives for 1 min 40 s, there for "
+        "1 min 30 s",
+    ]
+    assert van["why_platoon"][0].startswith("With van-b for ")
+    refused = "van-a and van-b on bridge: not together in time, 61.5 s apart"
+    assert van["why_platoon"][-1].startswith(f"Not: {refused}")
+    cycle = run.get("/api/cycles/2")
+    holds("CycleCard", cycle)
+    told = cycle["explain"]
+    assert [one["id"] for one in told["vehicles"]] == ["van-a", "van-b"]
+    assert "leads van-b in platoon" in told["vehicles"][0]["lines"][-1]
+    assert told["summary"][0] == "Cycle 2: ok"
+    assert told["refused"][0].startswith(refused)
+    assert told["notes"] == []
+    # Plans as they are followed tell no more than what is stored of their cycle.
+    assert run.served.services.words.of_cycle(99, 0) is None
+
+
 def test_energy_by_hour_and_day(run: Run) -> None:
     """The two hours of the run lie on one day in Berlin."""
     hours = run.get("/api/energy?by=hour")["rows"]
@@ -247,6 +277,29 @@ def test_tables_as_csv(run: Run) -> None:
     name = answer.headers["content-disposition"]
     assert re.fullmatch(r'attachment; filename="depot-s-hne-orders-\d{8}-\d{6}\.csv"', name)
     assert run.served.get("/api/export/tokens.csv").status == 404
+
+
+def test_rows_as_they_are_shown(run: Run) -> None:
+    """Those that were asked for, in that order; one that has gone is left out."""
+
+    def ask(body: object, table: str = "orders") -> Any:
+        path = f"/api/export/{table}.csv?t={run.ms(20)}"
+        return run.served.ask("POST", path, body=json.dumps(body).encode())
+
+    answer = ask({"ids": ["mill", "gone", "=late"]})
+    assert answer.status == 200
+    assert [line.split(",")[0] for line in answer.body.decode().splitlines()] == [
+        *("order", "mill", "'=late")
+    ]
+    assert "-orders-" in answer.headers["content-disposition"]
+    for body, table, status in (
+        ([], "orders", 422),
+        ({"ids": [1]}, "orders", 422),
+        ({"ids": ["x" * 600]}, "orders", 422),
+        ({"ids": []}, "energy", 404),
+    ):
+        refused = ask(body, table)
+        assert (refused.status, refused.json["status"]) == (status, status)
 
 
 def test_the_report_of_a_day(run: Run) -> None:

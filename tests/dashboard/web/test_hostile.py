@@ -9,7 +9,7 @@ from contextlib import ExitStack
 import pytest
 
 from slipstream.http import server
-from slipstream.messages import CYCLE_KEY, preview_key
+from slipstream.messages import CYCLE_KEY, bare_preview_key, preview_key
 from slipstream.orders import OrderRecord
 
 SCRIPT = "<script>alert(1)</script>"
@@ -43,6 +43,15 @@ def test_every_answer_keeps_browsers_from_running_what_is_not_ours(serve):
         assert headers["x-content-type-options"] == "nosniff"
         assert "no-" in headers["cache-control"]
     assert page.get("/nothing/here").status == 404
+
+
+def test_the_page_is_asked_for_without_its_body(serve):
+    """As monitors do."""
+    page = serve()
+    head, whole = page.ask("HEAD", "/"), page.get("/")
+    assert (head.status, head.body) == (200, b"")
+    assert head.headers["content-length"] == str(len(whole.body))
+    assert head.headers["etag"] == whole.headers["etag"]
 
 
 def test_a_script_in_a_name_is_text(serve, tell, world, now_ns):
@@ -152,20 +161,24 @@ def test_pictures_are_asked_of_units_that_are_looked_at(serve, tell, world, now_
     class Listener:
         def listen(self, key_expressions):
             asked.append(key_expressions)
-            if key := preview_key("rsu-avenue_east") if key_expressions else None:
-                page.pictures.accept(key, world.jpeg())
+            for key in key_expressions:
+                page.pictures.accept(key, world.jpeg(99 if key.endswith("/bare") else 150))
 
     page.pictures.listen_by(Listener())
     still = page.get("/api/rsus/rsu-avenue_east/still")
     assert (still.status, still.headers["content-type"]) == (200, "image/jpeg"), still.body
-    assert still.body == world.jpeg()
+    assert still.body == world.jpeg(150)
     wait_until_nobody_looks()
     assert asked == [frozenset(), {preview_key("rsu-avenue_east")}, frozenset()]
+    bare = page.get("/api/rsus/rsu-avenue_east/still?boxes=false")
+    assert bare.body == world.jpeg(99) != still.body
+    wait_until_nobody_looks()
+    assert asked[3:] == [{bare_preview_key("rsu-avenue_east")}, frozenset()]
     with socket.create_connection(("127.0.0.1", page.port), timeout=20) as connection:
         path = b"/api/rsus/rsu-avenue_east/picture"
         connection.sendall(b"GET " + path + b" HTTP/1.1\r\nHost: localhost\r\n\r\n")
         received = b""
-        while world.jpeg() not in received:
+        while world.jpeg(150) not in received:
             received += connection.recv(65536)
         assert b"multipart/x-mixed-replace" in received
         assert asked[-1] == {preview_key("rsu-avenue_east")}

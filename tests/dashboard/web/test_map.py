@@ -208,6 +208,29 @@ def test_labels_in_troy_never_overlap_and_name_what_is_there(town):
     assert "van-004" in {label["id"] for label in labels}
 
 
+def assert_uncut(labels: list[dict[str, Any]], width: int, height: int) -> None:
+    """No label lies on the edge of what is seen."""
+    for label in labels:
+        xs, ys = zip(*corners(label), strict=True)
+        cut = min(xs) < 0 < max(xs) or min(xs) < width < max(xs)
+        cut = cut or min(ys) < 0 < max(ys) or min(ys) < height < max(ys)
+        seen = max(xs) > 0 and min(xs) < width and max(ys) > 0 and min(ys) < height
+        assert not (cut and seen), label["text"]
+
+
+@pytest.mark.parametrize(("width", "height"), [(390, 300), (900, 600)])
+def test_no_name_of_the_fitted_map_is_cut_off_at_its_edge(open_map, width, height):
+    """Signs that lie near the edge have their names on its inner side, or none."""
+    network = map_data.troy()
+    page = open_map(network, map_data.moment(network, 12, 8, 8, 20), width=width, height=height)
+    for zoom in (1, 2, 2):
+        page.evaluate("(zoom) => { map._change(() => map._view.zoom(zoom)); map._frame(); }", zoom)
+        page.wait_for_function("() => { map._frame(); return map._layers._covers(map._view); }")
+        labels = page.evaluate("map._frame(), map.labels()")
+        assert len(labels) >= 3
+        assert_uncut(labels, width, height)
+
+
 def test_street_names_lie_along_their_streets(town):
     """A name is parallel to a road of its name, and beside it."""
     town.evaluate("map._change(() => map._view.zoom(4)); map._frame()")

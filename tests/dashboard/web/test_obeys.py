@@ -64,33 +64,49 @@ def _until(condition: Callable[[], bool]) -> None:
     raise AssertionError("it did not come about in time")
 
 
-def test_the_dispatcher_does_what_an_operator_asks_for_on_the_page(
+Ports = tuple[int, int]
+
+
+@pytest.fixture
+def daemons(
     router: Router, tmp_path: Path, started: Callable[..., None]
+) -> Callable[[float], Ports]:
+    """Starts a dispatcher with so many seconds between cycles and its page; their ports."""
+
+    def start(interval_s: float) -> Ports:
+        api, page = free_port(), free_port()
+        (tmp_path / "tokens.toml").write_text(
+            "".join(
+                f'[[tokens]]\nname = "{name}"\nsha256 = "{token_hash(name.encode())}"\n'
+                f"scopes = {json.dumps(scopes)}\n"
+                for name, scopes in SCOPES.items()
+            )
+        )
+        common = (
+            f'database_url = "sqlite:///{tmp_path}/d.db"\n'
+            f"[bus]\nconnect = [{json.dumps(router.endpoint)}]\n"
+        )
+        started(
+            "dispatcher",
+            f'solvers = ["exact"]\ninterval_s = {interval_s}\ndeadline_s = 2.0\n'
+            f'{common}[api]\nport = {api}\ntokens = "{tmp_path}/tokens.toml"\n',
+        )
+        started(
+            "dashboard",
+            f"port = {page}\nscene_port = {free_port()}\n"
+            f'dispatcher_api = "http://127.0.0.1:{api}"\n{common}',
+            "--allow-control",
+        )
+        return api, page
+
+    return start
+
+
+def test_the_dispatcher_does_what_an_operator_asks_for_on_the_page(
+    daemons: Callable[[float], Ports],
 ) -> None:
     """Pause, a cycle, resume, pin, release, cancel, acknowledge; a reader's token does nothing."""
-    api, page = free_port(), free_port()
-    (tmp_path / "tokens.toml").write_text(
-        "".join(
-            f'[[tokens]]\nname = "{name}"\nsha256 = "{token_hash(name.encode())}"\n'
-            f"scopes = {json.dumps(scopes)}\n"
-            for name, scopes in SCOPES.items()
-        )
-    )
-    common = (
-        f'database_url = "sqlite:///{tmp_path}/d.db"\n'
-        f"[bus]\nconnect = [{json.dumps(router.endpoint)}]\n"
-    )
-    started(
-        "dispatcher",
-        'solvers = ["exact"]\ninterval_s = 600.0\ndeadline_s = 2.0\n'
-        f'{common}[api]\nport = {api}\ntokens = "{tmp_path}/tokens.toml"\n',
-    )
-    started(
-        "dashboard",
-        f'port = {page}\nscene_port = {free_port()}\ndispatcher_api = "http://127.0.0.1:{api}"\n'
-        f"{common}",
-        "--allow-control",
-    )
+    api, page = daemons(600.0)
 
     def act(action: str, subject: str, **more: str) -> str:
         body = {"action": action, "subject": subject, **more}
@@ -139,3 +155,60 @@ def test_the_dispatcher_does_what_an_operator_asks_for_on_the_page(
     assert order(stop)["pinned"] is None
     act("cancel", f"order/{stop}")
     assert order(stop)["state"] == "cancelled"
+
+
+def test_an_operator_in_a_browser(daemons: Callable[[float], Ports], browser: Any) -> None:
+    """Past moments by the slider and played, a pause with a token, a card that a reload keeps."""
+    api, page = daemons(4.0)
+    _until(lambda: len(_ask(api, "/v1/cycles")[1]["cycles"]) >= 4)
+    _until(lambda: _ask(page, "/api/past")[1]["last"] is not None)
+    tab = browser.new_page(viewport={"width": 1440, "height": 900})
+    tab.set_default_timeout(1000 * WITHIN_S)
+    faults: list[str] = []
+    tab.on("pageerror", lambda error: faults.append(str(error)))
+
+    def until(condition: str) -> None:
+        # The page's own policy forbids what `wait_for_function` does.
+        _until(lambda: bool(tab.evaluate(condition)))
+
+    tab.goto(f"http://127.0.0.1:{page}/?tab=cycles")
+    tab.wait_for_selector("#pane-cycles tr[data-id='1']")
+    live = tab.locator("#pane-cycles tr[data-id]").count()
+
+    # The first moment that is kept has fewer cycles, played on there are more.
+    tab.focus("#time-slider")
+    tab.keyboard.press("Home")
+    until("document.documentElement.dataset.time === 'past'")
+    until(f"document.querySelectorAll('#pane-cycles tr[data-id]').length < {live}")
+    begin = float(tab.url.partition("t=")[2])
+    tab.select_option("#time-rate", "5")
+    tab.click("#time-play")
+    tab.wait_for_selector("#pane-cycles tr[data-id='2']")
+    moment = "new URLSearchParams(location.search).get('t')"
+    until(f"document.documentElement.dataset.time === 'live' || {moment} > {begin + 3000}")
+    if tab.get_attribute("html", "data-time") == "past":
+        tab.click("#time-live")
+    until("document.documentElement.dataset.time === 'live'")
+
+    # A token is asked for; the dispatcher pauses, which the page tells by itself.
+    tab.click("#control summary")
+    tab.click("#pause")
+    tab.fill("#action-reason", "road works")
+    tab.fill("#action-token", "operator")
+    tab.click("#action-send")
+    until("document.getElementById('action-answer').textContent.includes('paused')")
+    assert _ask(api, "/readyz")[1]["paused"]
+    tab.click("#action-close")
+    until("document.getElementById('next').textContent === 'dispatcher paused'")
+
+    # A card by its address, which is still there after a reload, with its plan.
+    vehicle = _ask(api, "/v1/vehicles")[1]["vehicles"][0]["id"]
+    tab.goto(f"http://127.0.0.1:{page}/#van/{vehicle}")
+    for _ in range(2):
+        until(f"document.getElementById('card-title').textContent === {json.dumps(vehicle)}")
+        tab.wait_for_selector("#card-body .timeline")
+        until("document.getElementById('card-body').textContent.includes('in the baseline')")
+        tab.reload()
+    tab.click("#pane-vehicles tr[data-id] >> nth=1")
+    assert "#van/" in tab.url
+    assert faults == []

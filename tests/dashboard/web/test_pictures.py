@@ -29,9 +29,9 @@ def test_whoever_asks_for_single_pictures_looks_on_for_a_while(monkeypatch):
 
     async def look() -> float:
         begin = asyncio.get_running_loop().time()
-        pictures.glance("rsu-1")
+        pictures.glance(preview_key("rsu-1"))
         await asyncio.sleep(0.1)
-        pictures.glance("rsu-1")
+        pictures.glance(preview_key("rsu-1"))
         async with asyncio.timeout(30):
             while asked.keys[-1]:
                 await asyncio.sleep(0.01)

@@ -46,16 +46,29 @@ def test_a_flag_that_closes_takes_its_platoon_off_at_once(tables, world, now_ns)
     east = tables._scene.places.index["avenue_east"]
     tables.update(_snapshot(world, now_ns), now_ns)
     assert _shared(tables.moment, "van-a") == _shared(tables.moment, "van-b") == [east]
+    assert tables.moment["roads"]["avenue_east"]["gate"] == "open"
     delta = tables.update(_snapshot(world, now_ns + S, y_e=0), now_ns + S)
     assert delta is not None
     assert _shared(tables.moment, "van-a") == []
-    assert delta["set"]["roads"]["avenue_east"]["flag"] == "turbulent"
+    told = delta["set"]["roads"]["avenue_east"]
+    assert (told["flag"], told["gate"]) == ("turbulent", "closed")
+    assert told["gate_why"] == "turbulent traffic now; cycle #3 had opened it"
     back = _snapshot(world, now_ns + 2 * S)
     tables.update(back, now_ns + 2 * S)
     assert _shared(tables.moment, "van-a") == [east]
     tables.update(back, now_ns + 20 * S)
     assert _shared(tables.moment, "van-a") == []
-    assert tables.moment["roads"]["avenue_east"]["level"] == "warn"
+    row = tables.moment["roads"]["avenue_east"]
+    assert (row["level"], row["gate"]) == ("warn", "closed")
+
+
+def test_a_closed_gate_waits_for_the_next_cycle(tables, world, now_ns):
+    """Traffic that is stable again does not open it before."""
+    state = world.state("avenue_west", now_ns, y_e=1)
+    tables.update(_snapshot(world, now_ns, states={(state.segment, state.rsu): state}), now_ns)
+    row = tables.moment["roads"]["avenue_west"]
+    assert (row["flag"], row["gate"]) == ("stable", "closed")
+    assert row["gate_why"] == "turbulent traffic in cycle #3; the next one may open it"
 
 
 def test_partners_are_named_where_a_platoon_drives(tables, world, now_ns):

@@ -8,8 +8,7 @@ from typing import Any
 import pytest
 
 from dispatcher_daemon.cycle import CycleResult, run_cycle
-from dispatcher_daemon.explain import refusal_line
-from dispatcher_daemon.planning import RefusedPlatoon, refused
+from dispatcher_daemon.planning import refused
 from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.problem import RoutingProblem, routing_problem
 from dispatcher_daemon.settings import (
@@ -22,6 +21,7 @@ from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.execution.pool import solve_in_process
 from dispatcher_daemon.traffic import TrafficSnapshot
 from research.cities.generator import CityShape, generate_city
+from slipstream.explain import RefusedPlatoon, refusal_line
 
 Traffic = Callable[..., TrafficSnapshot]
 

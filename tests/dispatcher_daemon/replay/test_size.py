@@ -12,11 +12,12 @@ import pytest
 
 from dispatcher_daemon.cycle import CycleResult
 from dispatcher_daemon.dispatcher.reports import failed_report
-from dispatcher_daemon.plans import Cycle, VehicleAccount
+from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.replay import InputEncoder, Trace
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.traffic import Expectations
 from research.cities.generator import generate_city
+from slipstream.explain import VehicleAccount
 from storage import open_database
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import cv2
@@ -12,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from edge_daemon.calibration.advice import overlap_m2
-from edge_daemon.calibration.calibration import Calibration, calibrate
+from edge_daemon.calibration.calibration import Calibration, calibrate, stated_calibration
 from edge_daemon.calibration.files import (
     camera_toml,
     read_picture,
@@ -161,6 +162,20 @@ def test_the_written_file_loads_as_it_was_fitted(tmp_path: Path) -> None:
     assert camera.to_road([[600.0, 500.0]]) == pytest.approx(
         result.projection.to_road([[600.0, 500.0]]), abs=1e-9
     )
+
+
+def test_a_file_states_what_its_calibration_did(tmp_path: Path) -> None:
+    """The worst end of its segment, its misses, and when it was written; not where none can be."""
+    result = calibrated(noise_px=2.0)
+    out = tmp_path / "camera.toml"
+    write_picture(tmp_path / "view.png", np.zeros((720, 1280, 3), dtype=np.uint8))
+    out.write_text(camera_toml("mast", result, (SEGMENT,), "view.png"))
+    os.utime(out, ns=(5, 7_000_000_000))
+    told = stated_calibration(out, load_camera(out))
+    assert (told.file, told.written_ns, told.points) == (str(out), 7_000_000_000, 10)
+    assert told.residual_px == pytest.approx(result.reprojection_error_px)
+    assert told.speed_error == pytest.approx(max(end.speed_error for end in result.accuracy))
+    assert told.speed_error > 0.001
 
 
 def test_points_come_from_csv_too(tmp_path: Path) -> None:

@@ -21,13 +21,24 @@ export function cycleCard(id, row, detail, ctx) {
       ["Solver", row.solver],
       ["Plans", f.number(row.plans)],
       ["Variables", f.number(row.variables)],
-      ["Platoons refused", row.refused === null ? null : f.number(row.refused)],
     ]),
     detail?.energy ? section("Energy", energyParts(detail.energy, f)) : null,
     detail?.unserved?.length ? section("Not served", longTable(["Order", "Why"], detail.unserved.map((one) => [link("order", one.stop), words(one.reason)]), "Not served")) : null,
     detail ? section("Solvers", detail.solvers?.length ? longTable(["Solver", "Result", "#Cost kWh", "#Time s"], detail.solvers.map((one) => [
       one.solver, words(one.status) + (one.reason ? `: ${words(one.reason)}` : ""), f.number(one.objective_kwh, 3), f.number(one.wall_s, 2),
     ]), "Solvers", 12) : h("p.muted", {}, "No solver ran.")) : h("p.muted", {}, "Loading…"),
-    detail?.explain?.length ? section("In words", sentences(detail.explain, "")) : null,
+    detail ? inWords(detail.explain) : null,
+  ];
+}
+
+/** Why its vehicles go where they go, and which platoons it does not have. */
+function inWords(told) {
+  if (!told) return section("In words", h("p.muted", {}, "No words are stored of it."));
+  return [
+    section("In words", sentences([...told.summary, ...told.notes], "")),
+    told.vehicles.length ? section("Its vehicles", longTable(["Vehicle", "Why"], told.vehicles.map((one) => [
+      link("vehicle", one.id), one.lines.map((line) => h("div", {}, line)),
+    ]), "Its vehicles", 6)) : null,
+    told.refused.length ? section("Platoons that it does not have", longTable(["Vehicles, roads and why"], told.refused.map((line) => [line]), "Platoons that it does not have", 6)) : null,
   ];
 }

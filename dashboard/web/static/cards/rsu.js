@@ -1,6 +1,6 @@
 /** A roadside unit's card: its picture, its figures, its faults and its calibration. */
 
-import { subjectUrl } from "../api.js";
+import { boxSwitch, pictureUrl } from "../boxes.js";
 import { h } from "../dom.js";
 import { count, words } from "../format.js";
 import { chip } from "../marks.js";
@@ -22,7 +22,6 @@ export function rsuCard(id, row, detail, ctx) {
       ["Watches", h("span", {}, links("road", row.segments, ctx.roadName))],
       ["Last heard", row.seen === null ? "now, as each second" : f.moment(row.seen)],
       ...(detail ? [
-        ["Calibration", detail.calibration ?? "not told"],
         ["Source", detail.source],
         ["Running since", f.moment(detail.started)],
         ["Frames", `${f.number(detail.frames)}, ${f.number(detail.repeated)} repeated, ${count(detail.decode_errors ?? 0, "decode error")}`],
@@ -30,6 +29,7 @@ export function rsuCard(id, row, detail, ctx) {
         ["Memory", detail.rss_mb === null ? null : `${f.number(detail.rss_mb)}\u00a0MB`],
       ] : []),
     ]),
+    detail ? section("Calibration", detail.calibration ? calibration(detail.calibration, f) : h("p.muted", {}, ctx.t === null ? "This unit's version does not tell it." : "It is not stored.")) : null,
     detail?.reception ? section("Reception", facts([
       ["Messages", f.number(detail.reception.received)],
       ["Missed", f.number(detail.reception.missed)],
@@ -40,10 +40,26 @@ export function rsuCard(id, row, detail, ctx) {
   ];
 }
 
+/** Beyond this relative error of speed `slipstream calibrate` warns too. */
+const MAX_SPEED_ERROR = 0.03;
+
+function calibration(told, f) {
+  const known = told.speed_error !== null;
+  const sure = known && told.speed_error <= MAX_SPEED_ERROR;
+  return [
+    h("div.lead", {}, chip(sure ? "ok" : "warn", known ? `speeds within ±${f.share(told.speed_error)}` : "speed error unknown")),
+    facts([
+      ["Residual", `${f.number(told.residual_px, 2)}\u00a0px over ${count(told.points, "point")}`],
+      ["Written", f.moment(told.written)],
+      ["File", told.file],
+    ]),
+  ];
+}
+
 function picture(id, row, ctx) {
   if (ctx.t !== null) return h("p.muted", {}, "Pictures are not stored: there is none of a past moment.");
   if (!row.picture) return h("p.empty.picture", {}, "It sends no picture.");
   return h("figure.picture", { "data-key": id },
-    h("img", { src: subjectUrl("rsus", id, null, "/picture"), alt: `Live picture of ${id}` }),
-    h("figcaption", {}, "Live, with the boxes of the vehicles that it recognises"));
+    h("img", { src: pictureUrl(id, "/picture"), alt: `Live picture of ${id}` }),
+    h("figcaption", {}, boxSwitch()));
 }

@@ -26,13 +26,13 @@ export function vehicleCard(id, row, detail, ctx) {
       row.with?.length ? ["Partners", h("span", {}, links("vehicle", row.with.filter((other) => other !== id)))] : null,
       ["Carrier", row.carrier],
       ["Battery", row.charge_kwh === null ? null : f.kwh(row.charge_kwh)],
-      ["Driven", row.km === null ? null : `${f.km(row.km)}, ${f.km(row.platoon_km)} in platoons`],
+      ["Its tour", row.km === null ? null : `${f.km(row.km)}, ${f.km(row.platoon_km)} in platoons`],
       ["Cycle", row.cycle === null ? null : link("cycle", String(row.cycle))],
     ]),
     plan ? planParts(plan, row, ctx) : section("Plan", h("p.muted", {}, detail ? "It has no plan now." : "Loading…")),
     detail ? [
       section("Why this route", sentences(detail.why_route, "The plan gives no reason for its route.")),
-      section("Why this platoon", sentences(detail.why_platoon, row.platoon ? "The plan gives no reason." : "It is in no platoon, and none was refused.")),
+      section("Why this platoon", sentences(detail.why_platoon, row.platoon ? "The plan gives no reason." : "Its plan has no platoon, and no other vehicle comes its way in time.")),
       detail.history?.length ? section("Plans before", longTable(["#Cycle", "Issued", "Answer", "Reason"], detail.history.map((past) => [
         link("cycle", String(past.cycle)), f.time(past.issued, now), words(past.status), past.reason ?? "–",
       ]), "Plans before", 5)) : null,
@@ -69,6 +69,6 @@ function energyOf(plan, row, f) {
   const saved = alone === null ? row.saved_kwh ?? null : alone - plan.energy_kwh;
   return h("div.tiles", {},
     tile("This plan", f.kwh(plan.energy_kwh)),
-    alone === null ? null : tile("Alone", f.kwh(alone)),
-    saved === null ? null : tile(saved < 0 ? "Costs more" : "Saves", f.kwh(Math.abs(saved)), alone ? f.share(Math.abs(saved) / alone) : ""));
+    alone === null ? null : tile("Alone", f.kwh(alone), "the same drive"),
+    saved === null ? null : tile("Platoons save", f.kwh(saved), alone ? f.share(saved / alone) : ""));
 }

@@ -34,12 +34,13 @@ const BEND_PX = 3;
  *
  * @param {import("./plane/view.js").View} view
  * @param {import("./scene.js").Scene} scene
+ * @param {number} margin  px on each side that are drawn but not seen
  * @returns {{labels: import("./paint/text.js").Label[], taken: import("./plane/placement.js").Box[]}} taken: all
  *   boxes that further labels must keep clear of, signs too
  */
-export function placeStill(view, scene) {
+export function placeStill(view, scene, margin) {
   const { network, tables, palette, relation, selection } = scene;
-  const placement = new Placement();
+  const placement = new Placement([margin, margin, view.width - margin, view.height - margin]);
   const labels = [];
   const taken = [];
   const block = (x, y, radius) => {
@@ -218,7 +219,8 @@ export function placeMoving(view, scene, taken, sides) {
   const rank = (mover) =>
     selection?.id === mover.id ? 0 : relation?.vehicles.has(mover.id) ? 1 : mover.row.level === "bad" ? 2 : 3;
   named.sort((a, b) => rank(a) - rank(b) || (a.id < b.id ? -1 : 1));
-  const placement = new Placement();
+  const frame = /** @type {[number, number, number, number]} */ ([0, 0, view.width, view.height]);
+  const placement = new Placement(frame);
   for (const box of taken) placement.block(box);
   const radius = VEHICLE_RADIUS[style];
   for (const mover of scene.singles) {
@@ -229,7 +231,7 @@ export function placeMoving(view, scene, taken, sides) {
     placement.block({ x, y, width: 2 * around, height: 2 * around, angle: 0 });
   }
   // The selected vehicle's name may lie on signs, but on no other name.
-  const names = new Placement();
+  const names = new Placement(frame);
   for (const box of taken) if (box.text) names.block(box);
   const placed = [];
   for (const mover of named.slice(0, MAX_VEHICLES)) {

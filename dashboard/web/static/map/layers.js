@@ -65,7 +65,7 @@ export class Layers {
     const context = this._begin(this._state);
     context.drawImage(this._ground, 0, 0, this._shown.width, this._shown.height);
     paintState(context, this._shown, scene);
-    const { labels, taken } = placeStill(this._shown, scene);
+    const { labels, taken } = placeStill(this._shown, scene, MARGIN);
     drawLabels(context, labels, scene.palette.halo);
     [this._labels, this._taken] = [labels, taken];
     this._isStale = false;

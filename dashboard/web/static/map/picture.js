@@ -47,7 +47,7 @@ export function pictureOf(view, scene, text, units) {
   context.clip();
   paintGround(context, view, scene);
   paintState(context, view, scene);
-  const still = placeStill(view, scene);
+  const still = placeStill(view, scene, 0);
   drawLabels(context, still.labels, palette.halo);
   paintVehicles(context, view, scene);
   drawLabels(context, placeMoving(view, scene, still.taken, new Map()), palette.halo);

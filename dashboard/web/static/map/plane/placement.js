@@ -19,7 +19,9 @@ import { Grid } from "./grid.js";
 
 /** Keeps boxes of labels, and of what labels must not cover. */
 export class Placement {
-  constructor() {
+  /** @param {[number, number, number, number]} frame  what is seen, px: its edge would cut a box that crosses it */
+  constructor(frame) {
+    this._frame = frame;
     this._grid = new Grid(64);
     /** @type {Box[]} */
     this._boxes = [];
@@ -36,11 +38,12 @@ export class Placement {
   }
 
   /**
-   * Whether a place overlaps none that is taken.
+   * Whether a place overlaps none that is taken, and lies on one side of the frame's edge.
    *
    * @param {Box} box
    */
   isFree(box) {
+    if (crosses(around(box), this._frame)) return false;
     for (const number of this._grid.near(around(box))) {
       if (overlap(box, this._boxes[number])) return false;
     }
@@ -78,6 +81,12 @@ export function overlap(a, b) {
     if (Math.abs(dx * x + dy * y) >= reach(a, angle) + reach(b, angle)) return false;
   }
   return true;
+}
+
+/** Whether a part of a box lies inside a frame, and a part of it outside. */
+function crosses([left, top, right, bottom], [x0, y0, x1, y1]) {
+  if (right <= x0 || left >= x1 || bottom <= y0 || top >= y1) return false;
+  return left < x0 || right > x1 || top < y0 || bottom > y1;
 }
 
 /** Half of a box's shadow on an axis. */

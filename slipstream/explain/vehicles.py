@@ -6,11 +6,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby, pairwise
 
-from dispatcher_daemon.explain.words import duration, in_kwh, more_or_less, way
-from dispatcher_daemon.plans import VehicleAccount
-from dispatcher_daemon.replay import CycleRecord
-from dispatcher_daemon.tracking import utc
+from slipstream.explain.facts import CycleFacts, VehicleAccount
+from slipstream.explain.words import duration, in_kwh, more_or_less, way
 from slipstream.messages import PlannedSegment, VehiclePlan
+from slipstream.orders import utc
 
 
 @dataclass(frozen=True)
@@ -21,30 +20,33 @@ class VehicleExplanation:
         vehicle: its id.
         lines: in words.
         account: its figures; None: they are not stored, or not any more.
+        platoons: those of its lines that tell of platoons.
     """
 
     vehicle: str
     lines: tuple[str, ...]
     account: VehicleAccount | None
+    platoons: tuple[str, ...] = ()
 
 
 def explained_vehicles(
-    plans: Sequence[VehiclePlan], record: CycleRecord | None
+    plans: Sequence[VehiclePlan], facts: CycleFacts | None
 ) -> Iterator[VehicleExplanation]:
     """The vehicles of a cycle, in the order of its fleet.
 
     Args:
         plans: that it sent.
-        record: of it; None: not stored.
+        facts: of it; None: not stored.
     """
     plan_of = {plan.vehicle: plan for plan in plans}
-    accounts = {} if record is None else {one.vehicle: one for one in record.accounts}
-    made = () if record is None else record.made
+    accounts = {} if facts is None else {one.vehicle: one for one in facts.accounts}
+    made = () if facts is None else facts.made
     served_before = {stop: v for v, one in accounts.items() for stop in one.baseline_stops}
     served = {stop: v for v, one in accounts.items() for stop in one.stops}
     for vehicle in dict.fromkeys([*accounts, *plan_of]):
         account, plan = accounts.get(vehicle), plan_of.get(vehicle)
         lines: list[str] = []
+        platoons = () if plan is None else tuple(_platoon_lines(plan, plans))
         if account is not None:
             lines += _stop_lines(account, served, served_before)
             lines += _figure_lines(account)
@@ -53,14 +55,14 @@ def explained_vehicles(
             lines.append(f"serves {', '.join(stops) or 'no stop'}, {in_kwh(plan.energy_kwh)}")
         if plan is not None:
             lines += _break_lines(plan)
-            lines += _platoon_lines(plan, plans)
+            lines += platoons
         elif account is not None and account.driven_kwh > 0:
             lines.append(
                 "its new plan was not sent, as it reported something else meanwhile"
                 if vehicle in made
                 else "its plan says what the one says that it has, so none was sent"
             )
-        yield VehicleExplanation(vehicle, tuple(lines), account)
+        yield VehicleExplanation(vehicle, tuple(lines), account, platoons)
 
 
 def _stop_lines(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from dispatcher_daemon.planning import RefusedPlatoon
+from slipstream.explain.facts import RefusedPlatoon
 
 
 def refusal_line(one: RefusedPlatoon) -> str:

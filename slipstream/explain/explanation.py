@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from dispatcher_daemon.explain.vehicles import VehicleExplanation, explained_vehicles
-from dispatcher_daemon.explain.words import duration, in_kwh, more_or_less, refusal_line
-from dispatcher_daemon.planning import RefusedPlatoon
-from dispatcher_daemon.replay import cycle_record
-from slipstream.messages import CycleReport, SolverReport
-from storage import StoredCycle
+from slipstream.explain.facts import RefusedPlatoon, facts_of
+from slipstream.explain.vehicles import VehicleExplanation, explained_vehicles
+from slipstream.explain.words import duration, in_kwh, more_or_less, refusal_line
+from slipstream.messages import CycleReport, SolverReport, VehiclePlan
 
 
 @dataclass(frozen=True)
@@ -57,16 +55,22 @@ class Explanation:
         return Explanation(*known, own, refused, self.unserved, self.notes)
 
 
-def explanation(stored: StoredCycle) -> Explanation:
+def explanation(
+    report: CycleReport, plans: Sequence[VehiclePlan], record: bytes | None
+) -> Explanation:
     """A stored cycle in words.
+
+    Args:
+        report: of it.
+        plans: that it sent.
+        record: see `facts_of`; None: it is not stored, or not any more.
 
     Raises:
         ValueError: what was stored of it cannot be read by this version.
     """
-    report = stored.report
-    record = None if stored.inputs is None else cycle_record(stored.inputs)
+    facts = None if record is None else facts_of(record)
     notes = []
-    if record is None and report.status != "failed" and report.solver is not None:
+    if facts is None and report.status != "failed" and report.solver is not None:
         notes.append(
             "figures of vehicles and refused platoons are not stored of this cycle, or not any more"
         )
@@ -76,10 +80,10 @@ def explanation(stored: StoredCycle) -> Explanation:
         report.status,
         tuple(_summary(report)),
         tuple(_solver_line(solver, report.solver) for solver in report.solvers),
-        tuple(explained_vehicles(stored.plans, record)),
+        tuple(explained_vehicles(plans, facts)),
         ()
-        if record is None
-        else tuple(RefusedExplanation(refusal_line(one), one) for one in record.refused),
+        if facts is None
+        else tuple(RefusedExplanation(refusal_line(one), one) for one in facts.refused),
         tuple(f"{stop.stop}: {stop.reason}" for stop in report.unserved),
         tuple(notes),
     )

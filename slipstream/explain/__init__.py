@@ -1,0 +1,27 @@
+"""A stored cycle in words, for people and with the figures for programs."""
+
+from __future__ import annotations
+
+from slipstream.explain.explanation import Explanation, as_text, explanation
+from slipstream.explain.facts import (
+    CycleFacts,
+    RefusalReason,
+    RefusedPlatoon,
+    VehicleAccount,
+    facts_data,
+    facts_of,
+)
+from slipstream.explain.words import refusal_line
+
+__all__ = [
+    "CycleFacts",
+    "Explanation",
+    "RefusalReason",
+    "RefusedPlatoon",
+    "VehicleAccount",
+    "as_text",
+    "explanation",
+    "facts_data",
+    "facts_of",
+    "refusal_line",
+]
