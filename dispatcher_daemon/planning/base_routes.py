@@ -14,6 +14,7 @@ from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 from typing import Final
 
+from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.planning.parts import (
     Part,
     by_carrier,
@@ -52,6 +53,8 @@ _MIN_PART_S: Final = 3.0
 """Where time is short, fewer rounds: in less a search hardly gets beyond its start."""
 _FIRST_SHARE: Final = 1 / 8
 """Of the time, for each attempt at first routes."""
+_FULL_SHARE: Final = 0.99
+"""Of the vehicles' capacity: where stops ask for more, one unit too many is worth a detour."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +102,7 @@ def base_routes(
     routes: StopsByVehicle = {v.id: () for v in problem.fleet.vehicles}
     if not stops or not has_vehicle:
         return BaseRoutes(routes, tuple(stops), False)
-    search = _Search(problem, travel, settings, executor, clock)
+    search = _Search(problem, travel, stops, settings, executor, clock)
     groups, anybodys = by_carrier(problem.fleet, stops)
     carriers, timed_out = groups, False
     if anybodys:
@@ -149,12 +152,14 @@ class _Search:
         self,
         problem: RoutingProblem,
         travel: Ways,
+        stops: Sequence[str],
         settings: SearchSettings,
         executor: Executor,
         clock: Callable[[], float],
     ) -> None:
         self._problem, self._travel = problem, travel
         self._settings, self._executor = settings, executor
+        self._penalties = low_penalties(settings, full=_are_full(problem.fleet, stops))
         self.ends = clock() + settings.time_limit_s
 
     def first(
@@ -197,7 +202,7 @@ class _Search:
         if not model.demand_exceeds_capacity():
             data = model.data(required=True)
             # Rounds improve more from routes that low penalties found.
-            penalties = low_penalties(self._settings), HIGH_PENALTIES
+            penalties = self._penalties, HIGH_PENALTIES
             attempts += [Attempt(data, penalty, most, first=True) for penalty in penalties]
         attempts.append(Attempt(model.data(required=False), HIGH_PENALTIES, most, first=True))
         return Job(attempts, None if start is None else model.visits(start), limit_s, seed)
@@ -228,7 +233,7 @@ class _Search:
             required = unassigned.isdisjoint(part.stops)
             attempt = Attempt(
                 model.data(required),
-                low_penalties(self._settings) if required else HIGH_PENALTIES,
+                self._penalties if required else HIGH_PENALTIES,
                 most * max(1, len(part.stops)),
             )
             seeds = self._settings.workers // len(parts) if attempt.is_long else 1
@@ -269,6 +274,15 @@ class _Search:
         for model, found in best.items():
             routes |= model.read(found.visits)
         return routes, timed_out
+
+
+def _are_full(fleet: Fleet, stops: Sequence[str]) -> bool:
+    """Whether the stops fill all vehicles that may serve them."""
+    asked = set(stops)
+    rooms = [v.capacity for v in fleet.vehicles if v.first_stop is None or v.first_stop in asked]
+    limits = [room for room in rooms if room is not None]
+    demand = sum(fleet.stop_by_id[stop].demand for stop in stops)
+    return len(limits) == len(rooms) and demand > _FULL_SHARE * sum(limits)
 
 
 def _known(

@@ -26,6 +26,8 @@ from slipstream.vehicle_types import RoutingProfile
 
 _TYPICAL_KWH: Final = 0.4
 """What a median way costs in the search: penalties are those of a city's fleet."""
+_FEWEST_STOPS: Final = 75
+"""Fewer stops are searched for as many iterations as these: no cycle waits for the answer."""
 _TOLERANCE_S: Final = 1e-6
 
 
@@ -78,6 +80,9 @@ def search_matrix_instance(
 ) -> MatrixPlan:
     """Search routes, and check them; same seed, same routes, unless time ends the search."""
     began = time.monotonic()
+    longer = math.ceil(_FEWEST_STOPS / max(1, len(instance.fleet.stops)))
+    each = settings.iterations_per_stop * longer
+    settings = settings.model_copy(update={"iterations_per_stop": each})
     problem = RoutingProblem(instance.network, instance.fleet)
     stops = [stop.id for stop in instance.fleet.stops]
     found = base_routes(problem, _MatrixWays(instance), stops, settings, executor, seed)

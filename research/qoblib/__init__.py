@@ -1,0 +1,1 @@
+"""The referee of quantum routing: solvers and controls on QOBLIB's vehicle routing class."""
