@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from slipstream.errors import InputError
+from slipstream_cli.laboratory import bench_device
 
 _SHORT: Final = {
     "instances": 2,
@@ -26,8 +27,8 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     """Add the sub-command."""
     command = commands.add_parser(
         "bench",
-        help="measure what the paper reports",
-        description="Measures a table of the paper anew, each row beside the paper's figure.",
+        help="measure what the paper reports, or a quantum device",
+        description="Measures a table of the paper anew, or what a quantum device is good for.",
     )
     kinds = command.add_subparsers(dest="kind", required=True, metavar="KIND")
     quantum = kinds.add_parser(
@@ -75,6 +76,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     )
     quantum.add_argument("--json", action="store_true", help="print the report as JSON")
     quantum.set_defaults(run=run)
+    bench_device.add_to(kinds)
 
 
 def run(options: argparse.Namespace) -> int:
