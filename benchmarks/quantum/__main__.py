@@ -37,6 +37,7 @@ def _module(name: str, *short: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     return command, (*command, *short)
 
 
+_DEVICE: Final = ("-m", "slipstream_cli", "bench", "device")
 _TABLES: Final = ("-m", "slipstream_cli", "bench", "quantum")
 
 PARTS: Final = {
@@ -49,6 +50,9 @@ PARTS: Final = {
         "Training without a device", *_module("training", "--instances", "2", "--large", "50")
     ),
     "variants": Part("Variants of LC-QAOA", *_module("variants", "--short")),
+    "gates": Part("What entangling gates add", *_module("gates", "--short")),
+    "warm_starts": Part("Warm starts", *_module("warm_starts", "--short")),
+    "device": Part("The linear-ramp test", _DEVICE, (*_DEVICE, "--short")),
     "tables": Part("The paper's tables", _TABLES, (*_TABLES, "--short")),
     "large": Part(
         "Beyond 25 qubits", *_module("large", "--sizes", "50", "--shots", "100", "--no-sweeps")

@@ -51,6 +51,12 @@ class Case:
     valid: npt.NDArray[np.int8]
     best: npt.NDArray[np.bool_]
 
+    @property
+    def optimum_kwh(self) -> float:
+        """The least objective."""
+        first = self.valid[self.best][0]
+        return self.model.problem.objective_kwh(np.flatnonzero(first).tolist())
+
 
 @dataclass(frozen=True)
 class Score:
@@ -70,9 +76,9 @@ def arc_cases(count: int) -> list[Case]:
     return [case_of(name, arc_form_of(open_instance(name)).problem) for name in names]
 
 
-def route_cases(count: int) -> list[Case]:
-    """Blocks of 25 route options with savings among them, of generated cities."""
-    problems = ((seed, city_part(seed, _CITY, 25).problem) for seed in itertools.count(1))
+def route_cases(count: int, options: int = 25) -> list[Case]:
+    """Blocks of so many route options with savings among them, of generated cities."""
+    problems = ((seed, city_part(seed, _CITY, options).problem) for seed in itertools.count(1))
     tied = ((seed, problem) for seed, problem in problems if problem.savings)
     return [case_of(f"city {seed}", problem) for seed, problem in itertools.islice(tied, count)]
 

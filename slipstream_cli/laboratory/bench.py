@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from slipstream.errors import InputError
-from slipstream_cli.laboratory import bench_qoblib
+from slipstream_cli.laboratory import bench_device, bench_qoblib
 
 _SHORT: Final = {
     "instances": 2,
@@ -27,9 +27,9 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     """Add the sub-command."""
     command = commands.add_parser(
         "bench",
-        help="measure what the paper reports, and solvers on QOBLIB's routing class",
-        description="Measures a table of the paper anew, each row beside the paper's figure; or "
-        "solvers and controls on a published class.",
+        help="measure what the paper reports, QOBLIB's routing class, or a quantum device",
+        description="Measures a table of the paper anew, each row beside the paper's figure; solvers "
+        "and controls on a published class; or what a quantum device is good for.",
     )
     kinds = command.add_subparsers(dest="kind", required=True, metavar="KIND")
     quantum = kinds.add_parser(
@@ -78,6 +78,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     quantum.add_argument("--json", action="store_true", help="print the report as JSON")
     quantum.set_defaults(run=run)
     bench_qoblib.add_to(kinds)
+    bench_device.add_to(kinds)
 
 
 def run(options: argparse.Namespace) -> int:
