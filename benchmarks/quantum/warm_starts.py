@@ -34,8 +34,8 @@ from dispatcher_daemon.solvers.distribution import BitDistribution, uniform_bits
 from dispatcher_daemon.solvers.qaoa import ramp_of
 from dispatcher_daemon.solvers.quantum.ising import to_ising
 from dispatcher_daemon.solvers.quantum.statevector.diagonal import Diagonal, cost_diagonal
-from dispatcher_daemon.solvers.quantum.statevector.exact_state import ExactState
-from dispatcher_daemon.solvers.quantum.statevector.training import Objective, Schedule, train
+from dispatcher_daemon.solvers.quantum.statevector.exact_state import ExactState, Schedule
+from dispatcher_daemon.solvers.quantum.statevector.training import Objective, train
 from dispatcher_daemon.solvers.sampling import Bits, stages
 from research.quantum.store import Record, Store
 

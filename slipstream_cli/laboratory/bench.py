@@ -28,8 +28,8 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     command = commands.add_parser(
         "bench",
         help="measure what the paper reports, QOBLIB's routing class, or a quantum device",
-        description="Measures a table of the paper anew, each row beside the paper's figure; solvers "
-        "and controls on a published class; or what a quantum device is good for.",
+        description="Measures a table of the paper anew, each row beside the paper's figure; "
+        "solvers and controls on a published class; or what a quantum device is good for.",
     )
     kinds = command.add_subparsers(dest="kind", required=True, metavar="KIND")
     quantum = kinds.add_parser(
