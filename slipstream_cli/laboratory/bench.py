@@ -27,7 +27,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     """Add the sub-command."""
     command = commands.add_parser(
         "bench",
-        help="measure what the paper reports, and solvers on QOBLIB's routing class",
+        help="measure what the paper reports",
         description="Measures a table of the paper anew, each row beside the paper's figure; or "
         "solvers and controls on a published class.",
     )
