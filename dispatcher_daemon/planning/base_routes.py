@@ -14,9 +14,9 @@ from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 from typing import Final
 
-from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.planning.parts import (
     Part,
+    are_full,
     by_carrier,
     parts_of_routes,
     parts_of_stops,
@@ -53,8 +53,6 @@ _MIN_PART_S: Final = 3.0
 """Where time is short, fewer rounds: in less a search hardly gets beyond its start."""
 _FIRST_SHARE: Final = 1 / 8
 """Of the time, for each attempt at first routes."""
-_FULL_SHARE: Final = 0.99
-"""Of the vehicles' capacity: where stops ask for more, one unit too many is worth a detour."""
 
 
 @dataclass(frozen=True)
@@ -159,7 +157,7 @@ class _Search:
     ) -> None:
         self._problem, self._travel = problem, travel
         self._settings, self._executor = settings, executor
-        self._penalties = low_penalties(settings, full=_are_full(problem.fleet, stops))
+        self._penalties = low_penalties(settings, full=are_full(problem.fleet, stops))
         self.ends = clock() + settings.time_limit_s
 
     def first(
@@ -274,15 +272,6 @@ class _Search:
         for model, found in best.items():
             routes |= model.read(found.visits)
         return routes, timed_out
-
-
-def _are_full(fleet: Fleet, stops: Sequence[str]) -> bool:
-    """Whether the stops fill all vehicles that may serve them."""
-    asked = set(stops)
-    rooms = [v.capacity for v in fleet.vehicles if v.first_stop is None or v.first_stop in asked]
-    limits = [room for room in rooms if room is not None]
-    demand = sum(fleet.stop_by_id[stop].demand for stop in stops)
-    return len(limits) == len(rooms) and demand > _FULL_SHARE * sum(limits)
 
 
 def _known(

@@ -89,7 +89,7 @@ def run(
     Args:
         data: the library's folder, that of its class, or one with the instances.
         out: folder of the results.
-        progress: called with the number of finished runs and the total.
+        progress: called with the number of runs that were made, and of those that were missing.
         stored: nothing is run.
 
     Raises:
@@ -106,19 +106,22 @@ def run(
     stamp = settings.model_dump(mode="json", exclude={"instances", "seeds"})
     todo = [(c, seed, s) for seed in range(settings.seeds) for c in cases for s in SOLVERS]
     with Store(out / "results.jsonl", {"version": _VERSION, **stamp}, read_only=stored) as store:
-        missing = any(store.get(_row(s, seed), c.name) is None for c, seed, s in todo)
+        missing = sum(store.get(_row(s, seed), c.name) is None for c, seed, s in todo)
         executor = WorkerExecutor(1) if missing and not stored else None
+        done = 0
         try:
-            for done, (case, seed, solver) in enumerate(todo):
-                progress(done, len(todo))
+            for case, seed, solver in todo:
                 record = store.get(_row(solver, seed), case.name)
                 if record is None and executor is not None:
+                    progress(done, missing)
                     task = Task(solver, case.path, seed, circuit, settings.limit)
                     record = _record(task, case, store, executor)
                     record = store.put(_row(solver, seed), case.name, record)
+                    done += 1
                 if record is not None:
                     case.runs[solver].append(record)
-            progress(len(todo), len(todo))
+            if executor is not None:
+                progress(done, missing)
         finally:
             if executor is not None:
                 executor.shutdown()
