@@ -51,6 +51,8 @@ ALPHA: Final = 0.1
 """Share of the lowest energies whose mean is trained: samples count, not the mean."""
 _NOISE_RAD: Final = 0.05
 """Of the angles that training starts from, so that seeds differ."""
+_SEEDS: Final = 1000
+"""An instance's seed is this times the run's and its number."""
 _BATCH: Final = 64
 _BATCHES: Final = 8
 _LIMIT_S: Final = 5.0
@@ -211,10 +213,10 @@ def measure(
     """All runs, those that the store lacks first, seed by seed."""
     for seed in range(1, seeds + 1):
         for arm, p in rows_of(layers):
-            for case in cases:
+            for number, case in enumerate(cases, start=1):
                 row = f"{arm}/{p}/{seed}"
                 if store.get(row, case.name) is None:
-                    store.put(row, case.name, run_one(case, arm, p, seed))
+                    store.put(row, case.name, run_one(case, arm, p, _SEEDS * seed + number))
     return [
         (
             arm,

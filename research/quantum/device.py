@@ -44,7 +44,7 @@ class DeviceTestSettings(Settings):
         default=(5, 10, 15, 20), min_length=1, description="Qubits."
     )
     layers: tuple[Annotated[int, Field(ge=1, le=10_000)], ...] = Field(
-        default=(1, 2, 5, 10, 25), min_length=1, description="Depths p."
+        default=(1, 2, 5, 10), min_length=1, description="Depths p."
     )
     shots: int = Field(default=512, ge=16, le=100_000, description="Of each circuit.")
     seed: int = Field(default=1, ge=0, lt=2**32, description="Of weights and simulated noise.")

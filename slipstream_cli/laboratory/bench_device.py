@@ -38,7 +38,7 @@ def add_to(kinds: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         "--widths", type=int, nargs="+", metavar="N", help="qubits (default: 5 10 15 20)"
     )
     command.add_argument(
-        "--layers", type=int, nargs="+", metavar="P", help="depths (default: 1 2 5 10 25)"
+        "--layers", type=int, nargs="+", metavar="P", help="depths (default: 1 2 5 10)"
     )
     command.add_argument("--shots", type=int, metavar="N", help="of each circuit (default: 512)")
     command.add_argument("--seed", type=int, metavar="N", help="of weights and noise (default: 1)")

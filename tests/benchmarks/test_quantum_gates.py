@@ -84,7 +84,7 @@ def test_an_interrupted_run_goes_on(
         limit = 6
         gates.measure(store, ["one-hot"], 1, 2, lambda _: None)
         runs = gates.stored(store, "one-hot", 1, 2)
-    assert made == [(arm, seed) for seed in (1, 2) for arm in gates.ARMS["one-hot"]]
+    assert made == [(arm, seed) for seed in (1001, 2001) for arm in gates.ARMS["one-hot"]]
     lines = list(tables({"one-hot": runs}))
     assert any(
         "| one-hot | random starts, descended | 2 | 2 | 100.0 % (15.8-100.0)" in x for x in lines
