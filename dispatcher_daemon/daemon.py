@@ -223,7 +223,10 @@ def run_dispatcher(settings: DispatcherSettings, *, standby: bool = False) -> No
             job_manager,
             slots,
         )
-        bus.subscribe(ALL_RSU_HEALTH, watched.roadside.on_health, history=False)
+        dispatcher.receiver.health_to.append(watched.roadside.on_health)
+        if api is not None:
+            dispatcher.receiver.health_to.append(dispatcher.feeds.on_health)
+        bus.subscribe(ALL_RSU_HEALTH, dispatcher.receiver.on_health, history=False)
         bus.subscribe(ALL_STOPPED, watched.roadside.on_stopped, history=False)
         inserter = stack.enter_context(Gathering("insertion", dispatcher.insert))
         reader = stack.enter_context(open_reader(settings.database_url))
@@ -237,7 +240,6 @@ def run_dispatcher(settings: DispatcherSettings, *, standby: bool = False) -> No
         )
         OrderAnswers(orders).listen(bus)
         if api is not None:
-            bus.subscribe(ALL_RSU_HEALTH, dispatcher.feeds.on_health, history=False)
             services = _services(
                 settings, network, dispatcher, scheduler, bus, reader, orders, watched, api
             )

@@ -11,7 +11,7 @@ from dispatcher_daemon.alarms.conditions import Condition
 from dispatcher_daemon.reception import MAX_RSUS, Reception
 from slipstream.admission import refusal
 from slipstream.errors import InputError
-from slipstream.messages import RsuHealth, StoppedVehicles, decode, rsu_health_key, stopped_key
+from slipstream.messages import RsuHealth, StoppedVehicles, decode, stopped_key
 from slipstream.orders import utc
 from slipstream.roads import RoadNetwork
 
@@ -82,15 +82,8 @@ class RoadsideWatch:
         self._stopped: OrderedDict[tuple[str, str], tuple[int, StoppedVehicles]] = OrderedDict()
         self._rates = MissedRates()
 
-    def on_health(self, key: str, payload: bytes) -> None:
-        """Take in one message from `slipstream.messages.ALL_RSU_HEALTH`."""
-        try:
-            health = decode(RsuHealth, payload, key)
-            if rsu_health_key(health.rsu) != key:
-                raise InputError(key, "not the RSU of its key", "check the sender")
-        except InputError as error:
-            self._refuse(error)
-            return
+    def on_health(self, health: RsuHealth) -> None:
+        """Take in what an RSU says of itself."""
         if self._rsus is not None and health.rsu not in self._rsus:
             return
         with self._lock:

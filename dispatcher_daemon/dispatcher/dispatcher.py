@@ -95,7 +95,7 @@ class Dispatcher:
         self.cycle_began: float | None = None
         self.control = Control(store)
         self.receiver = StateReceiver(network, settings, announce)
-        self.feeds = Feeds(network, settings, self.receiver.latest.latest, self.receiver.refuse)
+        self.feeds = Feeds(network, settings, self.receiver.latest.latest)
         self.fleet_watch = FleetWatch(
             network,
             records or FleetRecords(),

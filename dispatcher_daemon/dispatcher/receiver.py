@@ -1,10 +1,10 @@
-"""Segment states from the bus: checked, counted, kept for cycles and for the roll-ups."""
+"""What RSUs send: states, checked, counted, kept for cycles and roll-ups; and their health."""
 
 from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from dispatcher_daemon import metrics
@@ -15,7 +15,7 @@ from dispatcher_daemon.traffic import TrafficSnapshot, take_snapshot
 from slipstream.admission import implausibility
 from slipstream.errors import InputError
 from slipstream.freshness import age_s
-from slipstream.messages import SegmentState, decode, state_key
+from slipstream.messages import RsuHealth, SegmentState, decode, rsu_health_key, state_key
 from slipstream.roads import RoadNetwork
 from slipstream.service import LogLimiter
 from slipstream.tracing import is_on, note, sparse_span, traced
@@ -48,6 +48,7 @@ class StateReceiver:
         received: states read.
         refused: states read and not admitted.
         bad_messages: messages that were not what their key promises.
+        health_to: told of each RSU's health.
     """
 
     def __init__(
@@ -67,6 +68,7 @@ class StateReceiver:
         self.received = 0
         self.refused = 0
         self.bad_messages = 0
+        self.health_to: list[Callable[[RsuHealth], None]] = []
 
     def on_state(self, key: str, payload: bytes) -> None:
         """Take in one message from `ALL_STATES`; what is not a SegmentState is counted."""
@@ -92,6 +94,18 @@ class StateReceiver:
             if verdict is Verdict.IMPLAUSIBLE:
                 what += f", {implausibility(state, self._network.segments[state.segment])}"
             self._limiter.warn(log, verdict.value, f"{key}: state refused: {what}")
+
+    def on_health(self, key: str, payload: bytes) -> None:
+        """Take in one message from `ALL_RSU_HEALTH`, and tell who wants to know of it."""
+        try:
+            health = decode(RsuHealth, payload, key)
+            if rsu_health_key(health.rsu) != key:
+                raise InputError(key, "not the RSU of its key", "check the sender")
+        except InputError as error:
+            self.refuse(error)
+            return
+        for tell in self.health_to:
+            tell(health)
 
     def refuse(self, error: InputError) -> None:
         """Count a message that is not what its key promises."""

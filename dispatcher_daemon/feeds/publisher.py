@@ -16,8 +16,7 @@ from dispatcher_daemon.feeds.measurements import Measurement, measurements
 from dispatcher_daemon.feeds.sites import Pair, Site, find_sites, watched_pairs
 from dispatcher_daemon.feeds.wzdx import device_feed
 from dispatcher_daemon.settings import DispatcherSettings
-from slipstream.errors import InputError
-from slipstream.messages import RsuHealth, SegmentState, decode, rsu_health_key
+from slipstream.messages import RsuHealth, SegmentState
 from slipstream.roads import RoadNetwork
 
 MIN_INTERVAL_S: Final = 1.0
@@ -69,7 +68,6 @@ class Feeds:
         network: the roads.
         settings: of the dispatcher.
         states: gives the latest admitted states.
-        refuse: takes what is no health.
         now_ns: the clock, UTC.
     """
 
@@ -78,13 +76,11 @@ class Feeds:
         network: RoadNetwork,
         settings: DispatcherSettings,
         states: Callable[[], tuple[SegmentState, ...]],
-        refuse: Callable[[InputError], None],
         now_ns: Callable[[], int] = time.time_ns,
     ) -> None:
         self._network = network
         self._settings = settings
         self._states = states
-        self._refuse = refuse
         self._now_ns = now_ns
         # When each was heard last, and its health; the one heard last at the end.
         self._healths: dict[str, tuple[int, RsuHealth]] = {}
@@ -95,15 +91,8 @@ class Feeds:
         # Documents are made one at a time: a city's takes a second of a core.
         self._lock = threading.Lock()
 
-    def on_health(self, key: str, payload: bytes) -> None:
-        """Take in one message from `slipstream.messages.ALL_RSU_HEALTH`."""
-        try:
-            health = decode(RsuHealth, payload, key)
-            if rsu_health_key(health.rsu) != key:
-                raise InputError(key, "not the RSU of its key", "check the sender")
-        except InputError as error:
-            self._refuse(error)
-            return
+    def on_health(self, health: RsuHealth) -> None:
+        """Take in what an RSU says of itself."""
         listed = self._settings.rsus
         if listed is not None and health.rsu not in listed:
             return

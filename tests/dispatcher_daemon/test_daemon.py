@@ -35,13 +35,16 @@ from slipstream.messages import (
     CycleReport,
     DispatcherHealth,
     Message,
+    RsuHealth,
     SegmentState,
     VehiclePlan,
     decode,
+    rsu_health_key,
     state_key,
 )
 from slipstream.orders import FleetRecords
 from storage import CycleInputs, Event, RollUp, Room, StorageError, open_reader
+from tests.dispatcher_daemon.feeds.states import health as rsu_health
 
 State = Callable[..., SegmentState]
 SETTINGS = DispatcherSettings(solvers=("exact",))
@@ -296,6 +299,19 @@ def test_bad_messages_are_counted_and_logged_once(
     assert "not a SegmentState" in lines[0]
     dispatcher.receiver.on_state(key, good.to_bytes())
     assert dispatcher.receiver.received == 1
+
+
+def test_an_rsus_health_is_read_once_for_all(demo: RoutingProblem) -> None:
+    """What is none, or another RSU's, is counted once and told to nobody."""
+    receiver = make(demo, Log()).receiver
+    told: list[RsuHealth] = []
+    receiver.health_to += [told.append, told.append]
+    key = rsu_health_key("rsu-1")
+    receiver.on_health(key, b"{}")
+    receiver.on_health(key, rsu_health("rsu-2").to_bytes())
+    assert (receiver.bad_messages, told) == (2, [])
+    receiver.on_health(key, rsu_health("rsu-1").to_bytes())
+    assert [message.rsu for message in told] == ["rsu-1", "rsu-1"]
 
 
 def test_health_and_watchdog_follow_the_cycles(demo: RoutingProblem, state: State) -> None:

@@ -21,6 +21,7 @@ import tomli_w
 from prometheus_client.parser import text_string_to_metric_families
 
 from benchmarks.service.grid import write_grid
+from benchmarks.service.senders import a_state
 from slipstream.bus import Bus, free_port
 from slipstream.config import BusSettings
 from slipstream.inbox import OUTCOMES
@@ -30,36 +31,14 @@ from slipstream.messages import (
     DISPATCHER_HEALTH_KEY,
     CycleReport,
     DispatcherHealth,
-    Estimate,
-    KinematicFeatures,
     Message,
-    SegmentState,
     decode,
     state_key,
 )
 
 DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
 INTERVAL_S = 4.0
-STATE = SegmentState(
-    rsu="r",
-    segment="s",
-    sequence=1,
-    time_ns=1,
-    window_s=10.0,
-    features=KinematicFeatures(
-        mean_speed_mps=Estimate(value=13.512345678, standard_error=0.123456789),
-        mean_acceleration_mps2=Estimate(value=0.012345678, standard_error=0.012345678),
-        density_veh_per_m=Estimate(value=0.0212345678, standard_error=0.0012345678),
-        speed_std_mps=Estimate(value=0.412345678, standard_error=0.0812345678),
-        acceleration_variance_m2ps4=Estimate(value=0.0512345678, standard_error=0.0112345678),
-        mean_gap_m=Estimate(value=22.123456789, standard_error=3.123456789),
-    ),
-    y_e=1,
-    reason=None,
-    vehicles=8,
-    frames=300,
-    coverage=1.0,
-)
+STATE = a_state("r", "s", sequence=1, time_ns=1)
 FLEET = {
     "depots": [{"id": "yard", "node": "0.0"}],
     "vehicles": [{"id": "van-a", "depot": "yard"}],

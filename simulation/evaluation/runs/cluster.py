@@ -106,7 +106,7 @@ class ArmsOnCluster:
                 progress(order.begin_s, order.end_s)
                 continue
             except CallFailed as error:
-                mend = "install the same sources with the extra 'sim' there"
+                mend = "look at its log; it needs the same sources and the extra 'sim'"
                 raise InputError("a worker of the cluster", str(error), mend) from None
             if isinstance(answer, InputError):
                 raise answer

@@ -21,7 +21,6 @@ from slipstream.messages import (
     RsuHealth,
     StoppedVehicle,
     StoppedVehicles,
-    rsu_health_key,
     stopped_key,
 )
 
@@ -60,7 +59,7 @@ class Roadside:
         }
         counts = ("frames", "frames_skipped", "decode_errors", "reconnects", "states")
         health = RsuHealth(**{**values, **dict.fromkeys(counts, 0), **changes})
-        self.watch.on_health(rsu_health_key(rsu), health.to_bytes())
+        self.watch.on_health(health)
 
     def see(self, *stopped_s: float, segment: str = "avenue_east", y_e: int | None = 1) -> None:
         """Vehicles stand since some seconds ago."""
@@ -203,10 +202,9 @@ def test_vehicles_that_stand(roadside: Roadside) -> None:
 def test_what_is_no_message_is_refused(roadside: Roadside) -> None:
     """A wrong key, an unknown road, garbage: each counted, none kept."""
     watch = roadside.watch
-    watch.on_health(rsu_health_key("a"), b"{}")
     watch.on_stopped(stopped_key("a", "avenue_east"), b"{}")
     roadside.see(9.0, segment="nowhere")
-    assert len(roadside.refused) == 3
+    assert len(roadside.refused) == 2
     roadside.now_s = 1e6
     assert roadside.kinds() == []
 

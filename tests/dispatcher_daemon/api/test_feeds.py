@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gzip
-import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -14,8 +13,7 @@ from dispatcher_daemon.feeds import EXTENSION_SCHEMA
 from dispatcher_daemon.feeds.publisher import MAX_RSUS_PER_SEGMENT, Feeds
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
-from slipstream.errors import InputError
-from slipstream.messages import SegmentState, rsu_health_key
+from slipstream.messages import SegmentState
 from tests.dispatcher_daemon.api.conftest import Api
 from tests.dispatcher_daemon.feeds.conftest import TROY
 from tests.dispatcher_daemon.feeds.states import NOW_NS, features, health, state
@@ -29,13 +27,12 @@ class World:
 
     feeds: Feeds
     states: list[SegmentState]
-    refused: list[InputError]
     now_ns: int = NOW_NS
 
     def tell(self, rsu: str, **changed: object) -> None:
         """An RSU's health arrives."""
         message = health(rsu, **changed)  # type: ignore[arg-type]
-        self.feeds.on_health(rsu_health_key(rsu), message.to_bytes())
+        self.feeds.on_health(message)
 
 
 @pytest.fixture
@@ -43,12 +40,10 @@ def world(demo: RoutingProblem) -> World:
     """Of two listed RSUs."""
     settings = DispatcherSettings(rsus={"rsu-1": ("avenue_east",), "rsu-2": ("avenue_west",)})
     states: list[SegmentState] = [state(measured=features())]
-    refused: list[InputError] = []
     roads = replace(demo.network, projection=TROY)
     made = World(
-        Feeds(roads, settings, lambda: tuple(states), refused.append, lambda: made.now_ns),
+        Feeds(roads, settings, lambda: tuple(states), lambda: made.now_ns),
         states,
-        refused,
     )
     return made
 
@@ -107,7 +102,7 @@ def test_the_table_stays_until_the_sites_change(demo: RoutingProblem) -> None:
     told: list[SegmentState] = [state(measured=features())]
     now_ns = [NOW_NS]
     roads = replace(demo.network, projection=TROY)
-    feeds = Feeds(roads, DispatcherSettings(), lambda: tuple(told), pytest.fail, lambda: now_ns[0])
+    feeds = Feeds(roads, DispatcherSettings(), lambda: tuple(told), lambda: now_ns[0])
     first = feeds.sites()
     now_ns[0] += 3600 * 10**9
     assert feeds.sites() is first
@@ -125,7 +120,7 @@ def test_a_document_of_states_is_not_made_at_every_request(world: World) -> None
 def test_a_network_without_latitude_has_no_feed(serve: Callable[..., Api]) -> None:
     """The caller is told what its operator has to do."""
     api = serve()
-    api.dispatcher.feeds.on_health(rsu_health_key("rsu-1"), health().to_bytes())
+    api.dispatcher.feeds.on_health(health())
     for path in (SITES, DATA, DEVICES):
         answer = api.get(path)
         assert answer.status == 404
@@ -133,25 +128,14 @@ def test_a_network_without_latitude_has_no_feed(serve: Callable[..., Api]) -> No
         assert "netconvert" in answer.json["mend"]
 
 
-def test_a_health_that_is_none_is_refused(world: World) -> None:
-    """So is another RSU's; neither changes a status."""
-    key = rsu_health_key("rsu-1")
-    world.feeds.on_health(key, b"{}")
-    world.feeds.on_health(key, health("rsu-2", fault="dark").to_bytes())
-    assert len(world.refused) == 2
-    devices = json.loads(world.feeds.devices().body)["features"]
-    told = {d["properties"]["core_details"]["device_status"] for d in devices}
-    assert told == {"ok", "unknown"}
-
-
 def test_unlisted_rsus_are_bounded_and_forgotten(demo: RoutingProblem) -> None:
     """So many a segment, and none that has long been silent."""
     now_ns = [NOW_NS]
     roads = replace(demo.network, projection=TROY)
-    feeds = Feeds(roads, DispatcherSettings(), lambda: (), pytest.fail, lambda: now_ns[0])
+    feeds = Feeds(roads, DispatcherSettings(), lambda: (), lambda: now_ns[0])
 
     def tell(rsu: str) -> None:
-        feeds.on_health(rsu_health_key(rsu), health(rsu).to_bytes())
+        feeds.on_health(health(rsu))
 
     for number in range(MAX_RSUS_PER_SEGMENT + 5):
         tell(f"rsu-{number}")

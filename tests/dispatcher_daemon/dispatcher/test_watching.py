@@ -10,7 +10,7 @@ import pytest
 from dispatcher_daemon.alarms import KINDS, AlarmKind
 from dispatcher_daemon.dispatcher import AlarmSource, Dispatcher
 from dispatcher_daemon.problem import RoutingProblem
-from slipstream.messages import Alarms, RsuHealth, rsu_health_key
+from slipstream.messages import Alarms, RsuHealth
 from tests.dispatcher_daemon.test_daemon import SETTINGS, Log, make
 
 
@@ -114,7 +114,7 @@ def test_rsus_are_heard(watched: Any, monkeypatch: pytest.MonkeyPatch) -> None:
         rss_mb=1.0,
         **dict.fromkeys(counts, 0),
     )
-    source.roadside.on_health(rsu_health_key("a"), health.to_bytes())
+    source.roadside.on_health(health)
     source.update()
     assert kinds(log) == []
     at_once = replace(KINDS["rsu_no_signal"], raise_after_s=0.0)
