@@ -56,8 +56,8 @@ class Snapshot:
         positions: latest VehiclePosition by vehicle.
         followed: the plan that each vehicle last reported to follow; it may be older than its
             latest one.
-        cycles: reports in ascending order of their numbers; only the last one has its solvers,
-            gates and unserved stops.
+        cycles: reports in ascending order of their numbers; only the last one has its solvers
+            and gates.
         dispatcher: latest DispatcherHealth.
         cycle_failed_ns: UTC of the last increase of its count of failed cycles.
         flag_since: UTC since when each state's flag is what it is, by segment and RSU.
@@ -346,10 +346,10 @@ def published_tolerance_s(dispatcher: DispatcherHealth | None) -> float:
 
 
 def _without_details(report: CycleReport) -> CycleReport:
-    """The report without solvers, gates and unserved stops."""
-    if not (report.solvers or report.gates or report.unserved):
+    """The report without solvers and gates."""
+    if not (report.solvers or report.gates):
         return report
-    return report.model_copy(update={"solvers": (), "gates": (), "unserved": ()})
+    return report.model_copy(update={"solvers": (), "gates": ()})
 
 
 def _check_key(key: str, expected: str) -> None:

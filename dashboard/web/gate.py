@@ -17,8 +17,9 @@ from slipstream.service import LogLimiter
 
 log = logging.getLogger(__name__)
 
-MAX_BODY_BYTES: Final = 256_000
-"""The ids of the largest table, that is exported as it is shown, fit into it."""
+MAX_BODY_BYTES: Final = 64_000
+MAX_EXPORT_BYTES: Final = 256_000
+"""Of a request for a table as it is shown: the ids of the largest one fit into it."""
 CSP: Final = (
     "default-src 'self'; img-src 'self' blob: data:; style-src 'self'; script-src 'self'; "
     "connect-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'self'"
@@ -92,4 +93,5 @@ class Gate:
             )
         if scope["method"] not in WITH_BODY:
             return receive
-        return await received(headers, receive, MAX_BODY_BYTES)
+        is_export = scope["path"].startswith("/api/export/")
+        return await received(headers, receive, MAX_EXPORT_BYTES if is_export else MAX_BODY_BYTES)

@@ -184,7 +184,8 @@ def test_only_the_last_cycle_is_kept_whole(live, world, now_ns):
         older, last = live.snapshot().cycles
         assert last == reports[1]
         assert (older.cycle, older.energy) == (1, reports[0].energy)
-        assert (older.solvers, older.gates, older.unserved) == ((), (), ())
+        assert (older.solvers, older.gates) == ((), ())
+        assert len(older.unserved) == 1
 
 
 @pytest.mark.parametrize(

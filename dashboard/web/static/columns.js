@@ -47,7 +47,7 @@ export function makeColumns(f, city) {
       text("platoon", "Platoon", 88, 4, {
         text: (row) => (row.platoon ? `${row.platoon}${row.place === null ? "" : ` · ${row.place + 1}`}` : "–"),
       }),
-      figure("saved_kwh", "Saved kWh", 76, 6, (kwh) => f.number(kwh, 2)),
+      figure("saved_kwh", "Saved kWh", 76, 6, (kwh) => f.number(kwh, 3)),
       figure("platoon_km", "In platoon", 76, 7, (km) => f.km(km)),
       text("source", "Place", 76, 8, { text: (row) => ({ reported: "reported", planned: "by plan" })[row.source] ?? "–" }),
       text("carrier", "Carrier", 90, 9),
@@ -63,11 +63,11 @@ export function makeColumns(f, city) {
       time("since", "Since", 3),
       code("gate", "Gate", 58, 4),
       figure("vehicles", "Vehicles", 62, 5, (n) => f.number(n)),
-      text("why", "Why", 150, 6),
+      text("why", "Why", 150, 4, { text: (row) => row.why ?? row.gate_why ?? "–" }),
       text("rsu", "RSU", 80, 7),
       figure("cv", "Variation", 68, 8, (cv) => f.number(cv, 2)),
       figure("stopped", "Stopped", 62, 9, (n) => f.number(n)),
-      { ...id("ID", 104), rank: 4 },
+      { ...id("ID", 104), rank: 7 },
     ],
     rsus: [
       level(),
@@ -137,12 +137,12 @@ function paintVehicle(cell, row) {
   cell.prepend(swatch(row.colour, row.source));
 }
 
-/** Trouble before names; the newest cycle first. Answers a figure that rows are ordered by before their names. */
+/** Trouble before names, what is over last; the newest cycle first. Answers a figure that rows are ordered by before their names. */
 export const TROUBLE = {
   vehicles: (row) => levelRank(row.level),
   roads: (row) => levelRank(row.level),
   rsus: (row) => levelRank(row.level),
-  orders: (row) => levelRank(row.level),
+  orders: (row) => (row.state === "served" || row.state === "cancelled" ? 10 : 0) + levelRank(row.level),
   cycles: (row) => -row.t,
   alarms: (row) => (row.ended ? 10 : row.acknowledged ? 5 : 0) + levelRank(severityLevel(row.severity)),
 };

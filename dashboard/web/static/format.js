@@ -96,7 +96,9 @@ export class Format {
   /** @param {number|null} value */
   number(value, digits = 0) {
     if (missing(value)) return MISSING;
-    return this._digits[digits].format(value).replace("-", "−");
+    const text = this._digits[digits].format(value);
+    // Less than half of the last digit below zero is nothing.
+    return /[1-9]/.test(text) ? text.replace("-", "−") : text.replace("-", "");
   }
 
   /** A number with as many digits as it is worth. @param {number|null} value */

@@ -429,7 +429,13 @@ def rsu_details(t: int) -> Row:
             "out_of_order": 1,
             "delay_s": 0.12,
         },
-        "calibration": "8 points, 0.21 m at 60 m",
+        "calibration": {
+            "file": "/etc/slipstream/rsu-5/camera.toml",
+            "written": t - 86_400_000,
+            "points": 8,
+            "residual_px": 0.74,
+            "speed_error": 0.021,
+        },
     }
 
 

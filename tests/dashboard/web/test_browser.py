@@ -162,7 +162,7 @@ CARDS = {
         ["mean speed", "crossed", "speed spread", "van-4", "van-9", "Watched by"],
         ".chart .threshold",
     ),
-    "#rsu/rsu-5": (["Frames/s", "0.21 m at 60 m", "decode error"], ".picture img"),
+    "#rsu/rsu-5": (["Frames/s", "speeds within ±2.1\u00a0%", "decode error"], ".picture img"),
     "#order/o-4": (["Window", "Cancel the order", "van-1", "under way", "42\u00a0kg"], ".small"),
     "#cycle/119": (["Solvers", "exact", "o-5", "time window", "drag"], ".split .drag"),
     "#alarm/a-1": (

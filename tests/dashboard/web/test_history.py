@@ -292,7 +292,9 @@ def test_rows_as_they_are_shown(run: Run) -> None:
         *("order", "mill", "'=late")
     ]
     assert "-orders-" in answer.headers["content-disposition"]
+    assert ask({"ids": [f"order-{n}" for n in range(5000)]}).status == 200
     for body, table, status in (
+        ({"ids": ["x" * 300_000]}, "orders", 413),
         ([], "orders", 422),
         ({"ids": [1]}, "orders", 422),
         ({"ids": ["x" * 600]}, "orders", 422),

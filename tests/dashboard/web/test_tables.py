@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from dashboard.live import Snapshot
+from dashboard.live import LiveData, Snapshot
 from dashboard.view.places import Places
 from dashboard.web.fleet_file import make_scene
 from dashboard.web.hub import Part, event
 from dashboard.web.rows import Scene
 from dashboard.web.tables import Limits, Tables
 from slipstream.errors import InputError
-from slipstream.messages import RsuHealth
+from slipstream.messages import RsuHealth, Unserved
 
 from .. import city as of
 
@@ -146,3 +146,14 @@ def test_a_second_of_a_city_is_a_few_kilobytes(world, now_ns):
     assert len(delta["set"]["vehicles"]) > 100
     assert all("route" not in row for row in delta["set"]["vehicles"].values())
     assert len(Part(event("delta", delta)).gzip) < 8000
+
+
+def test_a_cycle_keeps_the_number_of_its_unserved_stops(world, now_ns):
+    """Also once there is a later one, of which alone the solvers and gates are kept."""
+    live = LiveData(10, lambda: now_ns)
+    unserved = tuple(Unserved(stop=f"s{n}", reason="no vehicle is free") for n in range(3))
+    first = world.cycle(1, now_ns).model_copy(update={"unserved": unserved})
+    live.add_history((first, world.cycle(2, now_ns + S)), ())
+    tables = Tables(Scene(Places(world.network)), Limits(5.0, 4.0))
+    tables.update(live.snapshot(), now_ns + S)
+    assert [row["unserved"] for row in tables.moment["cycles"].values()] == [3, 0]

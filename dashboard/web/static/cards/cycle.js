@@ -15,7 +15,7 @@ export function cycleCard(id, row, detail, ctx) {
       tile("Saved", f.kwh(row.saved_kwh), f.share(row.saved_share)),
       tile("In platoons", f.km(row.platoon_km)),
       tile("Took", `${f.number(row.wall_s, 1)}\u00a0s`),
-      tile("Unserved", f.number(row.unserved?.length ?? row.unserved))),
+      tile("Unserved", f.number(detail?.unserved?.length ?? row.unserved))),
     facts([
       ["Time", f.moment(row.t)],
       ["Solver", row.solver],

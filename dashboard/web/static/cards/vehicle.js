@@ -67,8 +67,10 @@ function planParts(plan, row, ctx) {
 function energyOf(plan, row, f) {
   const alone = plan.alone_kwh ?? null;
   const saved = alone === null ? row.saved_kwh ?? null : alone - plan.energy_kwh;
+  // Platoons save some hundredths: the digits of one have to fit the others.
+  const kwh = (value) => `${f.number(value, 3)}\u00a0kWh`;
   return h("div.tiles", {},
-    tile("This plan", f.kwh(plan.energy_kwh)),
-    alone === null ? null : tile("Alone", f.kwh(alone), "the same drive"),
-    saved === null ? null : tile("Platoons save", f.kwh(saved), alone ? f.share(saved / alone) : ""));
+    tile("This plan", kwh(plan.energy_kwh)),
+    alone === null ? null : tile("Alone", kwh(alone), "the same drive"),
+    saved === null ? null : tile("Platoons save", kwh(saved), alone ? f.share(saved / alone) : ""));
 }

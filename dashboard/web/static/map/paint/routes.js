@@ -8,6 +8,8 @@ import { lanes, trace } from "./roads.js";
 
 /** With more routes than this none is drawn but the selected vehicle's. */
 const MAX_ROUTES = 12;
+/** Of routes over one road so many lie beside each other; the others lie on the last of them. */
+const MAX_SIDE_BY_SIDE = 5;
 
 /**
  * Roads ahead of some vehicle on which it drives in a platoon and whose gate is open.
@@ -69,7 +71,7 @@ export function drawRoutes(context, view, network, palette, tables, bands) {
     const ahead = new Set(row.route.slice(row.at ?? 0).map(([road]) => road));
     for (const road of ahead) {
       if (!network.roads[road]) continue;
-      const lane = used.get(road) ?? 0;
+      const lane = Math.min(used.get(road) ?? 0, MAX_SIDE_BY_SIDE - 1);
       used.set(road, lane + 1);
       trace(path, network.lineOf(road, view, clear(road) + 2.6 * lane));
     }
