@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -18,6 +19,7 @@ from simulation.scenarios.gridlock import CHECK_S, GridlockWatch
 from simulation.scenarios.record import read_statistics, read_trips
 from simulation.scenarios.scenario import Scenario, load_scenario
 from simulation.sumo import TYPES, Progress, check_files, run_in_subprocess
+from storage import Database, open_database
 from vehicle_agent.agent import AgentParameters
 
 STEP_S: Final = 0.5
@@ -45,6 +47,8 @@ class ArmSpec:
         begin_s: simulated, s since midnight; a multiple of 300.
         end_s: simulated.
         step_s: of the simulation; a second must be a multiple of it.
+        database: SQLite file that is made, with the arm's cycles, plans and energy ledger; None:
+            none is. Its times count from midnight of 1970-01-01, UTC.
     """
 
     scenario: str
@@ -60,6 +64,7 @@ class ArmSpec:
     begin_s: float = 0.0
     end_s: float = 86400.0
     step_s: float = STEP_S
+    database: Path | None = None
 
     def __post_init__(self) -> None:
         if self.begin_s % 300 or not 0 <= self.begin_s < self.end_s:
@@ -118,7 +123,11 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
         end_s=order.end_s,
         step_s=order.step_s,
     )
-    with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor(1) as executor:
+    with (
+        tempfile.TemporaryDirectory() as name,
+        ThreadPoolExecutor(1) as executor,
+        _database(order.database) as database,
+    ):
         trips, statistics = Path(name) / "trips.xml", Path(name) / "statistics.xml"
         options = [
             *sumo_options(day),
@@ -141,7 +150,14 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
                 parameters.stale_after_s,
             )
             dispatching = Dispatching(
-                deliveries, network, policy, order.seed, executor, exchange.send_plan, history
+                deliveries,
+                network,
+                policy,
+                order.seed,
+                executor,
+                exchange.send_plan,
+                history,
+                database,
             )
             world = FleetWorld(
                 session,
@@ -170,6 +186,7 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
                 legs += world.step()
                 roadside.sample(session.time_s)
             end_s = session.time_s
+            dispatching.close(end_s)
         ended = read_trips(trips)
         counts = read_statistics(statistics, ended)
         others = [trip for trip in ended if not trip.id.startswith(PREFIX)]
@@ -207,6 +224,19 @@ def _scenario(order: ArmSpec) -> Scenario:
     return load_scenario(
         order.scenario, net=order.net, fleet=order.fleet, own_routes=order.own_routes
     )
+
+
+@contextmanager
+def _database(path: Path | None) -> Iterator[Database | None]:
+    """A new one in the place of that of an arm that was interrupted."""
+    if path is None:
+        yield None
+        return
+    path.parent.mkdir(parents=True, exist_ok=True)
+    for old in path.parent.glob(f"{path.name}*"):
+        old.unlink()
+    with open_database(f"sqlite:///{path.absolute()}") as database:
+        yield database
 
 
 def _mean(values: list[float]) -> float:

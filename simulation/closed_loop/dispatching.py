@@ -34,6 +34,7 @@ from slipstream.messages import (
     VehicleProgress,
 )
 from slipstream.roads import RoadNetwork
+from storage import Database
 from vehicle_agent.signals import DepartureSettings
 
 
@@ -48,6 +49,7 @@ class Dispatching:
         executor: runs the search for base routes.
         send: takes each plan that goes out.
         history: what movements cost on another day; for the lever "routes" alone.
+        database: takes cycles, plans and the energy ledger; None: they are not stored.
     """
 
     def __init__(
@@ -59,7 +61,9 @@ class Dispatching:
         executor: Executor,
         send: Callable[[VehiclePlan], None],
         history: History | None = None,
+        database: Database | None = None,
     ) -> None:
+        self._database = database
         self._deliveries, self._network = deliveries, network
         self._policy, self._seed, self._executor, self._send = policy, seed, executor, send
         self._history = history if "routes" in policy.levers else None
@@ -112,7 +116,15 @@ class Dispatching:
         )
         result = run_cycle(cycle, self._solve, self._executor)
         plans = self._tracker.admissible(result.plans)
-        self._tracker.publish(plans, situation.fleet.stop_by_id, now_ns, now_ns)
+        stops = situation.fleet.stop_by_id
+        self._tracker.publish(plans, stops, now_ns, now_ns, result.energies)
+        if self._database is not None:
+            report = result.report.model_copy(update={"plans": len(plans)})
+            records = self._tracker.pending_records()
+            self._database.record_cycle(
+                report, plans, snapshot.states, records, energies=result.energies
+            )
+            self._tracker.stored()
         planned_m, saved_kwh = self._platoons.planned_m, self._platoons.saved_kwh
         for plan in plans:
             self._platoons.add(plan, now_ns)
@@ -133,6 +145,14 @@ class Dispatching:
                 open_turbulent=sum(turbulent(segment) for segment in open_),
             )
         )
+
+    def close(self, now_s: float) -> None:
+        """Store what was driven since the last cycle."""
+        if self._database is not None:
+            now_ns = round(now_s * 1e9)
+            self._tracker.publish((), {}, now_ns, now_ns)
+            self._database.save_fleet(self._tracker.pending_records())
+            self._tracker.stored()
 
     def snapshot(self, now_s: float, roadside: Roadside) -> TrafficSnapshot:
         """The traffic as the dispatcher knows it; all gates closed where it may not platoon."""

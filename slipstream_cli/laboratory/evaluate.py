@@ -87,6 +87,12 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         help="settings of the cluster whose workers simulate the arms: the scheduler's file",
     )
     command.add_argument(
+        "--databases",
+        action="store_true",
+        help="also keep each simulated arm's cycles, plans and energy ledger, as "
+        "DIR/databases/ARM-SEED.db; what is stored already has none",
+    )
+    command.add_argument(
         "--stored", action="store_true", help="simulate nothing, report what is stored"
     )
     command.add_argument("--json", action="store_true", help="print the summary as JSON")
@@ -195,6 +201,9 @@ def _simulate(
     """Simulate what the store lacks; how many arms it had."""
     from simulation.evaluation.runs import run_missing
 
+    if options.databases and options.cluster is not None:
+        problem = "arms on a cluster keep no database"
+        raise InputError("--databases", problem, "leave out --cluster or this")
     span_s = world.provenance.begin_s, world.provenance.end_s
     simulate: Simulate = world.simulate
     with contextlib.ExitStack() as stack:
@@ -206,6 +215,8 @@ def _simulate(
             arms = stack.enter_context(arms_on(settings.cluster))
             simulate = partial(world.simulate, run=arms.run)
             workers = options.workers or arms.processes
+        elif options.databases:
+            simulate = partial(world.simulate, databases=store.folder / "databases")
         progress = stack.enter_context(Progress("simulating", sys.stderr))
         update = _update_of(progress)
         done = run_missing(policies, seeds, span_s, store, simulate, workers, update)

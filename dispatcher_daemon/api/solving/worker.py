@@ -39,7 +39,8 @@ class Task(Protocol):
 
 def run_task(task: Task) -> bytes:
     """Run a task in this process; the dispatcher's own cycles come first."""
-    os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
+    niceness = max(NICENESS, os.getpriority(os.PRIO_PROCESS, 0))
+    os.setpriority(os.PRIO_PROCESS, 0, niceness)
     return task.run()
 
 

@@ -120,12 +120,18 @@ class World:
         return self._background(seed)[0]
 
     def simulate(
-        self, policy: Policy, seed: int, progress: Progress, run: RunArm | None = None
+        self,
+        policy: Policy,
+        seed: int,
+        progress: Progress,
+        run: RunArm | None = None,
+        databases: Path | None = None,
     ) -> ArmResult:
         """Simulate an arm.
 
         Args:
             run: other than `run_arm`, which starts a subprocess.
+            databases: folder for a database of the arm; None: it gets none.
 
         Raises:
             InputError: the background cannot be made, or SUMO cannot run it.
@@ -147,6 +153,7 @@ class World:
             begin_s=begin_s,
             end_s=end_s,
             step_s=STEP_S,
+            database=None if databases is None else databases / f"{policy.name}-{seed}.db",
         )
         return (run or run_arm)(order, progress)
 

@@ -46,7 +46,9 @@ def test_nothing_that_is_sent_is_a_fault_of_the_service(
     tmp_path: Path,
     figure: Callable[[str], None],
 ) -> None:
-    """No 5xx, each answer as it is described, each refusal a problem document, nothing stored."""
+    """No 5xx but that the one worker is busy with fleets sent before, each answer as it is
+    described, each refusal a problem document, nothing stored.
+    """
     monkeypatch.setattr(events, "MAX_AGE_S", 0.0)  # Streams end at once.
     api = serve(tokens=True, rate=RateLimit(1e9, 1e9))
     path = tmp_path / "tokens.toml"
@@ -56,7 +58,7 @@ def test_nothing_that_is_sent_is_a_fault_of_the_service(
     before = api.get("/v1/cycles", "reader").body
     schema = schemathesis.openapi.from_dict(create_app().openapi())
     operations = [result.ok() for result in schema.get_all_operations()]
-    calls = number = 0
+    calls = number = busy = 0
 
     def fuzz(operation: Any, mode: schemathesis.GenerationMode) -> None:
         @seed(number)
@@ -69,13 +71,16 @@ def test_nothing_that_is_sent_is_a_fault_of_the_service(
         )
         @given(case=operation.as_strategy(generation_mode=mode))
         def call(case: Any) -> None:
-            nonlocal calls
+            nonlocal calls, busy
             calls += 1
             response = case.call(
                 base_url=f"http://127.0.0.1:{api.port}",
                 headers={"Authorization": "Bearer reader"},
+                timeout=120.0,  # A request in VROOM's format is answered after its deadline.
             )
-            case.validate_response(response, checks=CHECKS)
+            is_busy = response.status_code == 503 and "retry-after" in response.headers
+            busy += is_busy
+            case.validate_response(response, checks=CHECKS[1:] if is_busy else CHECKS)
             if response.status_code >= 400:
                 ProblemDocument.model_validate_json(response.content)
 
@@ -87,6 +92,6 @@ def test_nothing_that_is_sent_is_a_fault_of_the_service(
         for operation, mode in itertools.product(operations, schemathesis.GenerationMode):
             fuzz(operation, mode)
         number += 1
-    figure(f"{calls} calls of {len(operations)} operations, no fault")
+    figure(f"{calls} calls of {len(operations)} operations, no fault, {busy} busy")
     assert api.get("/v1/cycles", "reader").body == before
     assert api.get("/healthz").status == 200

@@ -14,6 +14,7 @@ from simulation.closed_loop.record import ArmResult
 from simulation.evaluation.measures.figures import measure
 from simulation.scenarios.scenario import load_scenario, prepare
 from slipstream.errors import InputError
+from storage import open_reader
 
 pytestmark = pytest.mark.slow(long=True)
 
@@ -123,7 +124,20 @@ def test_an_arm_that_cannot_be_is_refused(tmp_path: Path) -> None:
         run_arm(ArmSpec("troy", (routes,), (), 1, Policy("B"), end_s=60.0))
 
 
-def test_vans_stand_for_their_breaks(tmp_path: Path) -> None:
+def _check_ledger(database: Path, result: ArmResult) -> None:
+    """What the plans were booked with is near what was driven; the last legs are under way."""
+    with open_reader(f"sqlite:///{database}") as reader:
+        (whole,) = reader.energy_sums(0, 2**62, by="all")
+        cycles = reader.cycles(limit=99)
+    assert len(cycles) == len(result.cycles)
+    driven_m = sum(leg.distance_m for leg in result.legs)
+    assert whole.distance_m == pytest.approx(driven_m, rel=0.1)
+    assert whole.plan_kwh == pytest.approx(sum(leg.alone.total_kwh for leg in result.legs), rel=0.4)
+    assert whole.baseline_kwh > 0
+    assert whole.platooned_m == 0
+
+
+def test_vans_stand_for_their_breaks_and_have_a_ledger(tmp_path: Path) -> None:
     """Five minutes to begin within five, of each van: on its tour, at a stop, or at its depot."""
     scenario = load_scenario("troy")
     earliest_s, latest_s, length_s = BEGIN_S + 600.0, BEGIN_S + 900.0, 300.0
@@ -143,8 +157,10 @@ def test_vans_stand_for_their_breaks(tmp_path: Path) -> None:
             fleet=fleet,
             begin_s=BEGIN_S,
             end_s=end_s,
+            database=tmp_path / "day" / "B-1.db",
         )
     )
+    _check_ledger(tmp_path / "day" / "B-1.db", result)
     on_tour = 0
     for vehicle in {leg.vehicle for leg in result.legs}:
         legs = [leg for leg in result.legs if leg.vehicle == vehicle]

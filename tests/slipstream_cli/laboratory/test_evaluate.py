@@ -114,6 +114,20 @@ def test_ceilings_and_the_papers_way_join_the_report(
 
 
 @pytest.mark.slow
+def test_arms_keep_databases_where_they_are_wanted(
+    capsys: Capture, tmp_path: Path, orders: list[ArmSpec]
+) -> None:
+    """One each, beside the results; a cluster's workers have no disk for them."""
+    out = tmp_path / "day"
+    evaluate(capsys, out, "--arms", "B,C", "--seeds", "4", "--databases")
+    kept = {order.database for order in orders}
+    assert kept == {out / "databases" / "B-4.db", out / "databases" / "C-4.db"}
+    cluster = tmp_path / "scheduler.toml"
+    command = ["evaluate", "--out", str(tmp_path / "other"), "--arms", "B", "--seeds", "1"]
+    assert main([*command, "--databases", "--cluster", str(cluster)]) == 2
+    assert "--databases: arms on a cluster keep no database" in capsys.readouterr().err
+
+
 def test_fixed_signals_and_files_of_ones_own_reach_the_arm(
     capsys: Capture, tmp_path: Path, orders: list[ArmSpec]
 ) -> None:
