@@ -91,7 +91,7 @@ def run_dashboard(settings: DashboardSettings) -> None:
             stack.callback(page.close)
         bus = stack.enter_context(Bus.open(settings.bus))
         previews = PreviewFeed(bus, live, limiter)
-        subscribe(bus, live, limiter)
+        subscribe(bus, live, limiter, settings.rsus)
         if history is not None:
             history.start()
         hub, pictures = Hub(), Pictures()

@@ -133,13 +133,7 @@ class LiveData:
         """
         state = decode(SegmentState, payload, key)
         _check_key(key, state_key(state.rsu, state.segment))
-        name = (state.segment, state.rsu)
-        before = self._states.get(name)
         self._put_admitted(self._states, key, state)
-        if before is None or before.y_e != state.y_e:
-            with self._lock:
-                if self._states.get(name) is state:
-                    self._flag_since[name] = state.time_ns
 
     def on_stopped(self, key: str, payload: bytes) -> None:
         """Store a StoppedVehicles: admitted as a SegmentState is."""
@@ -323,6 +317,11 @@ class LiveData:
                 return
             entries[name] = value
             entries.move_to_end(name)
+            if isinstance(value, SegmentState) and (
+                not isinstance(old, SegmentState) or old.y_e != value.y_e
+            ):
+                # A snapshot has both, or neither.
+                self._flag_since[value.segment, value.rsu] = value.time_ns
             if len(entries) > MAX_ENTRIES:
                 oldest, _ = entries.popitem(last=False)
                 self._flag_since.pop(oldest, None)  # type: ignore[call-overload]

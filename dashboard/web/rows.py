@@ -64,15 +64,22 @@ def road_row(road: RoadView) -> Row:
     return {
         "flag": road.traffic,
         "why": road.reason or None,
-        "kmh": None if road.speed_kmh is None else round(road.speed_kmh),
-        "cv": None if road.cv is None else round(road.cv, 2),
-        "vehicles": road.vehicles,
+        **road_figures(road.speed_kmh, road.cv, road.vehicles),
         "gate": None if road.gate_cycle is None else "open" if road.gate_open else "closed",
         "gate_why": road.gate_reason or None,
         "rsu": road.rsu or None,
         "stopped": road.stopped,
         "since": ms(road.since_ns),
         "level": "warn" if road.stopped and level == "ok" else level,
+    }
+
+
+def road_figures(speed_kmh: float | None, cv: float | None, vehicles: int | None) -> Row:
+    """The fields of a road's row that change from state to state."""
+    return {
+        "kmh": None if speed_kmh is None else round(speed_kmh),
+        "cv": None if cv is None else round(cv, 2),
+        "vehicles": vehicles,
     }
 
 
@@ -84,13 +91,12 @@ def rsu_row(rsu: RsuView, scene: Scene, pictured: bool) -> Row:
         scene: the roads.
         pictured: whether it can be asked for pictures.
     """
-    places = [scene.places.on_road(segment, 0.5) for segment in rsu.segments]
-    known = [place for place in places if place is not None]
+    middle = scene.places.middle(rsu.segments)
     fault = rsu.health.fault
     faults = [] if fault is None else [labels.camera_fault(fault)]
     return {
-        "x": round(sum(x for x, _, _ in known) / len(known), 1) if known else None,
-        "y": round(sum(y for _, y, _ in known) / len(known), 1) if known else None,
+        "x": None if middle is None else round(middle[0], 1),
+        "y": None if middle is None else round(middle[1], 1),
         "status": rsu.status,
         "level": rsu.level,
         "why": None if rsu.level == "ok" else rsu.status,
