@@ -70,12 +70,17 @@ class RoadTable:
 
     Attributes:
         rows: of the page, by road.
+        before: the rows of the moment before.
+        changes: fields of the rows that differ from those, by road; None: they are not known, nor
+            which roads are gone.
         open: roads on which platoons may drive close now.
         standing: views of the roads on which a vehicle stands as in no queue.
     """
 
     def __init__(self) -> None:
         self.rows: Rows = {}
+        self.before: Rows = {}
+        self.changes: Rows | None = None
         self.open: frozenset[str] = frozenset()
         self.standing: tuple[RoadView, ...] = ()
         self._roads: dict[str, _Road] = {}
@@ -135,6 +140,7 @@ class RoadTable:
             for message in messages.values()
             if message.time_ns > now_ns - _LIST_FOR_NS
         ]
+        self.changes = None
         self._complete_until_ns = min(times, default=_NEVER_NS - _LIST_FOR_NS) + _LIST_FOR_NS
         self._collect(views=True)
 
@@ -149,7 +155,7 @@ class RoadTable:
         stale_ns = round(limits.stale_after_s * 1e9)
         oldest_ns = now_ns - stale_ns
         latest_ns = now_ns + round(limits.future_tolerance_s * 1e9)
-        roads, remade = self._roads, set()
+        roads, remade, changes = self._roads, set(), {}
         for name, state in changed:
             road, time_ns = roads[name[0]], state.time_ns
             data = road.data
@@ -163,8 +169,11 @@ class RoadTable:
             ):
                 kmh, cv, _, vehicles = measured(state)
                 figures = rows.road_figures(kmh, cv, vehicles)
-                if not figures.items() <= road.row.items():
-                    road.row = {**road.row, **figures}
+                row = road.row
+                told = {key: value for key, value in figures.items() if row[key] != value}
+                if told:
+                    changes[name[0]] = told
+                    road.row = {**row, **told}
                 road.expires_ns = time_ns + stale_ns + 1
             else:
                 remade.add(name[0])
@@ -175,12 +184,17 @@ class RoadTable:
                 [snapshot.states[state.segment, state.rsu] for state in data.states],
                 snapshot.flag_since,
             )
-            roads[segment] = _made(data, self._frame, now_ns)
+            row, made = roads[segment].row, _made(data, self._frame, now_ns)
+            told = {key: value for key, value in made.row.items() if row[key] != value}
+            if told:
+                changes[segment] = told
+            roads[segment] = made
+        self.changes = changes
         self._collect(views=bool(remade))
 
     def _collect(self, *, views: bool) -> None:
         roads = self._roads.values()
-        self.rows = {road.data.segment: road.row for road in roads}
+        self.before, self.rows = self.rows, {road.data.segment: road.row for road in roads}
         if views:
             self.open = open_roads([road.view for road in roads])
             self.standing = tuple(road.view for road in roads if road.view.stopped)

@@ -124,16 +124,14 @@ class Tables:
         changed: dict[str, Any] = {"set": {}, "del": {}}
         for table in TABLES:
             before, after = old[table], new[table]
-            told = {}
-            for name, row in after.items():
-                known = before.get(name)
-                if known is None:
-                    told[name] = row
-                elif known is not row and known != row:
-                    told[name] = {key: value for key, value in row.items() if known[key] != value}
+            roads = self._roads
+            if table == "roads" and roads.changes is not None and before is roads.before:
+                told, gone = roads.changes, []
+            else:
+                told, gone = _changes(before, after), [n for n in before if n not in after]
             if told:
                 changed["set"][table] = told
-            if gone := [name for name in before if name not in after]:
+            if gone:
                 changed["del"][table] = gone
         for key in ("status", "energy", "next_cycle", "paused"):
             if old[key] != new[key]:
@@ -211,6 +209,18 @@ class Tables:
             self._last_energy = rows.energy_sum(last.energy, **self._factors)
         unknown = {"today": None, "week": None, "total": None, "since": None}
         return {**unknown, **(told or {}), "last_cycle": self._last_energy}
+
+
+def _changes(before: Rows, after: Rows) -> Rows:
+    """New rows, and the fields that differ of those that were there before."""
+    told = {}
+    for name, row in after.items():
+        known = before.get(name)
+        if known is None:
+            told[name] = row
+        elif known is not row and known != row:
+            told[name] = {key: value for key, value in row.items() if known[key] != value}
+    return told
 
 
 def status(wrong: tuple[Trouble, ...]) -> Row:

@@ -112,10 +112,18 @@ def test_roads_moment_after_moment_are_those_of_one_look(tables, world, now_ns, 
             dispatcher=dispatcher,
             flag_since=dict(since),
         )
-        tables.update(snapshot, now_ns)
+        before = tables.moment["roads"]
+        delta = tables.update(snapshot, now_ns)
+        told = {} if delta is None else delta["set"].get("roads", {})
+        gone = [] if delta is None else delta["del"].get("roads", [])
+        followed = {name: row | told.get(name, {}) for name, row in before.items()} | {
+            name: row for name, row in told.items() if name not in before
+        }
+        for name in gone:
+            del followed[name]
         anew = Tables(tables._scene, Limits(5.0, 4.0))
         anew.update(snapshot, now_ns)
-        assert tables.moment["roads"] == anew.moment["roads"]
+        assert tables.moment["roads"] == followed == anew.moment["roads"]
         assert tables.moment["vehicles"] == anew.moment["vehicles"]
         assert tables.moment["status"] == anew.moment["status"]
 
