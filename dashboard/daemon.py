@@ -58,6 +58,7 @@ def run_dashboard(settings: DashboardSettings) -> None:
         settings.history_cycles,
         time.time_ns,
         lambda message: refusal(message, network, settings.rsus),
+        network,
     )
     with contextlib.ExitStack() as stack:
         reader = history = past = None
@@ -91,7 +92,7 @@ def run_dashboard(settings: DashboardSettings) -> None:
             stack.callback(page.close)
         bus = stack.enter_context(Bus.open(settings.bus))
         previews = PreviewFeed(bus, live, limiter)
-        subscribe(bus, live, limiter)
+        subscribe(bus, live, limiter, settings.rsus)
         if history is not None:
             history.start()
         hub, pictures = Hub(), Pictures()

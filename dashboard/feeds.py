@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Final
 
 import storage
@@ -26,6 +26,7 @@ from slipstream.messages import (
     DISPATCHER_HEALTH_KEY,
     CycleReport,
     preview_key,
+    state_key,
 )
 from slipstream.orders import drafting_kwh
 from slipstream.service import LogLimiter
@@ -37,13 +38,28 @@ MORE_PERIOD_S: Final = 60.0
 """What depends on cycles is read after each new one, and so often: a day ends without one too."""
 
 
-def subscribe(bus: Bus, live: LiveData, limiter: LogLimiter) -> None:
-    """Subscribe the live data to all messages but camera pictures."""
+def subscribe(
+    bus: Bus, live: LiveData, limiter: LogLimiter, rsus: Mapping[str, Iterable[str]] | None = None
+) -> None:
+    """Subscribe the live data to all messages but camera pictures.
+
+    Args:
+        bus: to subscribe on.
+        live: takes the messages.
+        limiter: of log lines.
+        rsus: the roads of each RSU, as far as the settings have them.
+    """
+
+    def on_plan(key: str, payload: bytes) -> None:
+        live.on_plan(key, payload)
+        # The key was checked to be that of its vehicle.
+        bus.expect([f"{key.removesuffix('plan')}position"])
+
     for kind, key_expression, handler in (
         ("state", ALL_STATES, live.on_state),
         ("stopped", ALL_STOPPED, live.on_stopped),
         ("rsu_health", ALL_RSU_HEALTH, live.on_rsu_health),
-        ("plan", ALL_PLANS, live.on_plan),
+        ("plan", ALL_PLANS, on_plan),
         ("position", ALL_POSITIONS, live.on_position),
         ("cycle", CYCLE_KEY, live.on_cycle),
         ("dispatcher_health", DISPATCHER_HEALTH_KEY, live.on_dispatcher_health),
@@ -56,6 +72,7 @@ def subscribe(bus: Bus, live: LiveData, limiter: LogLimiter) -> None:
             history=kind in ("plan", "cycle", "dispatcher_health", "alarms"),
             every=kind == "cycle",
         )
+    bus.expect(state_key(rsu, road) for rsu, roads in (rsus or {}).items() for road in roads)
 
 
 class PreviewFeed:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import statistics
 import threading
+from bisect import bisect_left, insort
 from collections import OrderedDict, deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, NamedTuple
 
 from slipstream.freshness import FUTURE_TOLERANCE_S
 
@@ -20,8 +20,7 @@ DELAYS: Final = 64
 """Latest states of an RSU that its delays are judged by."""
 
 
-@dataclass(frozen=True)
-class Reception:
+class Reception(NamedTuple):
     """What has become of one RSU's states since it was first heard.
 
     Attributes:
@@ -55,11 +54,33 @@ class _Record:
     received_before: int = 0
     duplicates: int = 0
     out_of_order: int = 0
-    delays_s: deque[float] = field(default_factory=lambda: deque(maxlen=DELAYS))
+    delays_s: deque[float] = field(default_factory=deque)
+    sorted_delays_s: list[float] = field(default_factory=list)
+    told: Reception | None = None
+    """Its figures; None: something has been counted since they were asked for."""
 
     @property
     def missed(self) -> int:
         return self.missed_before + max(0, self.highest - self.first + 1 - self.received)
+
+    def add_delay(self, delay_s: float) -> None:
+        """Take in a delay in place of the oldest one; they stay sorted."""
+        if len(self.delays_s) == DELAYS:
+            del self.sorted_delays_s[bisect_left(self.sorted_delays_s, self.delays_s.popleft())]
+        self.delays_s.append(delay_s)
+        insort(self.sorted_delays_s, delay_s)
+
+    def figures(self) -> Reception:
+        """What is told of it."""
+        if self.told is None:
+            self.told = Reception(
+                self.received_before + self.received,
+                self.missed,
+                self.duplicates,
+                self.out_of_order,
+                *_median_and_spread(self.sorted_delays_s),
+            )
+        return self.told
 
     def count(self, sequence: int, time_ns: int) -> None:
         """Count a state that has not come before."""
@@ -110,7 +131,7 @@ class ReceptionTable:
             if out_of_order:
                 record.out_of_order += 1
             else:
-                record.delays_s.append(delay_s)
+                record.add_delay(delay_s)
 
     def count_duplicate(self, rsu: str, sequence: int, time_ns: int) -> None:
         """Count a state that has come before."""
@@ -124,30 +145,31 @@ class ReceptionTable:
                 self._records.popitem(last=False)
             record = self._records[rsu] = _Record(sequence, sequence, time_ns)
         self._records.move_to_end(rsu)
+        record.told = None
         return record
 
     def figures(self) -> Iterator[tuple[str, Reception]]:
-        """(RSU, its reception) of all, by name."""
+        """(RSU, its reception) of all, by name; made anew of those that something came from."""
         with self._lock:
-            # Sorted outside: a scrape must not hold up states.
-            copies = [
-                (
-                    rsu,
-                    record.received_before + record.received,
-                    record.missed,
-                    record.duplicates,
-                    record.out_of_order,
-                    tuple(record.delays_s),
-                )
-                for rsu, record in self._records.items()
-            ]
-        for rsu, received, missed, duplicates, out_of_order, delays in sorted(copies):
-            delay_s, spread_s = _median_and_spread(delays)
-            yield rsu, Reception(received, missed, duplicates, out_of_order, delay_s, spread_s)
+            names = list(self._records)
+        for rsu in sorted(names):
+            # Locked for one after the other: a scrape must not hold up states.
+            with self._lock:
+                record = self._records.get(rsu)
+                found = None if record is None else record.figures()
+            if found is not None:
+                yield rsu, found
 
 
-def _median_and_spread(delays: tuple[float, ...]) -> tuple[float | None, float | None]:
-    if len(delays) < 2:
-        return (delays[0], 0.0) if delays else (None, None)
-    lower, median, upper = statistics.quantiles(delays, n=4, method="inclusive")
-    return median, upper - lower
+def _median_and_spread(delays_s: Sequence[float]) -> tuple[float | None, float | None]:
+    """Median and interquartile range of sorted delays, by linear interpolation (R-7)."""
+    if not delays_s:
+        return None, None
+    return _quantile(delays_s, 2), _quantile(delays_s, 3) - _quantile(delays_s, 1)
+
+
+def _quantile(values: Sequence[float], quarter: int) -> float:
+    below, rest = divmod(quarter * (len(values) - 1), 4)
+    if rest == 0:
+        return values[below]
+    return (values[below] * (4 - rest) + values[below + 1] * rest) / 4

@@ -18,7 +18,7 @@ from slipstream.roads import RoadNetwork, Segment
 Rsus = dict[Identifier, Annotated[tuple[Identifier, ...], Field(min_length=1)]]
 """The segments that each RSU watches."""
 
-_LIMITS: Final[Mapping[str, tuple[float, float]]] = {
+LIMITS: Final[Mapping[str, tuple[float, float]]] = {
     "mean_speed_mps": (-3.0, 70.0),
     "mean_acceleration_mps2": (-20.0, 20.0),
     "density_veh_per_m": (0.0, 2.0),
@@ -27,9 +27,9 @@ _LIMITS: Final[Mapping[str, tuple[float, float]]] = {
     "mean_gap_m": (-5.0, 5000.0),
 }
 """Physically possible values of the features; a queue's measured speed and gap may be below 0."""
-_MAX_STANDARD_ERROR: Final = 1e4
-_MAX_WINDOW_S: Final = 3600.0
-_MAX_VEHICLES: Final = 10_000
+MAX_STANDARD_ERROR: Final = 1e4
+MAX_WINDOW_S: Final = 3600.0
+MAX_VEHICLES: Final = 10_000
 _MAX_LANES: Final = 30
 _MAX_ALONG_M: Final = 5000.0
 _SPEEDING: Final = 2.0
@@ -95,21 +95,21 @@ def refusal(
 
 def implausibility(state: SegmentState, segment: Segment) -> str | None:
     """What is physically impossible in a state of ``segment``; None if nothing is."""
-    if state.window_s > _MAX_WINDOW_S:
+    if state.window_s > MAX_WINDOW_S:
         return f"a window of {state.window_s:g} s"
-    if state.vehicles > _MAX_VEHICLES:
+    if state.vehicles > MAX_VEHICLES:
         return f"{state.vehicles} vehicles"
     if state.frames == 0 and (state.y_e is not None or state.vehicles):
         return "vehicles or a flag without a frame"
     if state.features is None:
         return None
-    for name, (low, high) in _LIMITS.items():
+    for name, (low, high) in LIMITS.items():
         estimate: Estimate | None = getattr(state.features, name)
         if estimate is None:
             continue
         if not low <= estimate.value <= high:
             return f"{name} = {estimate.value:g}"
-        if (estimate.standard_error or 0.0) > _MAX_STANDARD_ERROR:
+        if (estimate.standard_error or 0.0) > MAX_STANDARD_ERROR:
             return f"{name} with a standard error of {estimate.standard_error:g}"
     return _speeding(state.features.mean_speed_mps.value, segment)
 
@@ -124,8 +124,13 @@ def _stopped_implausibility(stopped: StoppedVehicles, segment: Segment) -> str |
     return None if stopped.mean_speed_mps is None else _speeding(stopped.mean_speed_mps, segment)
 
 
-def _speeding(speed: float, segment: Segment) -> str | None:
+def max_mean_speed_mps(segment: Segment) -> float:
+    """The mean speed above which traffic cannot be that of a segment."""
     limit = segment.speed_limit_mps
-    if speed > max(_SPEEDING * limit, limit + _SPEEDING_MPS):
-        return f"mean_speed_mps = {speed:g} where {limit:g} is allowed"
+    return max(_SPEEDING * limit, limit + _SPEEDING_MPS)
+
+
+def _speeding(speed: float, segment: Segment) -> str | None:
+    if speed > max_mean_speed_mps(segment):
+        return f"mean_speed_mps = {speed:g} where {segment.speed_limit_mps:g} is allowed"
     return None

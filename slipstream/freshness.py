@@ -8,9 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Final, Literal
-
-from slipstream.messages import SegmentState
+from typing import Final, Generic, Literal, Protocol, TypeVar
 
 STALE_AFTER_S: Final = 5.0
 """Default age limit of a SegmentState."""
@@ -22,8 +20,27 @@ Fault = Literal["stale", "future"]
 _SEVERITY: Final[dict[int | None, int]] = {None: 0, 1: 1, 0: 2}
 
 
+class Judged(Protocol):
+    """What a state is judged by: a SegmentState, or what is kept of one."""
+
+    @property
+    def rsu(self) -> str: ...  # noqa: D102
+
+    @property
+    def time_ns(self) -> int: ...  # noqa: D102
+
+    @property
+    def y_e(self) -> Literal[0, 1] | None: ...  # noqa: D102
+
+    @property
+    def features(self) -> object: ...  # noqa: D102
+
+
+_S = TypeVar("_S", bound=Judged)
+
+
 @dataclass(frozen=True)
-class Decisive:
+class Decisive(Generic[_S]):
     """The state that a segment is judged by.
 
     Attributes:
@@ -32,7 +49,7 @@ class Decisive:
         fault: why it counts for nothing all the same; None where it counts.
     """
 
-    state: SegmentState
+    state: _S
     age_s: float
     fault: Fault | None
 
@@ -65,12 +82,12 @@ def fault(
 
 
 def decisive(
-    states: Iterable[SegmentState],
+    states: Iterable[_S],
     now_ns: int,
     *,
     stale_after_s: float = STALE_AFTER_S,
     future_tolerance_s: float = FUTURE_TOLERANCE_S,
-) -> Decisive | None:
+) -> Decisive[_S] | None:
     """The state that counts among those of one segment: turbulent before stable before unknown.
 
     Of several that say the same, one with features goes first, then the latest, then the one of
@@ -101,7 +118,7 @@ def decisive(
     return max(judged, key=_weight, default=None)
 
 
-def _weight(judged: Decisive) -> tuple[object, ...]:
+def _weight(judged: Decisive[_S]) -> tuple[object, ...]:
     state = judged.state
     if judged.fault is not None:
         return (False, 0, False, state.time_ns, state.rsu)

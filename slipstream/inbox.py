@@ -9,7 +9,7 @@ import logging
 import threading
 import time
 from collections import OrderedDict, deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, Final, Literal, get_args
 
 from prometheus_client import Counter
@@ -87,24 +87,34 @@ class Inbox:
 
     def accept(self, sample: Any) -> None:
         """Take in a zenoh sample; returns at once."""
-        key, size = str(sample.key_expr), len(sample.payload)
-        if size > MAX_MESSAGE_BYTES:
-            self._count("oversized", f"{key}: a message of {size} bytes is refused")
-            return
-        payload = sample.payload.to_bytes()
+        self.accept_all((sample,))
+
+    def accept_all(self, samples: Iterable[Any]) -> None:
+        """Take in zenoh samples in their order; returns at once."""
+        superseded = 0
+        lines: list[tuple[Outcome, str]] = []
         with self._changed:
-            previous = None if self._every else self._waiting.get(key)
-            self._waiting[self._name_of_next(key)] = (key, payload)
-            self._bytes += size - (0 if previous is None else len(previous[1]))
-            dropped = 0
-            while len(self._waiting) > INBOX_SAMPLES or self._bytes > INBOX_BYTES:
-                self._drop()
-                dropped += 1
+            for sample in samples:
+                key, content = str(sample.key_expr), sample.payload
+                size = len(content)
+                if size > MAX_MESSAGE_BYTES:
+                    lines.append(("oversized", f"{key}: a message of {size} bytes is refused"))
+                    continue
+                previous = None if self._every else self._waiting.get(key)
+                if previous is not None:
+                    superseded += 1
+                    self._bytes -= len(previous[1])
+                self._waiting[self._name_of_next(key)] = (key, content.to_bytes())
+                self._bytes += size
+                while len(self._waiting) > INBOX_SAMPLES or self._bytes > INBOX_BYTES:
+                    self._drop()
+                    text = f"messages on {self._name} arrive faster than they are handled"
+                    lines.append(("dropped", text))
             self._changed.notify()
-        if previous is not None:
-            self._outcomes["superseded"].inc()
-        for _ in range(dropped):
-            self._count("dropped", f"messages on {self._name} arrive faster than they are handled")
+        if superseded:
+            self._outcomes["superseded"].inc(superseded)
+        for outcome, line in lines:
+            self._count(outcome, line)
 
     def count_missed(self, number: int) -> None:
         """Count samples that were published and did not come."""
@@ -143,6 +153,7 @@ class Inbox:
                 batch, self._waiting, self._bytes = self._waiting, OrderedDict(), 0
                 self._newest.clear()
                 self._followed.clear()
+            self._outcomes["taken"].inc(len(batch))
             for key, payload in batch.values():
                 self._handle(key, payload)
             if self._callback and len(batch) >= BUSY_BATCH:
@@ -151,7 +162,6 @@ class Inbox:
     def _handle(self, key: str, payload: bytes) -> None:
         if self._closed:
             return
-        self._outcomes["taken"].inc()
         try:
             self._handler(key, payload)
         except Exception:

@@ -22,8 +22,14 @@ It is 0.4 s of 10,000 states a second. Samples may be of any size up to
 `slipstream.zenoh_config.RECEIVE_LIMIT_BYTES`: a sender of the largest makes a receiver hold what
 the link brings while this thread has no turn.
 """
+_BATCH: Final = 256
+"""Samples that are handed to the inbox at once."""
 _GATHER_S: Final = 0.002
 """Samples gather for so long, so that a thread wakes up 500 times a second at most."""
+_BUSY_GATHER_S: Final = 0.02
+_BUSY: Final = 8
+"""Where so many have gathered meanwhile, they gather for longer: each turn costs as much as some of
+them."""
 
 
 class _Declared:
@@ -100,11 +106,14 @@ class Subscription:
         while (sample := self._received(self._channel.recv)) is not None:
             taken = 0
             while sample is not None:
-                self._accept(sample)
-                taken += 1
-                sample = self._received(self._channel.try_recv)
-            if taken < _CHANNEL_SAMPLES // 2:
-                time.sleep(_GATHER_S)
+                batch: list[Any] = []
+                while sample is not None and len(batch) < _BATCH:
+                    batch.append(sample)
+                    sample = self._received(self._channel.try_recv)
+                self._accept(batch)
+                taken += len(batch)
+            if taken < _CHANNEL_SAMPLES // 4:
+                time.sleep(_BUSY_GATHER_S if taken >= _BUSY else _GATHER_S)
 
     @staticmethod
     def _received(receive: Callable[[], Any]) -> Any:
@@ -113,12 +122,12 @@ class Subscription:
         except zenoh.ZError:
             return None  # the channel is closed and empty
 
-    def _accept(self, sample: Any) -> None:
+    def _accept(self, batch: list[Any]) -> None:
         try:
-            self._samples.accept(sample)
+            self._samples.accept_all(batch)
         except Exception:
             if self._limiter.allow(""):
-                log.exception("a sample could not be taken in")
+                log.exception("samples could not be taken in")
 
     def close(self) -> None:
         """Receive no more; no handler runs once it has returned."""

@@ -11,6 +11,8 @@ from slipstream.roads import RoadNetwork
 
 Place = tuple[float, float, float]
 """x and y, m, and the heading, degrees clockwise from north."""
+_MIDDLES = 10_000
+"""Sets of segments, as those of RSUs, whose middle is kept."""
 
 
 class Places:
@@ -25,6 +27,8 @@ class Places:
         self.network = network
         self.index = {name: number for number, name in enumerate(network.segments)}
         self._line = lru_cache(maxsize=len(self.index) + 1)(self._measured)
+        self.middle = lru_cache(maxsize=_MIDDLES)(self._middle)
+        """The middle of several segments, m; None of unknown ones. It takes a tuple of them."""
 
     def on_road(self, segment: str, share: float) -> Place | None:
         """The place at a share of a segment, 0 to 1; None on an unknown one."""
@@ -42,6 +46,13 @@ class Places:
     def at_node(self, node: str) -> tuple[float, float] | None:
         """The place of a junction, m; None of an unknown one."""
         return self.network.junctions.get(node)
+
+    def _middle(self, segments: tuple[str, ...]) -> tuple[float, float] | None:
+        places = [self.on_road(segment, 0.5) for segment in segments]
+        known = [place for place in places if place is not None]
+        if not known:
+            return None
+        return sum(x for x, _, _ in known) / len(known), sum(y for _, y, _ in known) / len(known)
 
     def _measured(self, segment: str) -> tuple[tuple[tuple[float, float], ...], list[float], float]:
         """Points of a segment, how far along it each one lies, and the whole length, m."""

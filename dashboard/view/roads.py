@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 from dashboard.live import Snapshot, published_tolerance_s
+from dashboard.states import HeardState, State
 from dashboard.view import labels
 from dashboard.view.model import LIST_FOR_S, RoadView
 from slipstream import freshness
 from slipstream.freshness import age_s
-from slipstream.messages import DispatcherHealth, Gate, SegmentState, StoppedVehicles
+from slipstream.messages import DispatcherHealth, Gate, StoppedVehicles
 
 KMH_PER_MPS: Final = 3.6
 MAX_STOPPED_LINES: Final = 5
@@ -53,15 +54,27 @@ class RoadData:
         states: of each RSU.
         stopped: of each RSU.
         gate: of the last cycle; None: it had none.
-        flag_since: UTC ns since when each RSU's flag is what it is, by road and RSU.
+        flag_since: UTC ns since when the flag of each state is what it is; None: not known.
     """
 
     segment: str
     watched_by: str
-    states: tuple[SegmentState, ...] = ()
+    states: tuple[State, ...] = ()
     stopped: tuple[StoppedVehicles, ...] = ()
     gate: Gate | None = None
-    flag_since: Mapping[tuple[str, str], int] = field(default_factory=dict)
+    flag_since: tuple[int | None, ...] = ()
+
+    def with_states(
+        self, states: Sequence[State], flag_since: Mapping[tuple[str, str], int]
+    ) -> RoadData:
+        """The same road with other states.
+
+        Args:
+            states: of each RSU.
+            flag_since: UTC ns since when flags are what they are, by road and RSU.
+        """
+        since = tuple(flag_since.get((self.segment, state.rsu)) for state in states)
+        return replace(self, states=tuple(states), flag_since=since)
 
 
 def road_data(snapshot: Snapshot, now_ns: int) -> dict[str, RoadData]:
@@ -75,7 +88,7 @@ def road_data(snapshot: Snapshot, now_ns: int) -> dict[str, RoadData]:
         if health.time_ns > oldest_ns
         for segment in health.segments
     }
-    states: dict[str, list[SegmentState]] = {}
+    states: dict[str, list[State]] = {}
     for (segment, _), state in snapshot.states.items():
         if state.time_ns > oldest_ns:
             states.setdefault(segment, []).append(state)
@@ -86,11 +99,9 @@ def road_data(snapshot: Snapshot, now_ns: int) -> dict[str, RoadData]:
         segment: RoadData(
             segment,
             watching.get(segment, ""),
-            tuple(states.get(segment, ())),
-            tuple(stopped.get(segment, ())),
-            gates.get(segment),
-            snapshot.flag_since,
-        )
+            stopped=tuple(stopped.get(segment, ())),
+            gate=gates.get(segment),
+        ).with_states(states.get(segment, ()), snapshot.flag_since)
         for segment in sorted({*watching, *states, *gates})
     }
 
@@ -120,15 +131,11 @@ def road_view(road: RoadData, cycle: int | None, now_ns: int, limits: RoadLimits
             since_ns = decisive.state.time_ns + round(limits.stale_after_s * 1e9)
     elif state is not None:
         traffic, code = labels.traffic(state.y_e), state.reason
-        since_ns = road.flag_since.get((road.segment, state.rsu))
+        pairs = zip(road.states, road.flag_since, strict=False)
+        since_ns = next((since for other, since in pairs if other is state), None)
     speed = cv = variance = vehicles = None
     if state is not None and traffic != "unknown":
-        vehicles = state.vehicles
-        if state.features is not None:
-            mean_mps = state.features.mean_speed_mps.value
-            speed = mean_mps * KMH_PER_MPS
-            cv = state.features.speed_std_mps.value / mean_mps if mean_mps > 0 else None
-            variance = state.features.acceleration_variance_m2ps4.value
+        speed, cv, variance, vehicles = measured(state)
     gate = road.gate
     return RoadView(
         segment=road.segment,
@@ -149,6 +156,22 @@ def road_view(road: RoadData, cycle: int | None, now_ns: int, limits: RoadLimits
             len(told.unusual) for told in road.stopped if limits.fault(told.time_ns, now_ns) is None
         ),
     )
+
+
+def measured(
+    state: State,
+) -> tuple[float | None, float | None, float | None, int | None]:
+    """Mean speed, km/h, its coefficient of variation, the variance of acceleration, m²/s⁴, and the
+    number of vehicles; None where the state does not tell them, or has no flag.
+    """
+    if state.y_e is None:
+        return None, None, None, None
+    known = state if isinstance(state, HeardState) else HeardState.of(state, b"")
+    if known.measured is None:
+        return None, None, None, known.vehicles
+    mean_mps, spread_mps, variance = known.measured
+    cv = spread_mps / mean_mps if mean_mps > 0 else None
+    return mean_mps * KMH_PER_MPS, cv, variance, known.vehicles
 
 
 def road_views(snapshot: Snapshot, now_ns: int, limits: RoadLimits) -> tuple[RoadView, ...]:

@@ -7,13 +7,12 @@ from pathlib import Path
 from typing import Final
 
 from fastapi import APIRouter, FastAPI
-from fastapi.responses import FileResponse
-from fastapi.staticfiles import StaticFiles
 from starlette.types import ASGIApp
 
 from dashboard.web import cameras, cards, control, history, live, network
 from dashboard.web.gate import Gate
 from dashboard.web.services import Services
+from dashboard.web.static_files import StaticFiles
 from slipstream import __version__
 from slipstream.http.problems import handle_problems
 from storage import StorageError
@@ -39,12 +38,9 @@ def make_app(services: Services) -> ASGIApp:
     for router in ROUTERS:
         app.include_router(router)
 
-    @app.api_route("/", methods=["GET", "HEAD"], include_in_schema=False)
-    def index() -> FileResponse:
-        """The page."""
-        return FileResponse(STATIC / "index.html")
-
-    app.mount("/static", StaticFiles(directory=STATIC))
+    files = StaticFiles(STATIC)
+    for path in ("/", "/static/{path:path}"):
+        app.add_route(path, files.answer, methods=["GET", "HEAD"])
     handle_problems(app, paths="docs/page.md", unavailable=(StorageError,))
     settings = services.settings
     return Gate(app, settings.host.lower(), frozenset(map(str.lower, settings.allowed_hosts)))

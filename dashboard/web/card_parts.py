@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from dashboard.live import Snapshot
+from dashboard.states import State
 from dashboard.view import labels
 from dashboard.web import rows
 from dashboard.web.rows import ms
@@ -13,11 +14,7 @@ from dashboard.web.services import Known
 from dashboard.web.vehicle_parts import Part, sentence
 from slipstream import freshness
 from slipstream.explain import Explanation
-from slipstream.messages import (
-    CameraCalibration,
-    CycleReport,
-    SegmentState,
-)
+from slipstream.messages import CameraCalibration, CycleReport
 from slipstream.orders import OrderChange, OrderRecord
 from slipstream.roads import Segment
 from storage import RollUp
@@ -54,20 +51,21 @@ def features(road: str, known: Known) -> list[Part]:
     """
     row = known.moment["roads"].get(road)
     state = None if row is None else known.snapshot.states.get((road, row["rsu"] or ""))
-    if state is None or state.features is None:
+    measured = None if state is None else state.features
+    if state is None or measured is None:
         return []
     if freshness.fault(state.time_ns, known.now_ns) is not None:
         return []
     limits = _limits_of(known.snapshot, state)
     found = []
     for field, name, unit, factor, limit in _FEATURES:
-        estimate = getattr(state.features, field)
+        estimate = getattr(measured, field)
         if estimate is None:
             continue
         threshold = limits.get(limit or "")
         if threshold is not None and limit == "max_speed_cv":
             # Held against a share of the mean speed.
-            threshold *= state.features.mean_speed_mps.value
+            threshold *= measured.mean_speed_mps.value
         error = estimate.standard_error
         found.append(
             {
@@ -82,7 +80,7 @@ def features(road: str, known: Known) -> list[Part]:
     return found
 
 
-def _limits_of(snapshot: Snapshot, state: SegmentState) -> Mapping[str, float | None]:
+def _limits_of(snapshot: Snapshot, state: State) -> Mapping[str, float | None]:
     health = snapshot.rsus.get(state.rsu)
     limits = None if health is None else health.stability
     return {} if limits is None else limits.model_dump()

@@ -64,9 +64,7 @@ def road_row(road: RoadView) -> Row:
     return {
         "flag": road.traffic,
         "why": road.reason or None,
-        "kmh": None if road.speed_kmh is None else round(road.speed_kmh),
-        "cv": None if road.cv is None else round(road.cv, 2),
-        "vehicles": road.vehicles,
+        **road_figures(road.speed_kmh, road.cv, road.vehicles),
         "gate": None if road.gate_cycle is None else "open" if road.platoons_allowed else "closed",
         "gate_why": _gate_why(road),
         "rsu": road.rsu or None,
@@ -88,6 +86,15 @@ def _gate_why(road: RoadView) -> str | None:
     return road.gate_reason
 
 
+def road_figures(speed_kmh: float | None, cv: float | None, vehicles: int | None) -> Row:
+    """The fields of a road's row that change from state to state."""
+    return {
+        "kmh": None if speed_kmh is None else round(speed_kmh),
+        "cv": None if cv is None else round(cv, 2),
+        "vehicles": vehicles,
+    }
+
+
 def rsu_row(rsu: RsuView, scene: Scene, pictured: bool) -> Row:
     """One roadside unit.
 
@@ -96,13 +103,12 @@ def rsu_row(rsu: RsuView, scene: Scene, pictured: bool) -> Row:
         scene: the roads.
         pictured: whether it can be asked for pictures.
     """
-    places = [scene.places.on_road(segment, 0.5) for segment in rsu.segments]
-    known = [place for place in places if place is not None]
+    middle = scene.places.middle(rsu.segments)
     fault = rsu.health.fault
     faults = [] if fault is None else [labels.camera_fault(fault)]
     return {
-        "x": round(sum(x for x, _, _ in known) / len(known), 1) if known else None,
-        "y": round(sum(y for _, y, _ in known) / len(known), 1) if known else None,
+        "x": None if middle is None else round(middle[0], 1),
+        "y": None if middle is None else round(middle[1], 1),
         "status": rsu.status,
         "level": rsu.level,
         "why": None if rsu.level == "ok" else rsu.status,

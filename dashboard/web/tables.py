@@ -8,12 +8,13 @@ from operator import is_
 from typing import Any, Final
 
 from dashboard.live import Snapshot
-from dashboard.view.model import RoadView, VehicleView
-from dashboard.view.roads import RoadData, RoadLimits, open_roads, road_data, road_limits, road_view
+from dashboard.view.model import VehicleView
+from dashboard.view.roads import road_limits
 from dashboard.view.rsus import rsu_views
 from dashboard.view.troubles import Trouble, troubles
 from dashboard.view.vehicles import vehicle_views
 from dashboard.web import rows
+from dashboard.web.road_table import RoadTable
 from dashboard.web.rows import TABLES, Moment, Row, Rows, Scene, Tour, ms
 from slipstream.messages import CycleReport, VehiclePlan
 from slipstream.orders import OrderRecord
@@ -36,14 +37,6 @@ class Limits:
 
     stale_after_s: float
     silent_after_s: float
-
-
-@dataclass(frozen=True)
-class _Road:
-    data: RoadData
-    view: RoadView
-    row: Row
-    expires_ns: int
 
 
 class Tables:
@@ -69,10 +62,9 @@ class Tables:
     ) -> None:
         self._scene, self._limits = scene, limits
         self._factors = dict(energy_factors or {})
-        self._roads: dict[str, _Road] = {}
+        self._roads = RoadTable()
         self._tours: dict[str, tuple[Tour, tuple[bool, ...], list[list[int]]]] = {}
         self._partners: tuple[tuple[int, ...], tuple[VehiclePlan, ...], Partners] = (), (), {}
-        self._road_limits: RoadLimits | None = None
         self._orders: tuple[Sequence[OrderRecord], tuple[VehiclePlan, ...], int, Rows]
         self._orders = (), (), 0, {}
         self._cycles: tuple[tuple[CycleReport, ...], Rows] = (), {}
@@ -107,14 +99,15 @@ class Tables:
         Returns:
             What has changed, as a browser gets it; None: nothing.
         """
-        roads = self._road_views(snapshot, now_ns)
+        roads = self._roads
+        roads.update(snapshot, now_ns, road_limits(snapshot.dispatcher, self._limits.stale_after_s))
         rsus = rsu_views(snapshot.rsus, now_ns, self._limits.stale_after_s)
-        vans = vehicle_views(snapshot, now_ns, open_roads(roads), self._scene.vehicles)
-        wrong = troubles(snapshot, roads, rsus, vans, now_ns, self._limits.silent_after_s)
+        vans = vehicle_views(snapshot, now_ns, roads.open, self._scene.vehicles)
+        wrong = troubles(snapshot, roads.standing, rsus, vans, now_ns, self._limits.silent_after_s)
         heard = not any(trouble.subject in ("bus", "dispatcher") for trouble in wrong[:1])
         new: Moment = {
             "vehicles": self._vehicle_rows(vans, heard, snapshot.drafting_kwh),
-            "roads": {name: road.row for name, road in self._roads.items()},
+            "roads": roads.rows,
             "rsus": {rsu.rsu: rows.rsu_row(rsu, self._scene, pictured) for rsu in rsus},
             "orders": self._order_rows(snapshot, now_ns),
             "cycles": self._cycle_rows(snapshot),
@@ -131,16 +124,14 @@ class Tables:
         changed: dict[str, Any] = {"set": {}, "del": {}}
         for table in TABLES:
             before, after = old[table], new[table]
-            told = {}
-            for name, row in after.items():
-                known = before.get(name)
-                if known is None:
-                    told[name] = row
-                elif known is not row and known != row:
-                    told[name] = {key: value for key, value in row.items() if known[key] != value}
+            roads = self._roads
+            if table == "roads" and roads.changes is not None and before is roads.before:
+                told, gone = roads.changes, []
+            else:
+                told, gone = _changes(before, after), [n for n in before if n not in after]
             if told:
                 changed["set"][table] = told
-            if gone := [name for name in before if name not in after]:
+            if gone:
                 changed["del"][table] = gone
         for key in ("status", "energy", "next_cycle", "paused"):
             if old[key] != new[key]:
@@ -151,20 +142,6 @@ class Tables:
         seq = old["seq"] + 1
         self.moment = {"t": t, "seq": seq, "live": old["live"], **new}
         return {"t": t, "seq": seq, **changed}
-
-    def _road_views(self, snapshot: Snapshot, now_ns: int) -> list[RoadView]:
-        limits = road_limits(snapshot.dispatcher, self._limits.stale_after_s)
-        if limits != self._road_limits:
-            self._road_limits, self._roads = limits, {}
-        cycle = snapshot.cycles[-1].cycle if snapshot.cycles else None
-        old, self._roads = self._roads, {}
-        for name, data in road_data(snapshot, now_ns).items():
-            known = old.get(name)
-            if known is None or now_ns >= known.expires_ns or not _same(known.data, data):
-                view = road_view(data, cycle, now_ns, limits)
-                known = _Road(data, view, rows.road_row(view), _expires_ns(data, now_ns, limits))
-            self._roads[name] = known
-        return [road.view for road in self._roads.values()]
 
     def _vehicle_rows(
         self,
@@ -240,6 +217,18 @@ class Tables:
         return {**unknown, **(told or {}), "last_cycle": self._last_energy}
 
 
+def _changes(before: Rows, after: Rows) -> Rows:
+    """New rows, and the fields that differ of those that were there before."""
+    told = {}
+    for name, row in after.items():
+        known = before.get(name)
+        if known is None:
+            told[name] = row
+        elif known is not row and known != row:
+            told[name] = {key: value for key, value in row.items() if known[key] != value}
+    return told
+
+
 def status(wrong: tuple[Trouble, ...]) -> Row:
     """The banner: the worst first, with the number of things that are wrong."""
     items = [
@@ -259,29 +248,6 @@ def _next_cycle(snapshot: Snapshot, heard: bool) -> int | None:
     return None if health is None or not heard else ms(health.next_cycle_ns)
 
 
-def _same(a: RoadData, b: RoadData) -> bool:
-    """Whether both have the same messages; these are replaced, never changed."""
-    return (
-        a.gate is b.gate
-        and a.watched_by == b.watched_by
-        and _identical(a.states, b.states)
-        and _identical(a.stopped, b.stopped)
-    )
-
-
 def _identical(a: Sequence[object], b: Sequence[object]) -> bool:
     """Whether both hold the same objects."""
     return len(a) == len(b) and all(map(is_, a, b))
-
-
-def _expires_ns(data: RoadData, now_ns: int, limits: RoadLimits) -> int:
-    """When its view changes by itself: as a message becomes stale, or no longer lies ahead."""
-    stale_ns = round(limits.stale_after_s * 1e9)
-    ahead_ns = round(limits.future_tolerance_s * 1e9)
-    if len(data.states) == 1 and not data.stopped and data.states[0].time_ns <= now_ns + ahead_ns:
-        # The usual case, once a second for each road.
-        stale_at_ns = data.states[0].time_ns + stale_ns + 1
-        return stale_at_ns if stale_at_ns > now_ns else 2**63
-    times = [state.time_ns for state in data.states] + [told.time_ns for told in data.stopped]
-    changes = [at for t in times for at in (t + stale_ns + 1, t - ahead_ns) if at > now_ns]
-    return min(changes, default=2**63)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict
 from typing import Final
 
 from dispatcher_daemon.plans import Candidate
@@ -75,4 +74,4 @@ def worst_receptions(receptions: Iterable[tuple[str, Reception]]) -> tuple[RsuRe
     worst = heapq.nlargest(
         _MAX_REPORTED, receptions, key=lambda found: (found[1].missed, abs(found[1].delay_s or 0.0))
     )
-    return tuple(RsuReception(rsu=rsu, **asdict(found)) for rsu, found in worst)
+    return tuple(RsuReception(rsu=rsu, **found._asdict()) for rsu, found in worst)

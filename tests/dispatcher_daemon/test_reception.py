@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Callable, Sequence
 
 import pytest
@@ -12,7 +13,7 @@ from prometheus_client import REGISTRY
 from dispatcher_daemon import metrics
 from dispatcher_daemon.dispatcher.reports import worst_receptions
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.reception import MAX_JUMP, MAX_RSUS, Reception, ReceptionTable
+from dispatcher_daemon.reception import DELAYS, MAX_JUMP, MAX_RSUS, Reception, ReceptionTable
 from dispatcher_daemon.states import LatestStates, Verdict
 from slipstream.messages import SegmentState
 
@@ -57,6 +58,20 @@ def test_a_state_of_the_future_hides_no_restart(first: bool) -> None:
         table.count("r", sequence, time_ns, -float(ahead_s), out_of_order=False)
     ((_, found),) = table.figures()
     assert (found.received, found.missed) == (len(arrivals), 1)
+
+
+@given(st.lists(st.floats(-100, 100), min_size=2, max_size=3 * DELAYS))
+def test_delays_are_judged_by_the_latest_ones(delays_s: list[float]) -> None:
+    """Median and interquartile range are those of the standard library, of the last `DELAYS`."""
+    table = ReceptionTable()
+    for number, delay_s in enumerate(delays_s):
+        table.count("r", number, number * SECOND, delay_s, out_of_order=False)
+        ((_, found),) = table.figures()
+        latest = delays_s[max(0, number + 1 - DELAYS) : number + 1]
+        if number:
+            lower, median, upper = statistics.quantiles(latest, n=4, method="inclusive")
+            assert found.delay_s == pytest.approx(median)
+            assert found.delay_spread_s == pytest.approx(upper - lower)
 
 
 def test_an_absurd_jump_is_no_gap() -> None:

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from slipstream.bus import Bus, Router, free_port
+from slipstream.bus import Bus, Publisher, Router, free_port
 from slipstream.config import BusSettings
 from slipstream.errors import InputError
 
@@ -84,6 +84,31 @@ def test_the_session_opens_without_a_router_and_finds_it_later() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.slow
+def test_expected_keys_reach_all_that_listen() -> None:
+    """Those that subscribed before and after, also once the router has come back."""
+    port = free_port()
+    settings = BusSettings(connect=(f"tcp/127.0.0.1:{port}",))
+    key, before, after = "slipstream/v1/fleet/van/position", Inbox(), Inbox()
+    with Bus.open(settings) as sender, Bus.open(settings) as receiver:
+        receiver.subscribe("slipstream/v1/fleet/*/position", before, history=False)
+        receiver.expect([key, "slipstream/v1/fleet/other/position"])
+        receiver.subscribe("slipstream/v1/**", after, history=False)
+        publisher = sender.publisher(key, history=0)
+        with Router(port):
+            _put_until(publisher, b"first", before, after)
+        with Router(port):
+            _put_until(publisher, b"second", before, after)
+
+
+def _put_until(publisher: Publisher, payload: bytes, *inboxes: Inbox) -> None:
+    deadline = time.monotonic() + 30
+    while any(payload not in inbox.got for inbox in inboxes):
+        assert time.monotonic() < deadline
+        publisher.put(payload)
+        time.sleep(0.05)
+
+
 def test_a_burst_is_not_dropped_on_its_way(router: Router) -> None:
     """10,000 messages of a state's size at once; by zenoh's defaults some half of them is lost."""
     received, changed = 0, threading.Condition()

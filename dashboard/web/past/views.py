@@ -100,10 +100,10 @@ def _rsu_row(
         status, level = "measures nothing", "warn"
     if why is not None:
         level = "bad"
-    known = [place for road in roads if (place := places.on_road(road, 0.5)) is not None]
+    middle = places.middle(tuple(roads))
     return {
-        "x": round(sum(x for x, _, _ in known) / len(known), 1) if known else None,
-        "y": round(sum(y for _, y, _ in known) / len(known), 1) if known else None,
+        "x": None if middle is None else round(middle[0], 1),
+        "y": None if middle is None else round(middle[1], 1),
         "status": status,
         "level": level,
         "why": why if why is not None else None if level == "ok" else status,

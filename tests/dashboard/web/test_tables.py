@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import random
+
 import pytest
 
 from dashboard.live import LiveData, Snapshot
@@ -11,7 +13,7 @@ from dashboard.web.hub import Part, event
 from dashboard.web.rows import Scene
 from dashboard.web.tables import Limits, Tables
 from slipstream.errors import InputError
-from slipstream.messages import RsuHealth, Unserved
+from slipstream.messages import RsuHealth, StoppedVehicle, StoppedVehicles, Unserved
 
 from .. import city as of
 
@@ -69,6 +71,74 @@ def test_a_closed_gate_waits_for_the_next_cycle(tables, world, now_ns):
     row = tables.moment["roads"]["avenue_west"]
     assert (row["flag"], row["gate"]) == ("stable", "closed")
     assert row["gate_why"] == "turbulent traffic in cycle #3; the next one may open it"
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_roads_moment_after_moment_are_those_of_one_look(tables, world, now_ns, seed):
+    """Whatever comes, and however late: the rows are those that nothing was remembered for."""
+    drawn = random.Random(seed)
+    roads = ["avenue_east", "avenue_west", *list(world.network.segments)[:4]]
+    states, stopped, rsus, since = {}, {}, {}, {}
+    cycles, dispatcher = (world.cycle(3, now_ns),), world.dispatcher(now_ns)
+    for step in range(120):
+        now_ns += drawn.choice((S // 2, S // 2, S, 2 * S, 7 * S))
+        for _ in range(drawn.randrange(6)):
+            road, rsu = drawn.choice(roads), drawn.choice(("a", "a", "a", "b"))
+            y_e = drawn.choice((1, 1, 1, 0, None))
+            state = world.state(
+                road,
+                now_ns + round(drawn.choice((0, 0, -0.3, -4.9, -6, 0.9, 3)) * S),
+                y_e,
+                "uncertain" if y_e is None else None,
+                rsu if road == "avenue_east" else "a",
+                drawn.uniform(14.0, 15.0),
+            )
+            name = (state.segment, state.rsu)
+            if name not in states or states[name].y_e != y_e:
+                since[name] = state.time_ns
+            states[name] = state
+        if drawn.random() < 0.1:
+            road = drawn.choice(roads)
+            vehicle = StoppedVehicle(lane=0, along_m=9.0, since_ns=now_ns - 9 * S, seen_ns=now_ns)
+            stopped[road, "a"] = StoppedVehicles(
+                rsu="a",
+                segment=road,
+                time_ns=now_ns,
+                vehicles=(vehicle,) if drawn.random() < 0.5 else (),
+                y_e=1,
+                mean_speed_mps=None,
+            )
+        if drawn.random() < 0.1:
+            health = world.health(drawn.choice(roads), now_ns)
+            rsus[health.rsu] = health
+        if drawn.random() < 0.1:
+            cycles = (*cycles, world.cycle(4 + step, now_ns))
+        if drawn.random() < 0.05:
+            dispatcher = dispatcher.model_copy(update={"stale_after_s": drawn.choice((2.0, 8.0))})
+        snapshot = _snapshot(
+            world,
+            now_ns,
+            states=dict(states),
+            stopped=dict(stopped),
+            rsus=dict(rsus),
+            cycles=cycles,
+            dispatcher=dispatcher,
+            flag_since=dict(since),
+        )
+        before = tables.moment["roads"]
+        delta = tables.update(snapshot, now_ns)
+        told = {} if delta is None else delta["set"].get("roads", {})
+        gone = [] if delta is None else delta["del"].get("roads", [])
+        followed = {name: row | told.get(name, {}) for name, row in before.items()} | {
+            name: row for name, row in told.items() if name not in before
+        }
+        for name in gone:
+            del followed[name]
+        anew = Tables(tables._scene, Limits(5.0, 4.0))
+        anew.update(snapshot, now_ns)
+        assert tables.moment["roads"] == followed == anew.moment["roads"]
+        assert tables.moment["vehicles"] == anew.moment["vehicles"]
+        assert tables.moment["status"] == anew.moment["status"]
 
 
 def test_partners_are_named_where_a_platoon_drives(tables, world, now_ns):
