@@ -27,7 +27,7 @@ from dispatcher_daemon.solvers.registry import configured_solvers
 from dispatcher_daemon.store import database_fault, open_checked_database, open_in_turn
 from slipstream.admission import check_rsus
 from slipstream.bus import Bus
-from slipstream.messages import ALL_RSU_HEALTH, ALL_STATES, ALL_STOPPED
+from slipstream.messages import ALL_RSU_HEALTH, ALL_STATES, ALL_STOPPED, position_key
 from slipstream.roads import RoadNetwork
 from slipstream.service import Service, configure_logging
 from slipstream.sumo_net import load_network
@@ -199,6 +199,7 @@ def run_dispatcher(settings: DispatcherSettings, *, standby: bool = False) -> No
             dispatcher.health.database_set_aside = database.set_aside.name
         bus.subscribe(ALL_STATES, dispatcher.receiver.on_state, history=False)
         dispatcher.fleet_watch.subscribe(bus)
+        bus.expect(position_key(one.id) for one in (fleet.vehicles if fleet else ()))
         scheduler = CycleScheduler(
             dispatcher.run_cycle,
             settings.interval_s,
