@@ -3,17 +3,7 @@
 from __future__ import annotations
 
 from dispatcher_daemon.fleet.loading import DEMO_FLEET, check_fleet, fleet_from, load_fleet
-from dispatcher_daemon.fleet.models import (
-    DEPOT,
-    Break,
-    ChargingStop,
-    Depot,
-    Fleet,
-    Hub,
-    NamedVehicleType,
-    Stop,
-    Vehicle,
-)
+from dispatcher_daemon.fleet.models import Fleet
 from dispatcher_daemon.fleet.places import (
     MAX_SNAP_M,
     distances,
@@ -21,6 +11,8 @@ from dispatcher_daemon.fleet.places import (
     snapper_of,
     with_unknown_nodes,
 )
+from dispatcher_daemon.fleet.stops import DEPOT, ChargingStop, Depot, Hub, Stop
+from dispatcher_daemon.fleet.vehicles import Break, NamedVehicleType, Vehicle
 
 __all__ = [
     "DEMO_FLEET",

@@ -12,8 +12,10 @@ from pathlib import Path
 from zoneinfo import ZoneInfo
 
 from dispatcher_daemon.fleet.clock import given_twice, parse
-from dispatcher_daemon.fleet.models import DEPOT, Break, Fleet, Stop, Vehicle
+from dispatcher_daemon.fleet.models import Fleet
 from dispatcher_daemon.fleet.places import distances, located, with_unknown_nodes
+from dispatcher_daemon.fleet.stops import DEPOT, Stop
+from dispatcher_daemon.fleet.vehicles import Break, Vehicle
 from slipstream.config import check, read_data
 from slipstream.errors import InputError, refuse
 from slipstream.roads import RoadNetwork

@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Final
 
-from dispatcher_daemon.fleet.models import Fleet, Place
+from dispatcher_daemon.fleet.models import Fleet
+from dispatcher_daemon.fleet.stops import Place
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork
 from slipstream.snapping import Snapped, Snapper
