@@ -192,9 +192,12 @@ class _Frame:
                 flat = self.road(start).surface(road)
                 k = np.diag([focal * self.size[0], focal * self.size[0], 1.0])
                 k[:2, 2] = middle
-                ok, rotation, shift = cv2.solvePnP(
-                    flat, image, k, np.zeros(4), flags=cv2.SOLVEPNP_SQPNP
-                )
+                try:
+                    ok, rotation, shift = cv2.solvePnP(
+                        flat, image, k, np.zeros(4), flags=cv2.SOLVEPNP_SQPNP
+                    )
+                except cv2.error:  # the points lie within too small a part of the picture
+                    continue
                 if not ok:
                     continue
                 start[1:4], start[4:7] = rotation.ravel(), shift.ravel() / self.half_m

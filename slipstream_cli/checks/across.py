@@ -133,15 +133,20 @@ def _vehicles(files: Mapping[str, Sequence[Checked]]) -> Iterator[InputError]:
 
 
 def _ports(files: Sequence[Checked]) -> Iterator[InputError]:
-    """Ports of this machine that two of the files ask for."""
+    """Ports that two files of one machine ask for: of those whose router is on their machine."""
     seen: dict[int, tuple[Path, str]] = {}
-    for file in files:
+    for file in filter(_beside_the_router, files):
         for key, port in _ports_of(file):
             if port in seen:
                 path, other = seen[port]
                 problem = f"port {port} is taken by {other} of {path}"
                 yield InputError(file.path, problem, "give each its own", key=key)
             seen.setdefault(port, (file.path, key))
+
+
+def _beside_the_router(file: Checked) -> bool:
+    bus = getattr(file.content, "bus", None)
+    return bus is None or any("/127." in end or "/localhost:" in end for end in bus.connect)
 
 
 def _ports_of(file: Checked) -> Iterator[tuple[str, int]]:

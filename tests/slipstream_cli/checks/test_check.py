@@ -112,6 +112,19 @@ def test_faults_between_files_are_all_told(site: Site, capsys: pytest.CaptureFix
     assert len(err) == 7
 
 
+def test_boxes_that_share_no_machine_may_have_the_same_ports(
+    site: Site, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two edge boxes reach the router over the network: each has its ports to itself."""
+    second = site["edge-rsu-1"].with_name("edge-rsu-2.toml")
+    second.write_text(site["edge-rsu-1"].read_text())
+    for path in (site["edge-rsu-1"], second):
+        change(path, bus={"connect": ["tcp/10.0.0.1:7447"]})
+    change(second, rsu="rsu-2")
+    _, _, err = checked(capsys, {**site, "edge-rsu-2": second})
+    assert not any("is taken by" in line for line in err)
+
+
 def test_an_rsu_that_the_dispatcher_does_not_admit_is_told(
     site: Site, capsys: pytest.CaptureFixture[str]
 ) -> None:
