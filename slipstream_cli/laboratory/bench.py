@@ -27,7 +27,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     """Add the sub-command."""
     command = commands.add_parser(
         "bench",
-        help="measure what the paper reports, QOBLIB's routing class, or a quantum device",
+        help="measure the paper's tables, QOBLIB's routing class, a device",
         description="Measures a table of the paper anew, each row beside the paper's figure; "
         "solvers and controls on a published class; or what a quantum device is good for.",
     )
