@@ -33,12 +33,21 @@ FRAME: Final = Coefficient(
 EDGE_MB: Final = Coefficient("an edge daemon, resident", 385, "MB", "make bench-perception")
 ADVICE: Final = Coefficient("an advice, bus included", 0.74e-3, "core s", "make bench-agents")
 STATE_DISPATCHER: Final = Coefficient(
-    "a segment state in the dispatcher", 93e-6, "core s", "make bench-service"
+    "a segment state in the dispatcher", 44e-6, "core s", "make bench-service"
 )
 STATE_ROUTER: Final = Coefficient(
-    "a segment state in one router", 18e-6, "core s", "make bench-service"
+    "a segment state in one router", 14e-6, "core s", "make bench-service"
 )
 STATE_BYTES: Final = Coefficient("a segment state on the wire", 623, "bytes", "make bench-service")
+POSITION_DISPATCHER: Final = Coefficient(
+    "a vehicle's position in the dispatcher", 17e-6, "core s", "make bench-service"
+)
+POSITION_ROUTER: Final = Coefficient(
+    "a vehicle's position in one router", 14e-6, "core s", "make bench-service"
+)
+POSITION_BYTES: Final = Coefficient(
+    "a vehicle's position on the wire", 166, "bytes", "make bench-service"
+)
 CYCLE: Final = Coefficient(
     "a cycle, for each vehicle with five stops", 0.51, "core s", "make bench-routing"
 )
@@ -53,7 +62,8 @@ DISK: Final = Coefficient(
 )
 
 COEFFICIENTS: Final = (
-    *(FRAME, EDGE_MB, ADVICE, STATE_DISPATCHER, STATE_ROUTER, STATE_BYTES, CYCLE, STORE, DISK),
+    *(FRAME, EDGE_MB, ADVICE, STATE_DISPATCHER, STATE_ROUTER, STATE_BYTES),
+    *(POSITION_DISPATCHER, POSITION_ROUTER, POSITION_BYTES, CYCLE, STORE, DISK),
 )
 
 MESSAGE_SHARE: Final = 0.5
@@ -100,9 +110,8 @@ def needs(load: Load) -> dict[str, str]:
     """What a load takes, by its line in the table."""
     states = load.rsus * load.segments
     positions = load.vehicles
-    # Positions are shorter than states; their own costs are not measured yet.
-    router = load.hops * (states + positions) * STATE_ROUTER.value
-    messages = (states + positions) * STATE_DISPATCHER.value
+    router = load.hops * (states * STATE_ROUTER.value + positions * POSITION_ROUTER.value)
+    messages = states * STATE_DISPATCHER.value + positions * POSITION_DISPATCHER.value
     cycles = load.vehicles * CYCLE.value / load.interval_s
     dispatchers = max(
         1,
@@ -110,7 +119,7 @@ def needs(load: Load) -> dict[str, str]:
         ceil(states / SEGMENTS_A_DISPATCHER),
         ceil(load.vehicles / VEHICLES_A_DISPATCHER),
     )
-    wire = (states + positions) * STATE_BYTES.value
+    wire = states * STATE_BYTES.value + positions * POSITION_BYTES.value
     edge = load.rsus * 30 * FRAME.value
     agents = load.vehicles * load.on_road * ADVICE_HZ * ADVICE.value
     busy = STORE.value * states / 1000 / load.interval_s
