@@ -14,6 +14,13 @@ if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
 
+def insert_into(session: Session, table: Table) -> Any:
+    """An INSERT of the session's kind of database, which can say what to do with known keys."""
+    assert session.bind is not None
+    dialect = postgresql if session.bind.dialect.name == "postgresql" else sqlite
+    return dialect.insert(table)
+
+
 def add_sums(session: Session, table: Table, parts: Iterable[DataclassInstance]) -> None:
     """Add parts to the rows of their keys, in one statement for all; the first one makes the row.
 
@@ -23,9 +30,7 @@ def add_sums(session: Session, table: Table, parts: Iterable[DataclassInstance])
     rows = [asdict(part) for part in parts]
     if not rows:
         return
-    assert session.bind is not None
-    dialect = postgresql if session.bind.dialect.name == "postgresql" else sqlite
-    statement: Any = dialect.insert(table)
+    statement = insert_into(session, table)
     key = list(table.primary_key.columns)
     summed = {c.name: c + statement.excluded[c.name] for c in table.columns if c not in set(key)}
     session.execute(statement.on_conflict_do_update(index_elements=key, set_=summed), rows)

@@ -17,9 +17,9 @@ from sqlalchemy import (
     literal,
     select,
 )
-from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Session
 
+from storage.sums import insert_into
 from storage.traffic import segments
 from storage.traffic.models import FEATURES, SPREAD, segment_rollups
 from storage.traffic.rollups import HOUR_S, MINUTE_S, RollUp, Spread, begin, merge, merged
@@ -114,9 +114,7 @@ def _make_hour(session: Session, began_ns: int) -> None:
 
 def _upsert(session: Session, rows_of: tuple[Sequence[str], Select[Any]] | None = None) -> Insert:
     """An INSERT that takes the place of rows with the same key."""
-    assert session.bind is not None
-    dialect = postgresql if session.bind.dialect.name == "postgresql" else sqlite
-    statement: Any = dialect.insert(segment_rollups)
+    statement = insert_into(session, segment_rollups)
     changed = {c.name: c for c in statement.excluded if c.name not in _KEY}
     if rows_of is not None:
         statement = statement.from_select(*rows_of)
