@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
 from types import MappingProxyType
 from typing import Literal
 
@@ -202,7 +203,7 @@ def take_snapshot(
             States do not contain it.
     """
     known = sorted(
-        (s for s in states if s.segment in network.segments), key=lambda s: (s.segment, s.rsu)
+        (s for s in states if s.segment in network.segments), key=attrgetter("segment", "rsu")
     )
     by_segment: dict[str, list[SegmentState]] = {}
     for state in known:

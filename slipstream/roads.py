@@ -70,6 +70,29 @@ class Crossing:
 
 
 @dataclass(frozen=True)
+class UsableRoads:
+    """What of a network vehicles of one profile may use, as arrays; whatever the traffic.
+
+    Attributes:
+        ids: of all m segments, sorted.
+        index: position by id.
+        leaving: positions of the usable segments that leave a junction, by junction.
+        entering: the same for those that end there.
+        turns: pairs of usable segments (from, onto), shape (2, t).
+        length_m: shape (m,).
+        limit_mps: what the vehicles may and can drive, shape (m,).
+    """
+
+    ids: tuple[str, ...]
+    index: Mapping[str, int]
+    leaving: Mapping[str, list[int]]
+    entering: Mapping[str, list[int]]
+    turns: npt.NDArray[np.int64]
+    length_m: npt.NDArray[np.float64]
+    limit_mps: npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
 class RoadNetwork:
     """Segments by id and junction positions in m; immutable.
 
@@ -127,6 +150,16 @@ class RoadNetwork:
             return known
         return tuple(s.id for s in self.leaving[self.segments[segment].end])
 
+    @cached_property
+    def _usable(self) -> dict[RoutingProfile, UsableRoads]:
+        return {}
+
+    def usable(self, profile: RoutingProfile) -> UsableRoads:
+        """What vehicles of a profile may use; computed once."""
+        if profile not in self._usable:
+            self._usable[profile] = _usable_roads(self, profile)
+        return self._usable[profile]
+
     def bounds_m(self) -> tuple[float, float, float, float]:
         """(x_min, y_min, x_max, y_max) over all segment shapes, m."""
         points: npt.NDArray[np.float64] = np.array(
@@ -134,6 +167,36 @@ class RoadNetwork:
         )
         low, high = points.min(axis=0), points.max(axis=0)
         return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+
+def _usable_roads(network: RoadNetwork, profile: RoutingProfile) -> UsableRoads:
+    ids = tuple(sorted(network.segments))
+    index = {name: i for i, name in enumerate(ids)}
+    leaving: dict[str, list[int]] = {node: [] for node in network.junctions}
+    entering: dict[str, list[int]] = {node: [] for node in network.junctions}
+    usable = {name for name in ids if network.admits(name, profile)}
+    for i, name in enumerate(ids):
+        if name in usable:
+            leaving[network.segments[name].start].append(i)
+            entering[network.segments[name].end].append(i)
+    pairs = [
+        (index[a], index[b])
+        for a in ids
+        for b in dict.fromkeys(network.turns(a))
+        if a in usable and b in usable and network.admits_turn(a, b, profile)
+    ]
+    segments = [network.segments[name] for name in ids]
+    limits = [s.access.speed_limit_mps(s.speed_limit_mps, profile) for s in segments]
+    top_mps = math.inf if profile.max_speed_mps is None else profile.max_speed_mps
+    return UsableRoads(
+        ids,
+        index,
+        leaving,
+        entering,
+        np.array(pairs, dtype=np.int64).reshape(-1, 2).T,
+        np.array([segment.length_m for segment in segments]),
+        np.minimum(limits, top_mps),
+    )
 
 
 def build_network(

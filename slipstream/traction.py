@@ -8,15 +8,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar, TypeVar
 
 from pydantic import ConfigDict, Field
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
 
 JOULE_PER_KWH = 3.6e6
 ETA_ALONE = 0.0
 ETA_LEADER = 0.05
 ETA_FOLLOWER = 0.20
 
+Quantity = TypeVar("Quantity", float, "npt.NDArray[np.float64]")
+"""A number or an array of them."""
 _Positive = Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)]
 
 
@@ -70,15 +76,15 @@ class VehicleParameters:
         """½ρC_dA: drag force over speed squared, kg/m."""
         return 0.5 * self.air_density_kgpm3 * self.drag_coefficient * self.frontal_area_m2
 
-    def drag_force_n(self, speed_mps: float, drag_reduction: float = ETA_ALONE) -> float:
+    def drag_force_n(self, speed_mps: Quantity, drag_reduction: float = ETA_ALONE) -> Quantity:
         """Aerodynamic drag ½ρC_d(1−η)A v², N."""
         return self.drag_factor_kgpm * (1 - drag_reduction) * speed_mps**2
 
-    def electrical_kwh(self, work_j: float) -> float:
+    def electrical_kwh(self, work_j: Quantity) -> Quantity:
         """Electrical energy for mechanical work at the wheels, kWh."""
         return work_j / (JOULE_PER_KWH * self.powertrain_efficiency)
 
-    def recovered_kwh(self, work_j: float) -> float:
+    def recovered_kwh(self, work_j: Quantity) -> Quantity:
         """Electrical energy that braking work at the wheels, ≥ 0, gives back, kWh."""
         return work_j * self.recuperation_efficiency / JOULE_PER_KWH
 
@@ -111,7 +117,7 @@ def steady_energy_kwh(
     return vehicle.electrical_kwh(force * distance_m)
 
 
-def stop_energy_kwh(speed_mps: float, vehicle: VehicleParameters = PAPER_CAR) -> float:
+def stop_energy_kwh(speed_mps: Quantity, vehicle: VehicleParameters = PAPER_CAR) -> Quantity:
     """Energy of one full stop, kWh: the lost kinetic energy ½mv² over η_elec, without what braking
     recuperates of it.
     """

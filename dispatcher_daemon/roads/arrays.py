@@ -11,15 +11,12 @@ from typing import Final, Literal
 import numpy as np
 
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads.costs import (
-    held_cost_kwh,
-    planning_speed_mps,
-    segment_cost_kwh,
-)
+from dispatcher_daemon.roads.costs import follows_traffic, held_cost_kwh
 from dispatcher_daemon.roads.turns import Basis, TurnCosts, search_weights
 from dispatcher_daemon.roads.weights import Floats, Ints, Weights
-from dispatcher_daemon.traffic import TrafficSnapshot
-from slipstream.energy import steady_energy_kwh
+from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot
+from slipstream.energy import stop_energy_kwh
+from slipstream.roads import RoadNetwork
 from slipstream.vehicle_types import RoutingProfile
 
 _S_PER_H: Final = 3600.0
@@ -88,42 +85,22 @@ def roads_of(
     """
     network = problem.network
     profile = problem.profiles[0] if profile is None else profile
-    ids = tuple(sorted(network.segments))
-    index = {name: i for i, name in enumerate(ids)}
-    leaving: dict[str, list[int]] = {node: [] for node in network.junctions}
-    entering: dict[str, list[int]] = {node: [] for node in network.junctions}
-    usable = {name for name in ids if network.admits(name, profile)}
-    for i, name in enumerate(ids):
-        if name in usable:
-            leaving[network.segments[name].start].append(i)
-            entering[network.segments[name].end].append(i)
-    pairs = [
-        (index[a], index[b])
-        for a in ids
-        for b in dict.fromkeys(network.turns(a))
-        if a in usable and b in usable and network.admits_turn(a, b, profile)
-    ]
-    turn = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
-    segments = [(network.segments[s], snapshot.segments[s]) for s in ids]
-    cost = np.array([segment_cost_kwh(*pair, profile) for pair in segments])
-    speed = np.array([planning_speed_mps(*pair, profile) for pair in segments])
+    usable = network.usable(profile)
+    traffic = [snapshot.segments[name] for name in usable.ids]
+    stops = np.array([of.stops for of in traffic])
+    speed, calm, held = _costs(network, traffic, profile)
+    cost = held + stops * stop_energy_kwh(speed, profile.physics)
     factor: Floats | float = 1.0
     observed = RoutingProfile(problem.vehicle)
     if snapshot.expected is not None and profile.physics != observed.physics:
-        factor = cost / np.array([segment_cost_kwh(*pair, observed) for pair in segments])
+        other_speed, _, other_held = _costs(network, traffic, observed)
+        factor = cost / (other_held + stops * stop_energy_kwh(other_speed, observed.physics))
         # Slow traffic hardly has drag: no vehicle loses less than it needs for rolling.
         own, other = profile.physics, observed.physics
         rolling = own.electrical_kwh(own.rolling_force_n)
         factor = np.maximum(factor, rolling / other.electrical_kwh(other.rolling_force_n))
-    length = np.array([network.segments[s].length_m for s in ids])
-    held = np.array([held_cost_kwh(*pair, profile) for pair in segments])
-    calm = [
-        steady_energy_kwh(*pair, vehicle=profile.physics)
-        for pair in zip(length, speed, strict=True)
-    ]
-    stops = np.array([traffic.stops for _, traffic in segments])
     basis = Basis(
-        *(ids, turn, cost, held, np.array(calm), stops, speed, length),
+        *(usable.ids, usable.turns, cost, held, calm, stops, speed, usable.length_m),
         problem.style,
         profile.physics,
     )
@@ -134,16 +111,31 @@ def roads_of(
         costs = basis.drive_costs() if exact else basis.paper_costs()
     return Roads(
         profile,
-        ids,
+        usable.ids,
         cost,
         speed,
-        length,
-        turn,
+        usable.length_m,
+        usable.turns,
         costs,
         search_weights(costs, problem.search, problem.price_of_time_kw),
         problem.search,
         problem.price_of_time_kw,
-        index,
-        leaving,
-        entering,
+        usable.index,
+        usable.leaving,
+        usable.entering,
     )
+
+
+def _costs(
+    network: RoadNetwork, traffic: Sequence[SegmentTraffic], profile: RoutingProfile
+) -> tuple[Floats, Floats, Floats]:
+    """Planning speeds, and `held_cost_kwh` of the segments in calm traffic and in theirs."""
+    usable, physics = network.usable(profile), profile.physics
+    speed = np.minimum([of.speed_mps for of in traffic], usable.limit_mps)
+    force_n = physics.rolling_force_n + physics.drag_force_n(speed)
+    calm = physics.electrical_kwh(force_n * usable.length_m)
+    held = calm.copy()
+    for i, of in enumerate(traffic):
+        if follows_traffic(of):
+            held[i] = held_cost_kwh(network.segments[of.segment], of, profile)
+    return speed, calm, held

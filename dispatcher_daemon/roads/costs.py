@@ -44,6 +44,11 @@ def segment_cost_kwh(
     return held_cost_kwh(segment, traffic, profile) + traffic.stops * stop_kwh
 
 
+def follows_traffic(traffic: SegmentTraffic) -> bool:
+    """Whether a vehicle cannot hold the planning speed: traffic is known to be turbulent."""
+    return traffic.y_e == 0 and traffic.measured_speed_mps is not None
+
+
 def held_cost_kwh(segment: Segment, traffic: SegmentTraffic, profile: RoutingProfile) -> float:
     """The same for a vehicle that is on the segment at its planning speed, and does not stop.
 
@@ -57,7 +62,7 @@ def held_cost_kwh(segment: Segment, traffic: SegmentTraffic, profile: RoutingPro
     recuperates is taken off.
     """
     vehicle, speed = profile.physics, planning_speed_mps(segment, traffic, profile)
-    if traffic.y_e != 0 or traffic.measured_speed_mps is None:
+    if not follows_traffic(traffic):
         return steady_energy_kwh(segment.length_m, speed, vehicle=vehicle)
     bound = segment.speed_limit_mps**2 / (2 * segment.length_m)
     mean_acceleration = min(bound, max(-bound, traffic.mean_acceleration_mps2))
