@@ -12,6 +12,7 @@ import { FLAG_SIGN, levelRank, levelSign, levelWord, severityLevel, swatch } fro
  * @property {boolean} [grow] takes the width that is left
  * @property {number} rank columns of the highest ranks go first where there is no room
  * @property {(row: any, id: string) => string} text
+ * @property {(row: any) => string} [whole] what a pointer over it shows
  * @property {(row: any, id: string) => any} [value] what it sorts by, the text if left out
  * @property {(cell: HTMLElement, row: any, id: string) => void} [paint] draws beside the text
  */
@@ -32,7 +33,9 @@ export function makeColumns(f, city) {
   const figure = (key, label, width, rank, show) => ({
     key, label, width, rank, figure: true, text: (row) => show(row[key]), value: (row) => row[key],
   });
-  const time = (key, label, rank, width = 58) => figure(key, label, width, rank, (ms) => f.time(ms, city.now()));
+  const time = (key, label, rank) => ({
+    ...figure(key, label, 58, rank, (ms) => f.brief(ms, city.now())), whole: (row) => f.moment(row[key]),
+  });
   const code = (key, label, width, rank, extra = {}) => text(key, label, width, rank, { text: (row) => words(row[key]), ...extra });
 
   return {
@@ -89,7 +92,8 @@ export function makeColumns(f, city) {
       time("eta", "ETA", 3),
       {
         key: "latest", label: "Window", width: 112, rank: 4, figure: true,
-        text: (row) => f.window(row.earliest, row.latest, city.now()), value: (row) => row.latest,
+        text: (row) => f.briefWindow(row.earliest, row.latest, city.now()), value: (row) => row.latest,
+        whole: (row) => f.window(row.earliest, row.latest, city.now()),
       },
       figure("late_s", "Late", 76, 2, (s) => (s > 0 ? f.delay(s) : "–")),
       text("why", "Why", 130, 5, { grow: true }),

@@ -2,6 +2,7 @@
 
 const MISSING = "–";
 const NBSP = "\u00a0";
+const HALF_DAY_MS = 43_200_000;
 const KM_PER_MILE = 1.609344;
 const M_PER_FOOT = 0.3048;
 
@@ -29,12 +30,22 @@ export class Format {
   /** "14:02:11" @param {number|null} ms */
   clock(ms) { return missing(ms) ? MISSING : this._clock.format(ms); }
 
-  /** "14:02", and the day before it if that is not the day of `now`. @param {number|null} ms */
+  /** "14:02", and the day before it half a day or more from `now`. @param {number|null} ms */
   time(ms, now = Date.now()) {
     if (missing(ms)) return MISSING;
     const minute = this._minute.format(ms);
-    return this.isoDay(ms) === this.isoDay(now) ? minute : `${this._day.format(ms).replace(" ", NBSP)}, ${minute}`;
+    return this._near(ms, now) ? minute : `${this._shortDay(ms)}, ${minute}`;
   }
+
+  /** The same in a narrow column: the day alone, half a day or more from `now`. @param {number|null} ms */
+  brief(ms, now = Date.now()) {
+    return missing(ms) || this._near(ms, now) ? this.time(ms, now) : this._shortDay(ms);
+  }
+
+  _shortDay(ms) { return this._day.format(ms).replace(" ", NBSP); }
+
+  /** Whether a clock time says which day is meant. Around midnight the other day's is as clear as today's. */
+  _near(ms, now) { return Math.abs(ms - now) < HALF_DAY_MS || this.isoDay(ms) === this.isoDay(now); }
 
   /** "Mon 23 Nov 2026, 14:02:11" @param {number|null} ms */
   moment(ms) { return missing(ms) ? MISSING : `${this._date.format(ms).replace(",", "")}, ${this._clock.format(ms)}`; }
@@ -68,11 +79,17 @@ export class Format {
   }
 
   /** "14:02–14:30"; an open end is left out. */
-  window(begin, end, now = Date.now()) {
+  window(begin, end, now = Date.now()) { return this._window(begin, end, (ms) => this.time(ms, now)); }
+
+  /** The same in a narrow column. */
+  briefWindow(begin, end, now = Date.now()) { return this._window(begin, end, (ms) => this.brief(ms, now)); }
+
+  _window(begin, end, show) {
     if (missing(begin) && missing(end)) return MISSING;
-    if (missing(begin)) return `by ${this.time(end, now)}`;
-    if (missing(end)) return `from ${this.time(begin, now)}`;
-    return `${this.time(begin, now)}–${this.time(end, now)}`;
+    if (missing(begin)) return `by ${show(end)}`;
+    if (missing(end)) return `from ${show(begin)}`;
+    const [first, last] = [show(begin), show(end)];
+    return first === last ? first : `${first}–${last}`;
   }
 
   /** "4 min 10 s" @param {number|null} seconds */

@@ -192,7 +192,8 @@ export class DataTable {
       const label = /** @type {Element} */ (cell.lastElementChild);
       if (label.textContent !== text) {
         label.textContent = text;
-        if (!column.figure && text.length > 8) cell.title = text;
+        if (column.whole) cell.title = column.whole(values);
+        else if (!column.figure && text.length > 8) cell.title = text;
         else cell.removeAttribute("title");
       }
       column.paint?.(cell, values, id);

@@ -446,10 +446,13 @@ FIGURES = """async () => {
   const imperial = new Format({ units: "imperial", time_zone: "UTC", currency: "USD" });
   const summer = Date.UTC(2026, 9, 31, 23, 5, 7);
   const winter = Date.UTC(2026, 10, 1, 12, 0, 0);
+  const SIX_H = 6 * 3_600_000;
   const plain = (text) => text.replaceAll("\\u00a0", " ");
   return [
     metric.clock(summer), metric.moment(summer), metric.zone(summer), metric.zone(winter),
-    metric.time(summer, winter), metric.speed(50), imperial.speed(50), imperial.distance(100),
+    metric.time(summer, winter - SIX_H), metric.time(summer, winter), metric.brief(summer, winter),
+    metric.window(summer, winter, winter), metric.briefWindow(summer, winter, winter),
+    metric.speed(50), imperial.speed(50), imperial.distance(100),
     metric.distance(1234), metric.duration(3725), metric.duration(-61), metric.delay(240),
     metric.delay(-20), metric.kwh(-0.126, true), metric.kwh(12345),
     metric.share(0.0642), metric.money(-3.5), metric.number(null), imperial.mass(2500),
@@ -468,7 +471,11 @@ def test_figures_have_units_and_times_a_zone(opened):
         "Sat 31 Oct 2026, 19:05:07",
         "GMT-4",
         "GMT-5",
+        "19:05",
         "31 Oct, 19:05",
+        "31 Oct",
+        "31 Oct, 19:05–07:00",
+        "31 Oct–07:00",
         "50 km/h",
         "31 mph",
         "328 ft",

@@ -15,6 +15,7 @@ import pytest
 
 from dispatcher_daemon.api import token_hash
 from slipstream.bus import Router, free_port
+from tests.dashboard.web.browser import SIZES, geometry_faults
 
 pytestmark = [pytest.mark.process, pytest.mark.slow(long=True)]
 WITHIN_S = 180.0
@@ -158,7 +159,7 @@ def test_the_dispatcher_does_what_an_operator_asks_for_on_the_page(
 
 
 def test_an_operator_in_a_browser(daemons: Callable[[float], Ports], browser: Any) -> None:
-    """Past moments by the slider and played, a pause with a token, a card that a reload keeps."""
+    """Past moments by the slider and played, a card that a reload keeps."""
     api, page = daemons(4.0)
     _until(lambda: len(_ask(api, "/v1/cycles")[1]["cycles"]) >= 4)
     _until(lambda: _ask(page, "/api/past")[1]["last"] is not None)
@@ -190,17 +191,6 @@ def test_an_operator_in_a_browser(daemons: Callable[[float], Ports], browser: An
         tab.click("#time-live")
     until("document.documentElement.dataset.time === 'live'")
 
-    # A token is asked for; the dispatcher pauses, which the page tells by itself.
-    tab.click("#control summary")
-    tab.click("#pause")
-    tab.fill("#action-reason", "road works")
-    tab.fill("#action-token", "operator")
-    tab.click("#action-send")
-    until("document.getElementById('action-answer').textContent.includes('paused')")
-    assert _ask(api, "/readyz")[1]["paused"]
-    tab.click("#action-close")
-    until("document.getElementById('next').textContent === 'dispatcher paused'")
-
     # A card by its address, which is still there after a reload, with its plan.
     vehicle = _ask(api, "/v1/vehicles")[1]["vehicles"][0]["id"]
     tab.goto(f"http://127.0.0.1:{page}/#van/{vehicle}")
@@ -211,4 +201,58 @@ def test_an_operator_in_a_browser(daemons: Callable[[float], Ports], browser: An
         tab.reload()
     tab.click("#pane-vehicles tr[data-id] >> nth=1")
     assert "#van/" in tab.url
+    assert faults == []
+
+
+@pytest.mark.parametrize("width", SIZES)
+def test_an_operators_actions_in_a_browser(
+    daemons: Callable[[float], Ports], browser: Any, width: int
+) -> None:
+    """A token is asked for; the dispatcher pauses, resumes, solves, lets a stop go and drops it."""
+    api, port = daemons(600.0)
+    _until(lambda: len(_ask(api, "/v1/cycles")[1]["cycles"]) >= 1)
+    _until(lambda: _ask(port, "/api/config")[0] == 200)
+    van = _ask(api, "/v1/vehicles")[1]["vehicles"][0]["id"]
+    assert _ask(api, "/v1/orders", {"id": "o-1", "node": "c2"})[0] == 201
+    tab = browser.new_page(viewport={"width": width, "height": SIZES[width]})
+    tab.set_default_timeout(60_000)
+    faults: list[str] = []
+    tab.on("pageerror", lambda error: faults.append(str(error)))
+
+    def until(condition: str) -> None:
+        _until(lambda: bool(tab.evaluate(condition)))
+
+    def act(button: str, vehicle: str | None = None) -> None:
+        if button.startswith("#control"):
+            tab.click("#control summary")
+        tab.click(button)
+        if vehicle is not None:
+            tab.select_option("#action-vehicle", vehicle)
+        tab.fill("#action-reason", "road works")
+        if tab.is_visible("#action-token"):
+            tab.fill("#action-token", "operator")
+        assert geometry_faults(tab) == [], button
+        tab.click("#action-send")
+        until("document.getElementById('action-answer').dataset.level === 'ok'")
+        until("document.getElementById('action-send').hidden")
+        tab.click("#action-close")
+
+    tab.goto(f"http://127.0.0.1:{port}/?tab=orders#order/o-1")
+    tab.wait_for_selector("html[data-map]", state="attached")
+    act("#control #pause")
+    assert _ask(api, "/readyz")[1]["paused"]
+    until("document.getElementById('next').textContent === 'dispatcher paused'")
+    until("document.title.startsWith('(')")
+    act("#control #resume")
+    assert not _ask(api, "/readyz")[1]["paused"]
+    before = len(_ask(api, "/v1/cycles")[1]["cycles"])
+    act("#control [data-action=solve]")
+    _until(lambda: len(_ask(api, "/v1/cycles")[1]["cycles"]) > before)
+    until("document.getElementById('card-title').textContent === 'o-1'")
+    act("#card [data-action=pin]", van)
+    _until(lambda: _ask(api, "/v1/orders/o-1")[1]["pinned"] == van)
+    act("#card [data-action=release]")
+    _until(lambda: _ask(api, "/v1/orders/o-1")[1]["pinned"] is None)
+    act("#card [data-action=cancel]")
+    _until(lambda: _ask(api, "/v1/orders/o-1")[1]["state"] == "cancelled")
     assert faults == []
