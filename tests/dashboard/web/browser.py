@@ -21,7 +21,8 @@ OUTSIDE = """() => {
     if (node.closest("[hidden], svg, .city-map, .skip") || !node.getClientRects().length) continue;
     const box = node.getBoundingClientRect();
     if (style.position === "absolute" && style.clipPath !== "none") continue;
-    if (box.right > innerWidth + 1 && !node.parentElement.closest("#glance ul, #tabs, .wide"))
+    const clips = "#glance ul, #tabs, .wide, .rows td";
+    if (box.right > innerWidth + 1 && !node.parentElement.closest(clips))
       found.push(`${node.tagName}#${node.id}.${node.className} to ${box.right}`);
   }
   return found;

@@ -86,6 +86,10 @@ export function placeStill(view, scene, margin) {
     const radius = isChosen ? RADII.stop : RADII.order;
     want(isSelected ? 0 : 4, makeLabel("order", id, id, palette, { size: 10.5, colour: palette.inkSoft }), x, y, radius);
   }
+  // Clusters move: they are no part of `taken`, which is kept for longer.
+  for (const { x, y, radius } of scene.circles(view)) {
+    placement.block({ x, y, width: 2 * radius, height: 2 * radius, angle: 0 });
+  }
   wanted.sort((a, b) => a[0] - b[0]);
   for (const [, label, x, y, radius] of wanted) {
     if (placeBeside(placement, label, x, y, radius)) labels.push(label);
