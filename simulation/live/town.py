@@ -24,10 +24,12 @@ _FLEET: Final = FleetSettings(
     vehicles=VANS,
     capacity=4,
     # Twelve vans on rounds of some ten minutes: as many orders as they can serve.
-    orders=5000,
+    orders=4300,
     parcels=(1, 2),
     hours=_EVEN,
-    wave_share=0.0,
+    # A lorry brings most parcels at once, as to most depots: vans leave together.
+    wave_s=600.0,
+    wave_due_s=(1800.0, 3600.0),
     express_due_s=(1800.0, 3600.0),
     service_s=(15.0, 40.0),
     depart_within_s=120.0,

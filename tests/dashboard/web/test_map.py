@@ -471,6 +471,22 @@ def test_themes_have_colours_of_their_own(town):
     assert pixels(town, 5, 300, 1, 1)[0][0] == light
 
 
+CONTRASTS = """async (theme) => {
+  const { channels, contrast, readPalette } = await import("./map/paint/palette.js");
+  map.setTheme(theme);
+  const palette = readPalette(map._root);
+  return palette.names.map((name) => contrast(channels(name), channels(palette.halo)));
+}"""
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_names_of_vehicles_are_read_easily(town, theme):
+    """WCAG AA asks for 4.5 to 1 of a text."""
+    contrasts = town.evaluate(CONTRASTS, theme)
+    assert len(contrasts) == 12
+    assert min(contrasts) >= 4.5
+
+
 def test_vehicles_glide_between_messages_while_all_else_stays_drawn(open_map):
     """Moving vehicles cost no drawing of roads; a destroyed map leaves nothing."""
     page = open_map(STREETS, three_roads(), query="theme=light", width=600, height=400)

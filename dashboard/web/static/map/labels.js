@@ -241,7 +241,7 @@ export function placeMoving(view, scene, taken, sides) {
   for (const mover of named.slice(0, MAX_VEHICLES)) {
     const isDimmed = relation && !relation.vehicles.has(mover.id);
     const label = makeLabel("vehicle", mover.id, mover.id, palette, {
-      weight: 600, colour: isDimmed ? palette.inkSoft : palette.vehicles[mover.row.colour ?? 0],
+      weight: 600, colour: isDimmed ? palette.inkSoft : palette.names[mover.row.colour ?? 0],
     });
     const halo = relation?.vehicles.has(mover.id) ? 8 : 1;
     const [x, y] = [view.px(mover.x), view.py(mover.y)];
