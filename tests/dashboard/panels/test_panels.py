@@ -226,20 +226,20 @@ def test_unserved_stops_are_listed(world, now_ns):
     """The head counts them, and the cycle's panel names the first few with reasons as they came."""
     stops = [Unserved(stop=f"c_{n}", reason=f"loaded on 'van_{n}'") for n in range(12)]
     view = _cycle_view(world, now_ns, *stops)
-    assert "12 stops not served" in _html("summary", view)
+    assert "12 stops not in the plan" in _html("summary", view)
     block = _html("cycle", view)
-    assert "12 stops not served" in block
+    assert "12 stops not in the plan" in block
     for n in range(MAX_UNSERVED):
         assert f"<td>c_{n}</td>" in block
         assert f"loaded on &#39;van_{n}&#39;" in block
     assert f"c_{MAX_UNSERVED}" not in block
     assert f"and {12 - MAX_UNSERVED} more" in block
     one = _html("cycle", _cycle_view(world, now_ns, stops[0]))
-    assert "1 stop not served" in one
+    assert "1 stop not in the plan" in one
     assert "more</small>" not in one
 
 
 def test_nothing_is_said_where_all_stops_are_served(world, now_ns):
     """A cycle that serves every stop has no word on stops that it does not."""
     view = _cycle_view(world, now_ns)
-    assert "not served" not in _html("cycle", view) + _html("summary", view)
+    assert "not in the plan" not in _html("cycle", view) + _html("summary", view)
