@@ -58,7 +58,7 @@ STORE: Final = Coefficient(
     "make bench-storage",
 )
 DISK: Final = Coefficient(
-    "30 days kept, for each 1,000 segments (SQLite)", 1.49, "GB", "make bench-storage"
+    "30 days kept, for each 1,000 segments (SQLite)", 1.46, "GB", "make bench-storage"
 )
 
 COEFFICIENTS: Final = (

@@ -91,8 +91,8 @@ class SegmentTraffic:
         return self.age_s is not None and self.reason not in ("stale", "future")
 
     def as_message(self) -> Gate:
-        """Its gate as reports tell it."""
-        return Gate(
+        """Its gate as reports tell it; its parts were checked with the state that they are from."""
+        return Gate.model_construct(
             segment=self.segment,
             y_e=self.y_e,
             reason=self.reason,
@@ -139,12 +139,14 @@ class TrafficSnapshot:
         states: the SegmentStates that it is based on, in (segment, rsu) order.
         expected: expected costs of movements at this hour; None: not known, the costs are those of
             segments.
+        judged: `segments` by the states alone, before anything learned was added; None: not known.
     """
 
     now_ns: int
     segments: Mapping[str, SegmentTraffic]
     states: tuple[SegmentState, ...]
     expected: Expectations | None = None
+    judged: Mapping[str, SegmentTraffic] | None = field(default=None, repr=False, compare=False)
 
     def chance_of_stop(self, segment: str, onto: str) -> float:
         """Chance that a vehicle comes to a stand before it goes from a segment onto the next one:
@@ -214,7 +216,8 @@ def take_snapshot(
         judged = judge(segment, seen, now_ns, stale_after_s, future_tolerance_s)
         at_signals = segment.end in network.signals and stops_at_signals > 0
         traffic[name] = replace(judged, stops=stops_at_signals) if at_signals else judged
-    return TrafficSnapshot(now_ns, MappingProxyType(traffic), tuple(known))
+    segments = MappingProxyType(traffic)
+    return TrafficSnapshot(now_ns, segments, tuple(known), judged=segments)
 
 
 def judge(

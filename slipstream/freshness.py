@@ -115,7 +115,7 @@ def decisive(
         )
         for state in states
     ]
-    return max(judged, key=_weight, default=None)
+    return judged[0] if len(judged) == 1 else max(judged, key=_weight, default=None)
 
 
 def _weight(judged: Decisive[_S]) -> tuple[object, ...]:

@@ -78,12 +78,13 @@ def open_shares(
 
     def shares(segment: Segment, traffic: SegmentTraffic) -> Shares:
         speed = planning_speed_mps(segment, traffic, of)
-        leader, follower, middle, last = (
-            drag_saving_kwh(segment.length_m, speed, eta, of.physics)
-            for eta in planned_reductions(problem, of, speed)
-        )
-        alike = middle == last == follower
-        return Shares(leader, follower, None if alike else (middle, last), traffic.gate)
+        leader, follower, middle, last = planned_reductions(problem, of, speed)
+
+        def saving(eta: float) -> float:
+            return drag_saving_kwh(segment.length_m, speed, eta, of.physics)
+
+        longer = None if middle == last == follower else (saving(middle), saving(last))
+        return Shares(saving(leader), saving(follower), longer, traffic.gate)
 
     return {
         name: shares(problem.network.segments[name], traffic)

@@ -96,19 +96,22 @@ def traffic_data(
     problem: RoutingProblem, snapshot: TrafficSnapshot, settings: DispatcherSettings
 ) -> dict[str, dict[str, Any]]:
     """By field and segment, what the traffic has that does not follow from its states."""
-    plain = take_snapshot(
-        problem.network,
-        snapshot.states,
-        snapshot.now_ns,
-        stale_after_s=settings.stale_after_s,
-        future_tolerance_s=settings.future_tolerance_s,
-        stops_at_signals=settings.stops_at_signals,
+    plain = (
+        snapshot.judged
+        or take_snapshot(
+            problem.network,
+            snapshot.states,
+            snapshot.now_ns,
+            stale_after_s=settings.stale_after_s,
+            future_tolerance_s=settings.future_tolerance_s,
+            stops_at_signals=settings.stops_at_signals,
+        ).segments
     )
     found: dict[str, dict[str, Any]] = {}
     names = [field.name for field in fields(SegmentTraffic)]
     for segment, traffic in snapshot.segments.items():
-        before = plain.segments[segment]
-        if traffic == before:
+        before = plain[segment]
+        if traffic is before or traffic == before:
             continue
         for name in names:
             value = getattr(traffic, name)

@@ -11,7 +11,7 @@ from simulation.live.fleet_file import FleetFile
 from simulation.live.prepare import named_anew
 from simulation.live.world_spec import WorldSpec
 from simulation.scenarios.day import DaySpec
-from simulation.scenarios.demand import FleetSettings, draw_deliveries
+from simulation.scenarios.demand import FleetSettings, Zone, draw_deliveries
 from simulation.sumo import TYPES
 from slipstream.config import BusSettings
 from slipstream.sumo_net import DEMO_NETWORK, load_network
@@ -25,6 +25,8 @@ _FLEET: Final = FleetSettings(
     capacity=4,
     # Twelve vans on rounds of some ten minutes: as many orders as they can serve.
     orders=4300,
+    # Most customers live beyond the avenue.
+    stops=Zone(junctions={"c1": 3.0, "c3": 3.0, "avenue_e": 2.0, "c2": 1.0, "c4": 1.0}),
     parcels=(1, 2),
     hours=_EVEN,
     # A lorry brings most parcels at once, as to most depots: vans leave together.
@@ -35,8 +37,9 @@ _FLEET: Final = FleetSettings(
     depart_within_s=120.0,
     last_release_s=86400.0,
 )
-_FULL_S: Final = 600.0
-"""The town begins at this time of its day, with the orders of the time before it open."""
+_FULL_S: Final = 560.0
+"""The town begins at this time of its day, with the orders of the time before it open: shortly
+before its first wave, which finds cameras that have seen the avenue."""
 
 
 def town(folder: Path, bus: BusSettings, seed: int = 1) -> WorldSpec:
