@@ -72,7 +72,7 @@ def run_osm(options: argparse.Namespace) -> int:
         return 0
     _tell(summary)
     if network.signals:
-        print("\nnext:")
+        print(f"\nnext:\n  slipstream init DIR --net {shlex.quote(str(net))}")
         for line in _next_steps(name, net, fleet, options.out):
             print(f"  {line}")
     else:

@@ -153,7 +153,8 @@ def _check_empty(folder: Path) -> None:
         found = sorted(path.name for path in folder.iterdir() if not path.name.startswith("."))
         if found:
             some = ", ".join(found[:3]) + (", ..." if len(found) > 3 else "")
-            raise InputError(folder, f"not empty ({some})", "give an empty or a new folder")
+            mend = "give an empty or a new folder; --net takes a network from anywhere"
+            raise InputError(folder, f"not empty ({some})", mend)
     elif folder.exists():
         raise InputError(folder, "is no folder", "give an empty or a new folder")
 
