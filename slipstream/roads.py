@@ -14,6 +14,7 @@ import numpy.typing as npt
 from slipstream.access import OPEN, Access
 from slipstream.errors import InputError
 from slipstream.projection import Projection
+from slipstream.traction import PAPER_CAR
 from slipstream.vehicle_types import RoutingProfile
 
 
@@ -155,10 +156,11 @@ class RoadNetwork:
         return {}
 
     def usable(self, profile: RoutingProfile) -> UsableRoads:
-        """What vehicles of a profile may use; computed once."""
-        if profile not in self._usable:
-            self._usable[profile] = _usable_roads(self, profile)
-        return self._usable[profile]
+        """What vehicles of a profile may use; computed once for all whose energies alone differ."""
+        key = replace(profile, physics=PAPER_CAR, drafting="paper")
+        if key not in self._usable:
+            self._usable[key] = _usable_roads(self, key)
+        return self._usable[key]
 
     def bounds_m(self) -> tuple[float, float, float, float]:
         """(x_min, y_min, x_max, y_max) over all segment shapes, m."""
