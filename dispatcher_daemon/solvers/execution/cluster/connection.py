@@ -37,13 +37,14 @@ async def connected(
     Raises:
         OSError: nobody answers at the address.
     """
-    opened = []
+    opened: list[Any] = []
     try:
         address: str = settings.url
         if own is not None:
-            opened.append(await _local_cluster(own, processes))
+            opened.append(_local_cluster(own, processes))
+            await opened[0]
             address = opened[0].scheduler_address
-        client = await import_distributed().Client(
+        client = import_distributed().Client(
             address,
             asynchronous=True,
             set_as_default=False,
@@ -51,16 +52,19 @@ async def connected(
             timeout=_CONNECT_S,
             name="slipstream-dispatcher",
         )
+        # Before it is awaited: one that is cancelled while it connects does not close itself.
         opened.append(client)
+        await client
         yield client
     finally:
         for closing in reversed(opened):
             await closed(closing.close(), _CLOSE_S)
 
 
-async def _local_cluster(own: WorkerExecutor, processes: int) -> Any:
+def _local_cluster(own: WorkerExecutor, processes: int) -> Any:
+    """One that starts when it is awaited."""
     use_processes(own)
-    return await import_distributed().LocalCluster(
+    return import_distributed().LocalCluster(
         n_workers=1,
         threads_per_worker=processes,
         processes=False,
