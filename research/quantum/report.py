@@ -31,8 +31,13 @@ _HEAD: Final = (
     "repaired, %",
     "optimum raw",
     "optimum",
+    "QUBO cost, kWh",
+    "paper",
+    "gap raw, %",
     "gap, %",
+    "paper",
     "energy, kWh",
+    "paper",
 )
 
 
@@ -108,8 +113,13 @@ def _cells(line: Line) -> list[str]:
         _pair(line, "repaired"),
         hits(line.raw_hits),
         hits(line.hits),
+        _plain(figures.get("best_cost"), 4),
+        "" if paper is None or paper.cost is None else f"{paper.cost:.3f}",
+        _percent(line.raw_gap),
         _percent(line.gap),
+        share(None if paper is None else paper.gap),
         _plain(figures.get("energy_kwh"), 2),
+        "" if paper is None or paper.energy_kwh is None else f"{paper.energy_kwh:.1f}",
     ]
 
 

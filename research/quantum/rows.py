@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
+from itertools import product
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
@@ -14,8 +16,14 @@ from dispatcher_daemon.settings import (
     LcQaoaVariant,
     QaoaSettings,
 )
+from dispatcher_daemon.solvers.cplex import CplexSolver
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.quantum.backends.aer import NoisyBackend
+from dispatcher_daemon.solvers.quantum.backends.aer import (
+    DECOUPLED,
+    IDLE,
+    TWIRLED,
+    NoisyBackend,
+)
 from dispatcher_daemon.solvers.registry import make_solver
 from research.quantum import dense, paper
 from research.quantum.case import Case
@@ -29,6 +37,14 @@ VARIANT_TITLES: Final[dict[LcQaoaVariant, str]] = {
     "multi-angle": "an angle for each gate",
     "product": "the same without entangling gates",
 }
+
+MITIGATIONS: Final = {
+    IDLE: "idle errors",
+    IDLE + DECOUPLED: "the same, decoupled",
+    IDLE + TWIRLED: "the same, twirled",
+    IDLE + DECOUPLED + TWIRLED: "the same, both",
+}
+"""Endings of a fake device's name, and what they are called."""
 
 
 class BenchSettings(Settings):
@@ -85,6 +101,7 @@ def hardware_rows(settings: BenchSettings) -> list[Row]:
     """Rows of the paper's table of hardware benchmarks, and our variants beside them."""
     rows = [
         Row("exact", "exact (HiGHS)", "classical", paper.EXACT, _exact(settings)),
+        _cplex(settings),
         _iskay(settings),
     ]
     rows += [qaoa(settings, p, "transferred") for p in (1, 2)]
@@ -105,6 +122,20 @@ def sweep_rows(settings: BenchSettings) -> list[Row]:
         for backend in (settings.noise, "aer")
         for p in settings.layers
     ]
+
+
+def mitigation_rows(settings: BenchSettings) -> list[Row]:
+    """LC-QAOA with idle and coherent errors: dynamical decoupling and twirling, off and on."""
+    variants: tuple[LcQaoaVariant, ...] = ("trained", "multi-angle")
+    device = settings.noise.partition("+")[0]
+    rows = []
+    for variant, ending in product(variants, MITIGATIONS):
+        row = lc_qaoa(settings, variant, 2, device + ending)
+        row = replace(row, title=f"{row.title}, {MITIGATIONS[ending]}", paper=None)
+        if device == "aer":
+            row = replace(row, measure=None, reason="not run: no device is named (--noise)")
+        rows.append(row)
+    return rows
 
 
 def lc_qaoa(settings: BenchSettings, variant: LcQaoaVariant, p: int, backend: str) -> Row:
@@ -159,7 +190,7 @@ def qaoa(
 
 
 def _dense_on_device(settings: BenchSettings, p: int) -> Row:
-    device = settings.noise.partition(":")[2]
+    device = settings.noise.partition(":")[2].partition("+")[0]
 
     def measure(case: Case) -> Record:
         return dense.estimate(case, QaoaSettings(layers=p), NoisyBackend(device))
@@ -189,6 +220,22 @@ def mark_of(backend: str) -> Mark:
 
 def _exact(settings: BenchSettings) -> Callable[[Case], Record]:
     return lambda case: case.measure(ExactSolver(), settings.deadline_s, settings.seed)
+
+
+def _cplex(settings: BenchSettings) -> Row:
+    there = find_spec("cplex") is not None
+
+    def measure(case: Case) -> Record:
+        return case.measure(CplexSolver(), settings.deadline_s, settings.seed)
+
+    return Row(
+        "cplex",
+        "CPLEX",
+        "classical",
+        paper.EXACT,
+        measure if there else None,
+        None if there else "not run: the extra cplex is not installed",
+    )
 
 
 def _iskay(settings: BenchSettings) -> Row:

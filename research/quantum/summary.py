@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 from dispatcher_daemon.solvers.protocol import BackendKind
@@ -27,6 +27,7 @@ FIGURES: Final = (
     "two_qubit_depth",
     "two_qubit_gates",
     "energy_kwh",
+    "best_cost",
 )
 
 _SAME_KWH: Final = 1e-9
@@ -75,8 +76,10 @@ class Line:
         paper: the paper's figures.
         figures: spread by name of the figure (see `FIGURES`).
         gap: relative excess of the answer's objective over the optimum.
+        raw_gap: the same of the best raw sample, of the instances that have a valid one.
         raw_hits, hits: instances in which a raw sample, or the answer after all stages, is optimal.
         added: against each control.
+        uniform: exact raw shares of uniform bits, means over instances; empty: not known.
         reason: why there are no figures.
     """
 
@@ -86,9 +89,11 @@ class Line:
     paper: PaperRow | None
     figures: dict[str, Spread]
     gap: Spread | None
+    raw_gap: Spread | None
     raw_hits: int | None
     hits: int | None
     added: tuple[Added, ...]
+    uniform: Mapping[str, float] = field(default_factory=dict)
     reason: str | None = None
 
 
@@ -119,7 +124,14 @@ def summarise(
             best is not None and bool(best <= optimum + _SAME_KWH) for best, optimum in pairs
         )
 
-    costs = zip(all_of("best_cost"), all_of("optimal_cost"), strict=True)
+    def gap(field: str) -> Spread | None:
+        costs = zip(all_of(field), all_of("optimal_cost"), strict=True)
+        return spread(
+            (cost - best) / abs(best) if cost > best + _SAME_KWH else 0.0
+            for cost, best in costs
+            if cost is not None
+        )
+
     return Line(
         key=key,
         title=title,
@@ -128,15 +140,21 @@ def summarise(
         figures={
             figure: found for figure in FIGURES if (found := spread(all_of(figure))) is not None
         },
-        gap=spread(
-            (cost - best) / abs(best) if cost > best + _SAME_KWH else 0.0
-            for cost, best in costs
-            if cost is not None
-        ),
+        gap=gap("best_cost"),
+        raw_gap=gap("best_cost_raw"),
         raw_hits=hits("best_cost_raw"),
         hits=hits("best_cost"),
         added=tuple(_added(records)),
+        uniform=_uniform(
+            [record["uniform_exact"] for record in records if "uniform_exact" in record]
+        ),
     )
+
+
+def _uniform(shares: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    return {
+        key: math.fsum(of[key] for of in shares) / len(shares) for key in next(iter(shares), ())
+    }
 
 
 def _added(records: Sequence[Record]) -> Iterable[Added]:

@@ -5,12 +5,15 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from slipstream.errors import InputError
 from slipstream_cli.laboratory import bench_device, bench_qoblib
+
+if TYPE_CHECKING:
+    from research.quantum.report import Table
 
 _SHORT: Final = {
     "instances": 2,
@@ -19,7 +22,7 @@ _SHORT: Final = {
     "iterations": 30,
     "layers": (1, 2),
 }
-_TABLES: Final = ("hardware", "sweep")
+_TABLES: Final = ("hardware", "sweep", "mitigation")
 _EXIT_INTERRUPTED: Final = 130
 
 
@@ -36,7 +39,8 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         "quantum",
         help="quantum solvers on the named 25-variable instances",
         description="The paper's hardware table and p-sweep over the named instances of 25 "
-        "variables: mean and spread, each row beside the paper's figure and marked simulated, "
+        "variables, and what dynamical decoupling and twirling do against assumed idle and "
+        "coherent errors: mean and spread, beside the paper's figures and marked simulated, "
         "noise-model, hardware or estimated, with what each circuit adds to its controls. "
         "Results are stored as they come; the same command goes on where it was interrupted.",
     )
@@ -75,6 +79,9 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         metavar="DIR",
         help="for results and report (default: .slipstream/bench-quantum)",
     )
+    quantum.add_argument(
+        "--plots", type=Path, metavar="DIR", help="draw the paper's two figures into this folder"
+    )
     quantum.add_argument("--json", action="store_true", help="print the report as JSON")
     quantum.set_defaults(run=run)
     bench_qoblib.add_to(kinds)
@@ -102,6 +109,8 @@ def run(options: argparse.Namespace) -> int:
     )
     given = {name: getattr(options, name) for name in names if getattr(options, name) is not None}
     settings = check((_SHORT if options.short else {}) | given, BenchSettings, "bench quantum")
+    if options.plots is not None and not options.plots.is_dir():
+        raise InputError(options.plots, "no such folder", "make it first", key="--plots")
     wanted = _TABLES if options.only is None else (options.only,)
     try:
         tables = measure(settings, wanted, options.out, _tell, stored=options.stored)
@@ -111,6 +120,8 @@ def run(options: argparse.Namespace) -> int:
     document = as_json(tables, NOTES, settings=settings.model_dump(mode="json"))
     text = as_markdown(tables, NOTES)
     _write(options.out, {"report.json": json.dumps(document), "report.md": text})
+    if options.plots is not None:
+        _draw(tables, options.plots)
     print(json.dumps(document) if options.json else text)
     return 0
 
@@ -123,6 +134,21 @@ def _write(folder: Path, texts: Mapping[str, str]) -> None:
     except OSError as error:
         raise InputError(
             folder, error.strerror or "not writable", "give another folder", key="--out"
+        ) from None
+
+
+def _draw(tables: Sequence[Table], folder: Path) -> None:
+    try:
+        from research.quantum.picture import draw
+
+        draw(tables, folder)
+    except ModuleNotFoundError as error:
+        raise InputError(
+            "bench quantum", f"{error.name} is not installed", "add the extra sim", key="--plots"
+        ) from None
+    except OSError as error:
+        raise InputError(
+            folder, error.strerror or "not writable", "give another folder", key="--plots"
         ) from None
 
 

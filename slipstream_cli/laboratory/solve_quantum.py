@@ -33,8 +33,9 @@ def add_options(command: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--backend",
         metavar="NAME",
-        help="aer, aer:FakeBoston (or another fake device: with its noise; with RZZ and RX gates "
-        "added: aer:FakeBoston+fractional), ibm:NAME, ibm:least-busy (default: aer)",
+        help="aer, aer:FakeBoston (or another fake device: with its noise; +fractional: RZZ and RX "
+        "gates added; +idle: idle and coherent errors added, against which +dd and +twirl may "
+        "follow), ibm:NAME, ibm:least-busy (default: aer)",
     )
     group.add_argument("--shots", type=int, metavar="N", help="samples (default: 4096)")
     group.add_argument(
@@ -122,21 +123,12 @@ def check_fit(
 
 def _check_backend(text: str, qubits: int) -> None:
     from dispatcher_daemon.solvers.quantum.backends import open_backend
-    from dispatcher_daemon.solvers.quantum.backends.aer import FRACTIONAL
     from dispatcher_daemon.solvers.quantum.backends.ibm_account import find_access
 
     service, _, device = text.partition(":")
     if service == "ibm" and device:
         find_access()  # a device that fails is no bad input, missing credentials are
         return
-    _, plus, ending = device.partition("+")
-    if plus and plus + ending != FRACTIONAL:
-        raise InputError(
-            "solve",
-            f"a fake device cannot have {plus + ending!r}",
-            f"leave it out, or add {FRACTIONAL} for RZZ and RX gates",
-            key="--backend",
-        )
     try:
         open_backend(text).place(qubits)
     except InputError as error:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -16,13 +17,14 @@ from dispatcher_daemon.solvers.quantum.circuits import dense_qaoa_circuit
 from dispatcher_daemon.solvers.quantum.ising import to_ising
 from research.instances import open_instance
 from research.instances.instance import write_instance
-from research.quantum import dense
+from research.quantum import dense, rows
 from research.quantum.case import Case, named_cases, open_case
 from research.quantum.rows import (
     BenchSettings,
     Row,
     hardware_rows,
     lc_qaoa,
+    mitigation_rows,
     qaoa,
     sweep_rows,
 )
@@ -40,17 +42,17 @@ def case() -> Case:
 def test_both_tables_have_the_papers_rows_and_say_how_they_are_had() -> None:
     """Exact, Iskay, QAOA simulated and on a device, LC-QAOA by depth; each key once."""
     hardware, sweep = hardware_rows(SETTINGS), sweep_rows(SETTINGS)
-    for rows in (hardware, sweep):
-        assert len({row.key for row in rows}) == len(rows)
-        assert len({(row.title, row.mark) for row in rows}) == len(rows)
-    selections = {row.key.partition("/")[0]: row.mark for row in hardware[:2]}
-    assert selections == {"exact": "classical", "iskay": "hardware"}
+    for of_table in (hardware, sweep):
+        assert len({row.key for row in of_table}) == len(of_table)
+        assert len({(row.title, row.mark) for row in of_table}) == len(of_table)
+    selections = {row.key.partition("/")[0]: row.mark for row in hardware[:3]}
+    assert selections == {"exact": "classical", "cplex": "classical", "iskay": "hardware"}
     assert {row.mark for row in hardware} == {
         *("classical", "hardware", "simulated", "estimated", "noise-model")
     }
     paper = [row.paper.p_feasible for row in sweep if row.paper and row.mark == "noise-model"]
     assert paper == [0.125, 0.386, 0.378, 0.365, 0.362]
-    iskay = hardware[1]
+    iskay = hardware[2]
     assert iskay.measure is None
     assert "account" in (iskay.reason or "")
 
@@ -137,3 +139,39 @@ def test_error_free_shots_are_those_without_any_error() -> None:
     assert share(0) == pytest.approx(readout)
     assert 0.99 < share(1) / readout < 1
     assert share(40) < share(1)
+
+
+def test_decoupling_and_twirling_are_rows_of_a_noisy_device() -> None:
+    """Off and on for two variants; a back end without a device says why not."""
+    found = mitigation_rows(SETTINGS)
+    assert len({row.key for row in found}) == len({row.title for row in found}) == 8
+    assert {row.key.rpartition("/")[2] for row in found} == {
+        f"aer:FakeBoston+idle{ending}" for ending in ("", "+dd", "+twirl", "+dd+twirl")
+    }
+    none = mitigation_rows(BenchSettings(noise="aer"))
+    assert all(row.measure is None and "--noise" in (row.reason or "") for row in none)
+
+
+@pytest.mark.slow(long=True)
+def test_twirling_is_measured_with_idle_errors(case: Case) -> None:
+    """The samples come from the device's noise with all four errors, and have their controls."""
+    record = measured(mitigation_rows(SETTINGS)[3], case)
+    assert record["backend"] == "aer:FakeBoston+idle+dd+twirl"
+    assert record["kind"] == "noise-model"
+    assert record["shots"] == 200
+
+
+def test_cplex_has_a_row_where_it_is_installed(monkeypatch: pytest.MonkeyPatch, case: Case) -> None:
+    """It is solved like the others; where the extra is missing, the row says so."""
+    row = next(row for row in hardware_rows(SETTINGS) if row.key == "cplex")
+    assert (row.measure is not None) == (find_spec("cplex") is not None)
+    monkeypatch.setattr(
+        rows, "find_spec", lambda name: None if name == "cplex" else find_spec(name)
+    )
+    missing = next(row for row in hardware_rows(SETTINGS) if row.key == "cplex")
+    assert missing.measure is None
+    assert "extra cplex" in (missing.reason or "")
+    monkeypatch.setattr(rows, "find_spec", lambda name: object())
+    monkeypatch.setattr(rows, "CplexSolver", ExactSolver)
+    there = next(row for row in hardware_rows(SETTINGS) if row.key == "cplex")
+    assert measured(there, case)["best_cost"] == round(case.optimum_kwh, 9)

@@ -18,8 +18,9 @@ def record(feasible: float, control: float, best: float | None) -> dict[str, Any
         "p_optimal": None,
         "two_qubit_depth": 8,
         "best_cost": best,
-        "best_cost_raw": None,
+        "best_cost_raw": None if best is None else 0.9 * best,
         "optimal_cost": -2.0,
+        "uniform_exact": {"p_feasible": 0.01, "p_optimal": 0.001},
         "controls": {"uniform bits": {"p_feasible": control}},
         "added": {
             "uniform bits": {
@@ -55,6 +56,10 @@ def test_a_line_holds_means_hits_and_what_is_added() -> None:
     assert (line.raw_hits, line.hits) == (0, 1)
     assert line.gap is not None
     assert (line.gap.least, line.gap.most) == (0.0, 0.5)
+    assert line.raw_gap is not None
+    assert (line.raw_gap.least, line.raw_gap.most) == (pytest.approx(0.1), pytest.approx(0.55))
+    assert line.figures["best_cost"].mean == pytest.approx(-1.5)
+    assert line.uniform == {"p_feasible": 0.01, "p_optimal": 0.001}
     (added,) = line.added
     assert added.control_mean == pytest.approx(0.1)
     assert added.value == pytest.approx(0.2)
@@ -74,10 +79,10 @@ def test_tables_show_the_papers_figures_and_the_mark() -> None:
     """Ours beside the paper's, how they came about, and why a row is empty."""
     records = [record(0.4, 0.1, -2.0), record(0.2, 0.1, -1.0)]
     full = summarise("k", "LC-QAOA p = 2", "noise-model", LC_QAOA_DEVICE[2], records)
-    empty = Line("i", "Iskay", "hardware", None, {}, None, None, None, (), "no account")
+    empty = Line("i", "Iskay", "hardware", None, {}, *(None,) * 4, (), reason="no account")
     text = as_markdown([Table("hardware", "Hardware", (full, empty))], ["a note"])
     (row,) = [line for line in text.splitlines() if line.startswith("| LC-QAOA") and "56" in line]
-    for said in ("noise-model", "30.0 ± 14.1", "38.6", "31.34", "1 of 2"):
+    for said in ("noise-model", "30.0 ± 14.1", "38.6", "31.34", "1 of 2", "-1.5000", "-2.334"):
         assert said in row
     assert "10.00: +20.00" in text
     assert "- Iskay: no account" in text

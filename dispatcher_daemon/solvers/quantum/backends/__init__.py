@@ -13,8 +13,8 @@ def open_backend(text: str) -> Backend:
     """The backend of that name.
 
     Args:
-        text: "aer", "aer:FakeBoston" or another fake device (with "+fractional": RZZ and RX gates
-            added to it, which is an assumption), "ibm:NAME" or "ibm:least-busy".
+        text: "aer", "aer:FakeBoston" or another fake device (what may follow: `aer.ENDINGS`),
+            "ibm:NAME" or "ibm:least-busy".
 
     Raises:
         InputError: there is no such backend, or no credentials for it.
@@ -26,15 +26,12 @@ def open_backend(text: str) -> Backend:
 
         return AerBackend()
     if service == "aer" and name:
-        from dispatcher_daemon.solvers.quantum.backends.aer import (
-            FRACTIONAL,
-            NoisyBackend,
-            fake_target,
-        )
+        from dispatcher_daemon.solvers.quantum.backends.aer import NoisyBackend, fake_target
 
-        device = name.removesuffix(FRACTIONAL)
+        device, plus, ending = name.partition("+")
+        backend = NoisyBackend(device, plus + ending)
         fake_target(device)
-        return NoisyBackend(device, name.endswith(FRACTIONAL))
+        return backend
     if service == "ibm" and name:
         from dispatcher_daemon.solvers.quantum.backends.ibm import open_ibm_backend
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from dispatcher_daemon.solvers.protocol import BackendKind
 from dispatcher_daemon.solvers.quantum.backends.base import Sampled, fit, is_chain
+from dispatcher_daemon.solvers.quantum.backends.idle import IdleNoise, sample_with_idle
 from dispatcher_daemon.solvers.quantum.backends.noise import DeviceNoise
 from dispatcher_daemon.solvers.quantum.backends.targets import (
     two_qubit_depth,
@@ -24,7 +25,9 @@ STATE_VECTOR_QUBITS = 27
 """A circuit without a chain's shape is simulated as a state vector up to here, without noise."""
 NOISY_STATE_VECTOR_QUBITS = 14
 """The same with noise, where many shots need a state vector of their own."""
-FRACTIONAL = "+fractional"
+FRACTIONAL, IDLE, DECOUPLED, TWIRLED = "+fractional", "+idle", "+dd", "+twirl"
+ENDINGS = (FRACTIONAL, *(IDLE + dd + twirl for dd in ("", DECOUPLED) for twirl in ("", TWIRLED)))
+"""What may follow a fake device's name."""
 
 
 @dataclass(frozen=True)
@@ -73,27 +76,43 @@ class NoisyBackend:
 
     Attributes:
         device: class name in `qiskit_ibm_runtime.fake_provider`.
-        fractional: with RZZ and RX added to the device, an assumption (`with_fractional_gates`).
+        ending: "" or one of `ENDINGS`: with RZZ and RX gates added to the device
+            (`with_fractional_gates`); or with errors of idle time and coherent ones, both assumed
+            (`backends.idle`), and dynamical decoupling and Pauli twirling against them.
+
+    Raises:
+        InputError: there is no such ending.
     """
 
     device: str
-    fractional: bool = False
+    ending: str = ""
     kind: BackendKind = "noise-model"
+
+    def __post_init__(self) -> None:
+        if self.ending not in ("", *ENDINGS):
+            raise InputError(
+                "backend",
+                f"a fake device cannot have {self.ending!r}",
+                f"leave it out, or take one of {' '.join(ENDINGS)}",
+            )
 
     @property
     def name(self) -> str:
         """As `open_backend` takes it."""
-        return f"aer:{self.device}{FRACTIONAL if self.fractional else ''}"
+        return f"aer:{self.device}{self.ending}"
 
     @property
     def target(self) -> Any:
         """See `Backend.target`."""
-        return _model(self.device, self.fractional)[0]
+        return self._model()[0]
 
     @property
     def noise(self) -> DeviceNoise:
         """The device's noise."""
-        return _model(self.device, self.fractional)[1]
+        return self._model()[1]
+
+    def _model(self) -> tuple[Any, DeviceNoise]:
+        return _model(self.device, self.ending == FRACTIONAL, self.ending.startswith(IDLE))
 
     def place(self, n: int, bond_weights: Sequence[float] | None = None) -> Placement:
         """See `Backend.place`."""
@@ -110,13 +129,19 @@ class NoisyBackend:
                 f"take at most {NOISY_STATE_VECTOR_QUBITS} qubits, a chain, or the backend aer",
             )
         transpiled = fit(circuit, self.target)
-        counts = sample_noisy(
-            transpiled,
-            self.noise,
-            shots,
-            seed,
-            method="matrix_product_state" if chain else "statevector",
-        )
+        method, noise = "matrix_product_state" if chain else "statevector", self.noise
+        if isinstance(noise, IdleNoise):
+            counts = sample_with_idle(
+                transpiled,
+                noise,
+                shots,
+                seed,
+                decoupled=DECOUPLED in self.ending,
+                twirled=TWIRLED in self.ending,
+                method=method,
+            )
+        else:
+            counts = sample_noisy(transpiled, noise, shots, seed, method=method)
         return _sampled(counts, transpiled, began)
 
 
@@ -152,9 +177,9 @@ def fake_target(device: str) -> Any:
 
 
 @lru_cache(maxsize=4)
-def _model(device: str, fractional: bool) -> tuple[Any, DeviceNoise]:
+def _model(device: str, fractional: bool, idle: bool) -> tuple[Any, DeviceNoise]:
     """Target and noise, which learns a gate's noise once."""
     target = fake_target(device)
     if fractional:
         target = with_fractional_gates(target)
-    return target, DeviceNoise(target)
+    return target, IdleNoise(target) if idle else DeviceNoise(target)

@@ -7,6 +7,7 @@ error-free run unless one of the blocks draws its R: a convex mixture, without a
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -42,12 +43,12 @@ class DeviceNoise:
     Depolarisation that makes up the calibrated gate error together with relaxation by T1 and T2
     over the gate, and readout errors. Idle time and crosstalk are not in it.
 
-    Args:
+    Attributes:
         target: `qiskit.transpiler.Target`.
     """
 
     def __init__(self, target: Any) -> None:
-        self._target = target
+        self.target = target
         self._gates: dict[tuple[str, tuple[int, ...]], Any] = {}
 
     def gate(self, name: str, qubits: tuple[int, ...]) -> Any:
@@ -77,15 +78,21 @@ class DeviceNoise:
         """A target with nothing but one gate, its qubits counted from 0."""
         from qiskit.transpiler import Target
 
-        known = self._target.qubit_properties
+        known = self.target.qubit_properties
         part = Target(
             num_qubits=len(qubits),
             qubit_properties=[known[q] for q in qubits] if known else None,
         )
-        operation = self._target.operation_from_name(name)
-        properties = self._target[name].get(qubits)
+        operation = self.target.operation_from_name(name)
+        properties = copy.copy(self.target[name].get(qubits))
+        if properties is not None:
+            properties.error = self._error(name, properties.error)
         part.add_instruction(operation, {tuple(range(len(qubits))): properties}, name=name)
         return part
+
+    def _error(self, name: str, calibrated: float | None) -> float | None:
+        """Error of a gate that is noise's, of its calibrated one."""
+        return calibrated
 
 
 def blocks_of(circuit: Any, noise: DeviceNoise | None) -> list[Block]:

@@ -45,7 +45,10 @@ def test_an_unknown_back_end_is_one_line(text: str) -> None:
         open_service("aer" if text.startswith("fake") else text.replace("aer:", "fake:"))
 
 
-@pytest.mark.parametrize("name", ["aer", "aer:FakeBoston", "aer:FakeBoston+fractional"])
+@pytest.mark.parametrize(
+    "name",
+    ["aer", "aer:FakeBoston", "aer:FakeBoston+fractional", "aer:FakeBoston+idle+dd+twirl"],
+)
 def test_bits_come_back_in_the_chains_order(name: str) -> None:
     """Qubits 0, 3 and 4 of seven in |1⟩ are characters 0, 3 and 4 from the right."""
     backend = open_backend(name)
