@@ -42,9 +42,10 @@ class Roadside:
 
 
 ROADSIDES: Final = (
-    # Periods of 2½ and 3½ minutes, so that each road is calm beside a calm and a turbulent other.
-    Roadside("rsu-east", "avenue_east", 1, ("stable",) * 5 + ("turbulent",) * 2),
-    Roadside("rsu-west", "avenue_west", 2, ("stable",) * 3 + ("turbulent",) * 2),
+    # A wave's tours take some eight minutes: gates that close more often than that leave it no
+    # platoons. Periods of 9 and 6½ minutes; the second one begins turbulent.
+    Roadside("rsu-east", "avenue_east", 1, ("stable",) * 16 + ("turbulent",) * 2),
+    Roadside("rsu-west", "avenue_west", 2, ("turbulent",) + ("stable",) * 11 + ("turbulent",)),
 )
 _SECONDS: Final = 30
 _FPS: Final = 15
