@@ -14,7 +14,14 @@ from sqlalchemy.orm import Session, selectinload
 from slipstream.energy_ledger import EnergyHour, EnergySum
 from slipstream.errors import InputError
 from slipstream.messages import CycleReport, OrderState, SegmentState, VehiclePlan
-from slipstream.orders import IN_FORCE, ORDER_STATES, OrderChange, OrderRecord, PlanRecord
+from slipstream.orders import (
+    IN_FORCE,
+    ORDER_STATES,
+    OrderChange,
+    OrderRecord,
+    PlanChange,
+    PlanRecord,
+)
 from storage import energy_ledger, events, fleet, inputs, jobs, past, schema
 from storage.engine import (
     StorageError,
@@ -163,6 +170,15 @@ class Reader:
         """
         with self._read_session() as session:
             return () if session is None else tuple(fleet.plans(session, vehicle, limit, before))
+
+    def plan_changes(self, vehicle: str, cycles: Collection[int]) -> tuple[PlanChange, ...]:
+        """Changes of the status of a vehicle's plans from some cycles, by cycle, the first one
+        first; none of those that a version before has stored.
+        """
+        with self._read_session() as session:
+            if session is None:
+                return ()
+            return tuple(fleet.plan_changes(session, vehicle, cycles))
 
     def states(self, cycle: int) -> tuple[SegmentState, ...]:
         """The segment states that a cycle used, by segment and RSU.
