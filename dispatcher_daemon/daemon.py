@@ -239,7 +239,7 @@ def run_dispatcher(settings: DispatcherSettings, *, standby: bool = False) -> No
             announce=lambda change: announce("order", change),
             taken=inserter.put,
         )
-        OrderAnswers(orders).listen(bus)
+        OrderAnswers(orders, dispatcher.control.note).listen(bus)
         if api is not None:
             services = _services(
                 settings, network, dispatcher, scheduler, bus, reader, orders, watched, api
