@@ -229,7 +229,7 @@ def _taken(dispatch: Services, vehicle: str, report: VehicleReport) -> VehicleSt
     """What a report is answered with: its vehicle, with the plans that it has now."""
     watch = dispatch.fleet
     if not watch.knows(vehicle):
-        raise _unknown(vehicle)
+        raise unknown_vehicle(vehicle)
     if report.vehicle != vehicle:
         problem, mend = "not the vehicle of the path", "name the same vehicle in both"
         raise InputError(SOURCE, problem, mend, key="vehicle")
@@ -246,11 +246,12 @@ def _taken(dispatch: Services, vehicle: str, report: VehicleReport) -> VehicleSt
 
 def _known(vehicle: TrackedVehicle | None, name: str) -> TrackedVehicle:
     if vehicle is None:
-        raise _unknown(name)
+        raise unknown_vehicle(name)
     return vehicle
 
 
-def _unknown(name: str) -> Problem:
+def unknown_vehicle(name: str) -> Problem:
+    """The refusal of a vehicle that the fleet does not have."""
     mend = "take an id that GET /v1/vehicles lists"
     return Problem(404, f"no vehicle {name!r}", mend, field="vehicle")
 
