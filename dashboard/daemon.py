@@ -91,6 +91,7 @@ def run_dashboard(settings: DashboardSettings) -> None:
             )
             stack.callback(page.close)
         bus = stack.enter_context(Bus.open(settings.bus))
+        service.checks["bus"] = bus.fault
         previews = PreviewFeed(bus, live, limiter)
         subscribe(bus, live, limiter, settings.rsus)
         if history is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import logging
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
@@ -79,16 +79,13 @@ def _services(
     network: RoadNetwork,
     dispatcher: Dispatcher,
     scheduler: CycleScheduler,
-    bus: Bus,
     reader: Reader,
     orders: OrderIntake,
     watched: AlarmSource,
     api: ApiServer,
+    checks: Mapping[str, Callable[[], str | None]],
 ) -> Services:
     from dispatcher_daemon.api import Services
-
-    def has_cycle() -> bool:
-        return dispatcher.delivery.cycles > 0 or scheduler.next_run_ns is not None
 
     return Services(
         settings=settings,
@@ -103,13 +100,28 @@ def _services(
         events=api.events,
         solve_jobs=api.solve_jobs,
         is_live=lambda: dispatcher.is_live(scheduler.next_run_ns),
-        checks={
-            "database": lambda: database_fault(reader),
-            "bus": lambda: None if bus.is_connected else "no router answers",
-            "network": lambda: None if network.segments else "it has no segment",
-            "cycle": lambda: None if has_cycle() else "none has run, and none is scheduled",
-        },
+        checks=checks,
     )
+
+
+def _checks(
+    network: RoadNetwork,
+    dispatcher: Dispatcher,
+    scheduler: CycleScheduler,
+    bus: Bus,
+    reader: Reader,
+) -> dict[str, Callable[[], str | None]]:
+    """What a dispatcher needs to be ready, by name."""
+
+    def has_cycle() -> bool:
+        return dispatcher.delivery.cycles > 0 or scheduler.next_run_ns is not None
+
+    return {
+        "database": lambda: database_fault(reader),
+        "bus": bus.fault,
+        "network": lambda: None if network.segments else "it has no segment",
+        "cycle": lambda: None if has_cycle() else "none has run, and none is scheduled",
+    }
 
 
 def _collect_garbage_less() -> None:
@@ -239,10 +251,19 @@ def run_dispatcher(settings: DispatcherSettings, *, standby: bool = False) -> No
             announce=lambda change: announce("order", change),
             taken=inserter.put,
         )
-        OrderAnswers(orders).listen(bus)
+        OrderAnswers(orders, dispatcher.control.note).listen(bus)
+        service.checks |= _checks(network, dispatcher, scheduler, bus, reader)
         if api is not None:
             services = _services(
-                settings, network, dispatcher, scheduler, bus, reader, orders, watched, api
+                settings,
+                network,
+                dispatcher,
+                scheduler,
+                reader,
+                orders,
+                watched,
+                api,
+                service.checks,
             )
             api.start(services)
             log.info("API on http://127.0.0.1:%d", api.port)

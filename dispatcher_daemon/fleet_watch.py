@@ -27,12 +27,13 @@ from slipstream.messages import (
     position_key,
     progress_key,
 )
-from slipstream.orders import FleetRecords
+from slipstream.orders import FleetRecords, PlanChange
 from slipstream.roads import RoadNetwork
 from slipstream.tracing import traced
 
 T = TypeVar("T")
-M = TypeVar("M", VehiclePosition, PlanAcknowledgement, VehicleProgress)
+VehicleReport = VehiclePosition | PlanAcknowledgement | VehicleProgress
+"""What vehicles say of themselves."""
 _COPY_WITHIN_S: Final = 0.1
 """A caller of the API waits no longer for a cycle that is being stored, s."""
 Save = Callable[[tuple[VehiclePlan, ...], FleetRecords], None]
@@ -60,10 +61,12 @@ class FleetCopy:
     Attributes:
         time_ns: the moment, UTC.
         vehicles: by id, which they are sorted by; nobody changes them any more.
+        plan_changes: of plans' statuses that were not stored yet.
     """
 
     time_ns: int
     vehicles: Mapping[str, TrackedVehicle]
+    plan_changes: tuple[PlanChange, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -122,30 +125,46 @@ class FleetWatch:
 
     def on_position(self, key: str, payload: bytes) -> None:
         """Take in one message from `ALL_POSITIONS`."""
-        position = self._read(VehiclePosition, position_key, key, payload)
-        if position is None:
-            return
-        with self._lock:
-            known = self._tracker.on_position(position, self._clock())
-            if known and position.vehicle in self._tracker.vehicles:
-                self._costs.on_position(position)
-        if not known:
-            unknown = f"unknown segment {position.segment!r}"
-            self._refuse(InputError(key, unknown, "give the vehicle this network"))
+        self._receive(VehiclePosition, position_key, key, payload)
 
     def on_acknowledgement(self, key: str, payload: bytes) -> None:
         """Take in one message from `ALL_ACKNOWLEDGEMENTS`."""
-        answer = self._read(PlanAcknowledgement, acknowledgement_key, key, payload)
-        if answer is not None:
-            with self._lock:
-                self._tracker.on_acknowledgement(answer, self._clock())
+        self._receive(PlanAcknowledgement, acknowledgement_key, key, payload)
 
     def on_progress(self, key: str, payload: bytes) -> None:
         """Take in one message from `ALL_PROGRESS`."""
-        progress = self._read(VehicleProgress, progress_key, key, payload)
-        if progress is not None:
-            with self._lock:
-                self._tracker.on_progress(progress, self._clock())
+        self._receive(VehicleProgress, progress_key, key, payload)
+
+    def take(self, report: VehicleReport, source: str) -> None:
+        """Take in what a vehicle says of itself, whichever way it came.
+
+        Args:
+            report: its message.
+            source: for the error line.
+
+        Raises:
+            InputError: it is on a segment that the network does not have.
+        """
+        with self._lock:
+            now_ns = self._clock()
+            if isinstance(report, PlanAcknowledgement):
+                self._tracker.on_acknowledgement(report, now_ns)
+            elif isinstance(report, VehicleProgress):
+                self._tracker.on_progress(report, now_ns)
+            elif not self._tracker.on_position(report, now_ns):
+                unknown = f"unknown segment {report.segment!r}"
+                mend = "give the vehicle this network"
+                raise InputError(source, unknown, mend, key="segment")
+            elif report.vehicle in self._tracker.vehicles:
+                self._costs.on_position(report)
+
+    def knows(self, vehicle: str) -> bool:
+        """Whether the fleet has a vehicle, or had it and it may still be under way."""
+        fleet = self.fleet
+        if fleet is not None and vehicle in fleet.vehicle_by_id:
+            return True
+        with self._lock:
+            return vehicle in self._tracker.vehicles
 
     def subscribe(self, bus: Subscriber) -> None:
         """Listen to the fleet."""
@@ -256,10 +275,20 @@ class FleetWatch:
             try:
                 tracked = self._tracker.vehicles
                 copies = {name: replace(tracked[name]) for name in sorted(tracked)}
-                self._copy = FleetCopy(self._clock(), copies)
+                self._copy = FleetCopy(self._clock(), copies, self._tracker.plan_changes)
             finally:
                 self._lock.release()
         return self._copy
+
+    def vehicle(self, name: str) -> TrackedVehicle | None:
+        """One vehicle now, which nobody changes any more; None: it is not tracked."""
+        with self._lock:
+            tracked = self._tracker.vehicles.get(name)
+            return None if tracked is None else replace(tracked)
+
+    def now_ns(self) -> int:
+        """UTC now, by the clock that reports are dated with."""
+        return self._clock()
 
     def store_all(self) -> None:
         """The next cycle stores the whole fleet: the database is another one."""
@@ -286,14 +315,17 @@ class FleetWatch:
         finally:
             self._lock.release()
 
-    def _read(
-        self, model: type[M], key_of: Callable[[str], str], key: str, payload: bytes
-    ) -> M | None:
+    def _receive(
+        self,
+        model: type[VehicleReport],
+        key_of: Callable[[str], str],
+        key: str,
+        payload: bytes,
+    ) -> None:
         try:
-            message = decode(model, payload, key)
-            if key_of(message.vehicle) != key:
+            report = decode(model, payload, key)
+            if key_of(report.vehicle) != key:
                 raise InputError(key, "not the vehicle of its key", "check the sender")
+            self.take(report, key)
         except InputError as error:
             self._refuse(error)
-            return None
-        return message

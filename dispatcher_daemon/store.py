@@ -210,6 +210,7 @@ def open_in_turn(url: str, service: Service) -> Database | None:
         # The check of a large file is one call.
         notify(f"WATCHDOG_USEC={CHECK_LIMIT_S * 1e6:.0f}")
     service.ready()
+    service.wait_for("standby")
     limiter = LogLimiter()
     metrics.STANDBY.set(1)
     try:
@@ -223,6 +224,7 @@ def open_in_turn(url: str, service: Service) -> Database | None:
                     log.warning("standby: %s", error)
             else:
                 log.warning("the database is free: this dispatcher is the active one now")
+                service.wait_for("starting")
                 return database
             if service.wait(TURN_PERIOD_S):
                 return None

@@ -71,6 +71,7 @@ def run_edge(settings: EdgeSettings) -> None:
         settings.window_s,
     )
     with Service("edge", settings.service) as service, Bus.open(settings.bus) as bus:
+        service.checks["bus"] = bus.fault
         log.info("the calibration fits its points to %.2f px", camera.reprojection_error_px)
         if reference is None:
             log.info("no reference picture: the first seconds are taken for the calibrated view")

@@ -174,6 +174,10 @@ class Bus:
         info = self._session.info
         return bool(info.routers_zid() or info.peers_zid())
 
+    def fault(self) -> str | None:
+        """Why nothing can be sent or received now; None: it can."""
+        return None if self.is_connected else "no router answers"
+
     def answer(self, key_expression: str, answerer: Answerer) -> None:
         """Answer questions, on a thread of the bus's own.
 

@@ -17,6 +17,7 @@ from slipstream.energy_ledger import EnergyHour, PlanEnergy
 from slipstream.messages import (
     OrderRefusal,
     OrderState,
+    PlanAcknowledgement,
     RefusalKind,
     VehiclePlan,
     VehiclePosition,
@@ -110,6 +111,17 @@ class PlanRecord:
     energy: PlanEnergy | None = None
 
 
+@dataclass(frozen=True)
+class PlanChange:
+    """One change of a plan's status; fields as in `PlanRecord`, the plan by cycle and vehicle."""
+
+    cycle: int
+    vehicle: str
+    time_ns: int
+    status: PlanStatus
+    reason: str | None
+
+
 def drafting_kwh(records: Iterable[PlanRecord]) -> dict[tuple[str, int], float]:
     """What platoons save of plans, by vehicle and cycle, of those whose energy is known."""
     return {
@@ -135,6 +147,7 @@ class VehicleRecord:
             of its way; see `slipstream.energy_ledger`.
         rested_ns: when its last break ended, UTC; 0: it has had none.
         rested_break: number of that break among its own, from 0; None: not known.
+        answer: its latest answer to a plan; None: it has sent none.
     """
 
     vehicle: str
@@ -147,6 +160,7 @@ class VehicleRecord:
     booked: float = 0.0
     rested_ns: int = 0
     rested_break: int | None = None
+    answer: PlanAcknowledgement | None = None
 
 
 @dataclass(frozen=True)
@@ -205,6 +219,7 @@ class FleetRecords:
         movements: what is to be added to their sums, or the sums.
         speeds: likewise.
         driven: what is to be added to the energy ledger; none when loaded.
+        plan_changes: of plans' statuses, in their order; none when loaded.
     """
 
     orders: tuple[OrderRecord, ...] = ()
@@ -214,6 +229,7 @@ class FleetRecords:
     movements: tuple[MovementSum, ...] = ()
     speeds: tuple[SpeedSum, ...] = ()
     driven: tuple[EnergyHour, ...] = ()
+    plan_changes: tuple[PlanChange, ...] = ()
 
 
 class OrderRefused(Exception):

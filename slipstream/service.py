@@ -101,30 +101,37 @@ def rss_mb() -> float:
     return float(psutil.Process().memory_info().rss) / 1e6
 
 
-def serve_status(port: int, fault: Callable[[], str | None]) -> None:
-    """Serve /metrics for Prometheus and /healthz for probes on 127.0.0.1, in a thread that ends
-    with the process; all other paths are not found.
+def serve_status(
+    port: int, fault: Callable[[], str | None], not_ready: Callable[[], str | None]
+) -> None:
+    """Serve /metrics for Prometheus, /healthz and /readyz for probes on 127.0.0.1, in a thread that
+    ends with the process; all other paths are not found.
 
     Args:
         port: TCP port.
         fault: why the daemon does not work, in words; None: it does.
+        not_ready: why it cannot do its work now, likewise.
 
     Raises:
         OSError: the port cannot be bound.
     """
     metrics: WSGIApplication = make_wsgi_app()
+    probes = {"/healthz": (fault, "live"), "/readyz": (not_ready, "ready")}
 
     def page(environ: WSGIEnvironment, start_response: StartResponse) -> Iterable[bytes]:
-        path = environ.get("PATH_INFO")
+        path = environ.get("PATH_INFO", "")
         if path == "/metrics":
-            return metrics(environ, start_response)
-        status, text = "404 Not Found", "here are /metrics and /healthz\n"
-        if path == "/healthz":
-            problem = fault()
-            status = "200 OK" if problem is None else "503 Service Unavailable"
-            text = f"{problem or 'live'}\n"
-        start_response(status, [("Content-Type", "text/plain; charset=utf-8")])
-        return [text.encode()]
+            body = metrics(environ, start_response)
+        else:
+            status, text = "404 Not Found", "here are /metrics, /healthz and /readyz"
+            if path in probes:
+                ask, sound = probes[path]
+                problem = ask()
+                status = "200 OK" if problem is None else "503 Service Unavailable"
+                text = problem or sound
+            start_response(status, [("Content-Type", "text/plain; charset=utf-8")])
+            body = [f"{text}\n".encode()]
+        return () if environ.get("REQUEST_METHOD") == "HEAD" else body
 
     server = make_server("127.0.0.1", port, page, _ThreadingServer, _SilentHandler)
     threading.Thread(target=server.serve_forever, name="status", daemon=True).start()
@@ -146,11 +153,15 @@ class Service:
 
     Attributes:
         stopping: set when SIGTERM or SIGINT has arrived.
+        checks: what the daemon needs for its work, by name: why it does not have it now, in words;
+            None: it has it. Asked by /readyz, from another thread.
     """
 
     def __init__(self, name: str, settings: ServiceSettings) -> None:
         self.name = name
         self.stopping = threading.Event()
+        self.checks: dict[str, Callable[[], str | None]] = {}
+        self._waits_for: str | None = "starting"
         self._settings = settings
         self._tracing = Tracing(name, settings.traces)
         self._watchdog_s = int(os.environ.get("WATCHDOG_USEC", "0")) / 1e6 / 4
@@ -165,7 +176,7 @@ class Service:
         port = self._settings.metrics_port
         if port:
             try:
-                serve_status(port, self._fault)
+                serve_status(port, self._fault, self._not_ready)
             except OSError as error:
                 raise InputError(
                     f"127.0.0.1:{port}",
@@ -188,9 +199,14 @@ class Service:
         self.stopping.set()
 
     def ready(self) -> None:
-        """Notify systemd that the daemon is ready."""
+        """Notify systemd that the daemon is ready; from now on /readyz is answered by `checks`."""
+        self._waits_for = None
         notify("READY=1")
         log.info("ready")
+
+    def wait_for(self, what: str) -> None:
+        """The daemon cannot work until `ready` is called, again perhaps: /readyz says so."""
+        self._waits_for = what
 
     def progress(self, status: str | None = None) -> None:
         """Report progress of the pipeline; call it from the work itself, at any rate.
@@ -214,6 +230,14 @@ class Service:
         silent_s = time.monotonic() - self._progress_at
         limit_s = 4.0 * self._watchdog_s or WATCHDOG_S
         return f"no progress for {silent_s:.0f} s" if silent_s > limit_s else None
+
+    def _not_ready(self) -> str | None:
+        """Why the daemon cannot do its work now; None: it can."""
+        waits_for = "stopping" if self.stopping.is_set() else self._waits_for or self._fault()
+        if waits_for is not None:
+            return waits_for
+        asked = ((name, check()) for name, check in self.checks.items())
+        return "; ".join(f"{name}: {why}" for name, why in asked if why is not None) or None
 
     def wait(self, seconds: float) -> bool:
         """Sleep, but wake up to stop; True if the daemon has to stop."""

@@ -8,8 +8,13 @@ import sys
 import time
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from slipstream.errors import InputError
+from slipstream.orders import utc
+
+if TYPE_CHECKING:
+    from storage import CheckReport
 
 _DEFAULT = "sqlite:///slipstream.db"
 
@@ -67,8 +72,26 @@ def check(options: argparse.Namespace) -> int:
     import storage
 
     report = storage.check(options.url)
-    _report(options, asdict(report), f"{options.url}: {report}")
+    _report(options, asdict(report), f"{report.database}: {_told(report)}")
     return 0 if report.ok else 1
+
+
+def _told(report: CheckReport) -> str:
+    """What a check found, in one line."""
+    if report.faults:
+        first, *others = report.faults
+        more = f" and {len(others)} more" if others else ""
+        return f"damaged: {first}{more}; put a backup in its place: slipstream db restore"
+    if report.schema_version is None:
+        return "no schema yet; run slipstream db upgrade"
+    cycles = f"{report.cycles} cycles" if report.cycles != 1 else "1 cycle"
+    if report.first_ns is not None and report.last_ns is not None:
+        cycles += f" from {utc(report.first_ns)} to {utc(report.last_ns)}"
+    size = "" if report.size_bytes is None else f", {report.size_bytes / 1e6:.1f} MB"
+    if report.schema_version != report.schema_head:
+        old = f"schema {report.schema_version}, where this version has {report.schema_head}"
+        return f"sound, but {old}: run slipstream db upgrade; {cycles}{size}"
+    return f"sound, schema {report.schema_version}, {cycles}{size}"
 
 
 def prune(options: argparse.Namespace) -> int:

@@ -1,4 +1,4 @@
-"""`slipstream orders add|show|cancel`: orders over a dispatcher's API."""
+"""`slipstream orders add|show|cancel|pin|release`: orders over a dispatcher's API."""
 
 from __future__ import annotations
 
@@ -24,9 +24,18 @@ def add_to(actions: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
     adding.add_argument("file", type=Path, help="an order as an object, or up to 1000 in a list")
     showing = actions.add_parser("show", help="an order as it is now, with its life")
     cancelling = actions.add_parser("cancel", help="cancel an order that no vehicle has left with")
-    for action in (showing, cancelling):
+    pinning = actions.add_parser("pin", help="keep an order for one vehicle in all plans to come")
+    pinning.add_argument("--vehicle", help="which one (default: the one whose plan has the order)")
+    releasing = actions.add_parser("release", help="let any vehicle serve an order that is pinned")
+    for action in (showing, cancelling, pinning, releasing):
         action.add_argument("order", help="its id")
-    for action, run in ((adding, _add), (showing, _show), (cancelling, _cancel)):
+    for action, run in (
+        (adding, _add),
+        (showing, _show),
+        (cancelling, _cancel),
+        (pinning, _pin),
+        (releasing, _release),
+    ):
         action.add_argument("--api", required=True, help="such as http://127.0.0.1:8090")
         action.add_argument(
             "--token-file", type=Path, help=f"file with the token; else ${_TOKEN} is taken"
@@ -40,21 +49,37 @@ def _add(options: argparse.Namespace) -> int:
     rows = rows if isinstance(rows, list) else [rows]
     answer = _call(options, "POST", "/v1/orders", rows, str(options.file))
     for receipt in answer["receipts"]:
-        print(f"{receipt['order']}  at {receipt['node']}")
+        # Known already, and perhaps cancelled meanwhile: then it is not planned again.
+        state = receipt.get("state", "open")
+        print(f"{receipt['order']}  at {receipt['node']}{'' if state == 'open' else f'  {state}'}")
     return 0
 
 
 def _show(options: argparse.Namespace) -> int:
-    path = f"/v1/orders/{quote(options.order, safe='')}"
-    print(json.dumps(_call(options, "GET", path, None, options.order), indent=2))
+    print(json.dumps(_call(options, "GET", _path(options), None, options.order), indent=2))
     return 0
 
 
 def _cancel(options: argparse.Namespace) -> int:
-    path = f"/v1/orders/{quote(options.order, safe='')}"
-    answer = _call(options, "DELETE", path, None, options.order)
+    return _change(options, "DELETE", "")
+
+
+def _pin(options: argparse.Namespace) -> int:
+    return _change(options, "POST", "/pin", {"vehicle": options.vehicle})
+
+
+def _release(options: argparse.Namespace) -> int:
+    return _change(options, "POST", "/release")
+
+
+def _change(options: argparse.Namespace, method: str, action: str, body: object = None) -> int:
+    answer = _call(options, method, _path(options) + action, body, options.order)
     print(f"{answer['order']}  {answer['state']}  {answer['reason']}")
     return 0
+
+
+def _path(options: argparse.Namespace) -> str:
+    return f"/v1/orders/{quote(options.order, safe='')}"
 
 
 def _call(options: argparse.Namespace, method: str, path: str, body: object, source: str) -> Any:

@@ -18,7 +18,9 @@ _DEFAULT = "sqlite:///slipstream.db"
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the sub-command."""
-    command = commands.add_parser("orders", help="orders: what became of each; submit, cancel")
+    command = commands.add_parser(
+        "orders", help="orders: what became of each; submit, cancel, pin, release"
+    )
     actions = command.add_subparsers(dest="action", required=True, metavar="ACTION")
     listing = actions.add_parser(
         "list", help="all orders, those that changed last at the end; or the life of one"

@@ -32,7 +32,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     new.add_argument(
         "--scopes",
         required=True,
-        help="what it may do, separated by commas: read, orders, control (docs/api.md)",
+        help="what it may do, separated by commas: read, orders, control, vehicles (docs/api.md)",
     )
     new.add_argument(
         "--file", type=Path, default=_DEFAULT, help=f"file of tokens (default: {_DEFAULT})"

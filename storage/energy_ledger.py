@@ -46,11 +46,15 @@ def hours(
         yield EnergyHour(*row)
 
 
-def sums(session: Session, begin_ns: int, end_ns: int, by: SumBy) -> Iterator[EnergySum]:
-    """Sums over all vehicles, oldest first; those of periods in which nothing was driven are
-    missing.
+def sums(
+    session: Session, begin_ns: int, end_ns: int, by: SumBy, vehicle: str | None = None
+) -> Iterator[EnergySum]:
+    """Sums over all vehicles, or of one, oldest first; those of periods in which nothing was driven
+    are missing.
     """
-    within = _T.hour_ns >= begin_ns, _T.hour_ns < end_ns
+    within = [_T.hour_ns >= begin_ns, _T.hour_ns < end_ns]
+    if vehicle is not None:
+        within.append(_T.vehicle == vehicle)
     figures = [func.sum(_T[name]) for name in FIGURES]
     if by == "all":
         query = select(literal(begin_ns, BigInteger), *figures).where(*within)

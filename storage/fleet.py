@@ -10,7 +10,7 @@ from typing import Any, Final, cast
 from sqlalchemy import Table, and_, delete, func, insert, or_, select, update
 from sqlalchemy.orm import Session
 
-from slipstream.messages import OrderState, VehiclePosition
+from slipstream.messages import OrderState, PlanAcknowledgement, VehiclePosition
 from slipstream.orders import (
     ENDED,
     IN_FORCE,
@@ -18,6 +18,7 @@ from slipstream.orders import (
     MovementSum,
     OrderChange,
     OrderRecord,
+    PlanChange,
     PlanRecord,
     SpeedSum,
     VehicleRecord,
@@ -27,6 +28,7 @@ from storage.models import (
     MovementRow,
     OrderChangeRow,
     OrderRow,
+    PlanChangeRow,
     PlanRow,
     SpeedRow,
     VehicleRow,
@@ -60,6 +62,8 @@ def save(session: Session, records: FleetRecords) -> None:
             .where(PlanRow.cycle == record.plan.cycle, PlanRow.vehicle == record.plan.vehicle)
             .values(status=record.status, status_ns=record.since_ns, status_reason=record.reason)
         )
+    if steps := list(_of_stored_plans(session, records.plan_changes)):
+        session.execute(insert(PlanChangeRow), steps)
     energy_ledger.add(session, records.driven)
     for vehicle in records.vehicles:
         session.merge(VehicleRow(**_vehicle_values(vehicle)))
@@ -102,6 +106,35 @@ def _numbered(session: Session, changes: Sequence[OrderChange]) -> Iterator[dict
     for change in changes:
         yield {**asdict(change), "number": number[change.order]}
         number[change.order] += 1
+
+
+def _of_stored_plans(
+    session: Session, changes: Sequence[PlanChange]
+) -> Iterator[dict[str, object]]:
+    """The rows of changes, numbered on from those stored. A plan may have been deleted meanwhile,
+    or be another database's: its changes are left out.
+    """
+    number: dict[tuple[int, str], int] = {}
+    cycles = sorted({change.cycle for change in changes})
+    for begin in range(0, len(cycles), _MAX_NAMES):
+        last = (
+            select(PlanRow.cycle, PlanRow.vehicle, func.max(PlanChangeRow.number))
+            .outerjoin(
+                PlanChangeRow,
+                and_(
+                    PlanChangeRow.cycle == PlanRow.cycle, PlanChangeRow.vehicle == PlanRow.vehicle
+                ),
+            )
+            .where(PlanRow.cycle.in_(cycles[begin : begin + _MAX_NAMES]))
+            .group_by(PlanRow.cycle, PlanRow.vehicle)
+        )
+        for cycle, vehicle, highest in session.execute(last):
+            number[cycle, vehicle] = 0 if highest is None else highest + 1
+    for change in changes:
+        plan = change.cycle, change.vehicle
+        if plan in number:
+            yield {**asdict(change), "number": number[plan]}
+            number[plan] += 1
 
 
 def load(session: Session, now_ns: int) -> FleetRecords:
@@ -177,6 +210,16 @@ def plans(session: Session, vehicle: str, limit: int, before: int | None) -> lis
     return [as_plan(row) for row in session.scalars(query)]
 
 
+def plan_changes(session: Session, vehicle: str, cycles: Collection[int]) -> list[PlanChange]:
+    """Changes of the plans that some cycles made for a vehicle, by cycle, the first one first."""
+    query = (
+        select(PlanChangeRow)
+        .where(PlanChangeRow.vehicle == vehicle, PlanChangeRow.cycle.in_(sorted(cycles)))
+        .order_by(PlanChangeRow.cycle, PlanChangeRow.number)
+    )
+    return [PlanChange(**_values(row, PlanChange)) for row in session.scalars(query)]
+
+
 def prune(session: Session, before_ns: int) -> None:
     """Delete the orders that ended before, if the fleet's file no longer has them: one that it has
     would be planned anew.
@@ -204,6 +247,8 @@ def _vehicle(row: VehicleRow) -> VehicleRecord:
     position = values["position"]
     if position is not None:
         values["position"] = VehiclePosition.model_validate(position, strict=False)
+    if values["answer"] is not None:
+        values["answer"] = PlanAcknowledgement.model_validate(values["answer"])
     return VehicleRecord(**values)
 
 
@@ -211,6 +256,8 @@ def _vehicle_values(record: VehicleRecord) -> Mapping[str, Any]:
     values = {field.name: getattr(record, field.name) for field in fields(VehicleRecord)}
     if record.position is not None:
         values["position"] = record.position.model_dump(mode="json")
+    if record.answer is not None:
+        values["answer"] = record.answer.model_dump(mode="json")
     return values
 
 

@@ -9,7 +9,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from sqlalchemy import JSON, BigInteger, Double, ForeignKey, MetaData
+from sqlalchemy import (
+    JSON,
+    BigInteger,
+    Double,
+    ForeignKey,
+    ForeignKeyConstraint,
+    MetaData,
+)
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column, relationship
 
 # Named constraints, so that later migrations can drop or alter them on every database.
@@ -133,6 +140,24 @@ class PlanRow(Base):
     segment_energy: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
 
 
+class PlanChangeRow(Base):
+    """One change of a plan's status (a `slipstream.orders.PlanChange`), numbered from 0."""
+
+    __tablename__ = "plan_changes"
+    __table_args__ = (
+        ForeignKeyConstraint(
+            ["cycle", "vehicle"], ["plans.cycle", "plans.vehicle"], ondelete="CASCADE"
+        ),
+    )
+
+    cycle: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    vehicle: Mapped[str] = mapped_column(primary_key=True)
+    number: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    time_ns: Mapped[int]
+    status: Mapped[str]
+    reason: Mapped[str | None]
+
+
 class StateRow(Base):
     """A SegmentState that a cycle used, as versions before 0013 stored it."""
 
@@ -235,6 +260,7 @@ class VehicleRow(Base):
     booked: Mapped[float] = mapped_column(server_default="0")
     rested_ns: Mapped[int] = mapped_column(server_default="0")
     rested_break: Mapped[int | None]
+    answer: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
 
 
 class MovementRow(Base):

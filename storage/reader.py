@@ -14,7 +14,14 @@ from sqlalchemy.orm import Session, selectinload
 from slipstream.energy_ledger import EnergyHour, EnergySum
 from slipstream.errors import InputError
 from slipstream.messages import CycleReport, OrderState, SegmentState, VehiclePlan
-from slipstream.orders import IN_FORCE, ORDER_STATES, OrderChange, OrderRecord, PlanRecord
+from slipstream.orders import (
+    IN_FORCE,
+    ORDER_STATES,
+    OrderChange,
+    OrderRecord,
+    PlanChange,
+    PlanRecord,
+)
 from storage import energy_ledger, events, fleet, inputs, jobs, past, schema
 from storage.engine import (
     StorageError,
@@ -88,7 +95,13 @@ class Reader:
             return tuple(map(fleet.as_plan, plans.values()))
 
     def cycles(
-        self, limit: int, before: int | None = None, *, gates: bool = True
+        self,
+        limit: int,
+        before: int | None = None,
+        *,
+        gates: bool = True,
+        begin_ns: int | None = None,
+        end_ns: int | None = None,
     ) -> tuple[CycleReport, ...]:
         """The last ``limit`` cycles, or the last ones before a number; oldest first.
 
@@ -98,6 +111,8 @@ class Reader:
             limit: maximum number of cycles.
             before: number that theirs are below; None: of all.
             gates: False: only the last cycle has its gates.
+            begin_ns: UTC; cycles that began before are left out; None: none is.
+            end_ns: UTC; so are those that began then or later; None: likewise.
         """
         query = (
             select(CycleRow)
@@ -107,6 +122,10 @@ class Reader:
         )
         if before is not None:
             query = query.where(CycleRow.cycle < before)
+        if begin_ns is not None:
+            query = query.where(CycleRow.started_ns >= begin_ns)
+        if end_ns is not None:
+            query = query.where(CycleRow.started_ns < end_ns)
         with self._read_session() as session:
             rows = list(reversed(_all(session, query)))
             if session is None or not rows:
@@ -163,6 +182,15 @@ class Reader:
         """
         with self._read_session() as session:
             return () if session is None else tuple(fleet.plans(session, vehicle, limit, before))
+
+    def plan_changes(self, vehicle: str, cycles: Collection[int]) -> tuple[PlanChange, ...]:
+        """Changes of the status of a vehicle's plans from some cycles, by cycle, the first one
+        first; none of those that a version before has stored.
+        """
+        with self._read_session() as session:
+            if session is None:
+                return ()
+            return tuple(fleet.plan_changes(session, vehicle, cycles))
 
     def states(self, cycle: int) -> tuple[SegmentState, ...]:
         """The segment states that a cycle used, by segment and RSU.
@@ -221,7 +249,12 @@ class Reader:
             return tuple(energy_ledger.hours(session, begin_ns, end_ns, vehicle))
 
     def energy_sums(
-        self, begin_ns: int, end_ns: int, *, by: Literal["hour", "day", "all"]
+        self,
+        begin_ns: int,
+        end_ns: int,
+        *,
+        by: Literal["hour", "day", "all"],
+        vehicle: str | None = None,
     ) -> tuple[EnergySum, ...]:
         """The same of all vehicles together, oldest first; nothing for periods without a row.
 
@@ -229,11 +262,12 @@ class Reader:
             begin_ns: UTC; hours that begin earlier are left out.
             end_ns: UTC; so are those that begin then or later.
             by: period of a sum; days are those of UTC, and all is one sum.
+            vehicle: only this one's; None: all.
         """
         with self._read_session() as session:
             if session is None:
                 return ()
-            return tuple(energy_ledger.sums(session, begin_ns, end_ns, by))
+            return tuple(energy_ledger.sums(session, begin_ns, end_ns, by, vehicle))
 
     def jobs(self, limit: int) -> tuple[QuantumJob, ...]:
         """The last ``limit`` quantum jobs, latest first."""

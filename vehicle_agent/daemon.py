@@ -178,6 +178,7 @@ def run_agents(settings: AgentSettings) -> None:
     configure_logging("agent", settings.service)
     with Service("agent", settings.service) as service, Bus.open(settings.bus) as bus:
         daemon = AgentDaemon(settings, bus)
+        service.checks["bus"] = bus.fault
         service.ready()
         while not service.stopping.is_set():
             daemon.step(INTERVAL_S)

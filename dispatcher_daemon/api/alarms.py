@@ -44,7 +44,9 @@ class LogEntry(BaseModel):
     subject: str
     text: str
     mend: str | None
-    actor: str | None = Field(description="Name of the token that did it; null: an alarm.")
+    actor: str | None = Field(
+        description="Name of the token that did it, or `bus`: somebody on the bus; null: an alarm."
+    )
     alarm: str | None = Field(description="Id of the alarm; null: it is none.")
     ended_ns: int | None
     acknowledged_by: str | None

@@ -25,7 +25,7 @@ from slipstream.service import LogLimiter
 
 log = logging.getLogger(__name__)
 
-Scope = Literal["read", "orders", "control"]
+Scope = Literal["read", "orders", "control", "vehicles"]
 SCOPES: Final[tuple[Scope, ...]] = get_args(Scope)
 
 _CHALLENGE: Final = {"WWW-Authenticate": 'Bearer realm="slipstream"'}

@@ -1,4 +1,4 @@
-"""Request bodies: JSON that is held to a settings model as strictly as a settings file is."""
+"""Request bodies: JSON that is held to a model as strictly as a settings file is."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from fastapi.concurrency import run_in_threadpool
 from pydantic import BaseModel
 
 from dispatcher_daemon.api.problems import Problem, from_input_error
-from slipstream.config import Settings, check, parse_json
+from slipstream.config import check, parse_json
 from slipstream.errors import InputError
 
 SOURCE: Final = "body"
-S = TypeVar("S", bound=Settings)
+S = TypeVar("S", bound=BaseModel)
 
 _DEFINITIONS: Final = "x-body-definitions"
 _COMPONENTS: Final = "#/components/schemas/"
@@ -37,13 +37,23 @@ async def json_body(request: Request) -> object:
         raise from_input_error(error, 400) from None
 
 
-def body_of(model: type[S]) -> Any:
+def body_of(model: type[S], joint: str | None = None) -> Any:
     """A dependency that gives the request's body as a model: unknown keys and wrong types are
     refused with 422, what is no JSON with 400, any other media type with 415.
+
+    Args:
+        model: of the body.
+        joint: key that is named where several do not fit together; None: none is.
     """
 
+    def checked(data: object) -> S:
+        try:
+            return check(data, model, SOURCE)
+        except InputError as error:
+            raise InputError(SOURCE, error.problem, error.mend, key=error.key or joint) from None
+
     async def read(request: Request) -> S:
-        return await run_in_threadpool(check, await json_body(request), model, SOURCE)
+        return await run_in_threadpool(checked, await json_body(request))
 
     return Depends(read)
 

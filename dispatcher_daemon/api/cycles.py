@@ -8,7 +8,7 @@ from fastapi import APIRouter, Query
 from pydantic import BaseModel, Field
 
 from dispatcher_daemon.api.auth import requires
-from dispatcher_daemon.api.parameters import Before, Limit, Number
+from dispatcher_daemon.api.parameters import Before, Limit, Moment, Number, check_range
 from dispatcher_daemon.api.problems import Problem
 from dispatcher_daemon.api.services import Dispatch
 from slipstream.explain import Explanation, explanation
@@ -33,10 +33,25 @@ class CycleDetail(BaseModel):
 
 
 @router.get("")
-def list_cycles(dispatch: Dispatch, limit: Limit = 20, before: Before = None) -> CyclePage:
-    """The last cycles, without their gates: those are in `/v1/cycles/{number}`."""
+def list_cycles(
+    dispatch: Dispatch,
+    limit: Limit = 20,
+    before: Before = None,
+    since: Annotated[
+        Moment, Query(alias="from", description="UTC in ns; cycles that began before are left out.")
+    ] = None,
+    until: Annotated[
+        Moment, Query(description="UTC in ns; cycles that began then or later are left out.")
+    ] = None,
+) -> CyclePage:
+    """The last cycles, or the last ones of a range of time, without their gates: those are in
+    `/v1/cycles/{number}`.
+    """
+    check_range(since, until)
     # A city's cycle has some 10,000 gates.
-    found = dispatch.reader.cycles(limit + 1, before, gates=False)[::-1]
+    found = dispatch.reader.cycles(limit + 1, before, gates=False, begin_ns=since, end_ns=until)[
+        ::-1
+    ]
     following = found[limit - 1].cycle if len(found) > limit else None
     page = [report.model_copy(update={"gates": ()}) for report in found[:limit]]
     return CyclePage(cycles=page, next=following)

@@ -9,8 +9,10 @@ from fastapi import APIRouter, Query
 from pydantic import BaseModel, Field
 
 from dispatcher_daemon.api.auth import requires
+from dispatcher_daemon.api.parameters import Moment, check_range
 from dispatcher_daemon.api.problems import Problem
 from dispatcher_daemon.api.services import Dispatch
+from dispatcher_daemon.api.vehicles import unknown_vehicle
 from slipstream.energy_ledger import HOUR_NS, EnergySum
 
 router = APIRouter(prefix="/v1/energy", tags=["energy"], dependencies=[requires("read")])
@@ -18,11 +20,11 @@ router = APIRouter(prefix="/v1/energy", tags=["energy"], dependencies=[requires(
 _MAX_HOURS: Final = 24 * 400
 """Of one answer by hour."""
 _DEFAULT_NS: Final = {"hour": 24 * HOUR_NS, "day": 30 * 24 * HOUR_NS}
-Moment = Annotated[int | None, Query(ge=0, lt=2**62)]
 
 
 class EnergyPage(BaseModel):
-    """Sums over all vehicles, oldest first; hours and days in which nothing was driven are missing.
+    """Sums over all vehicles, or of one, oldest first; hours and days in which nothing was driven
+    are missing.
 
     The three saved parts add up to `baseline_kwh` less `plan_kwh`.
     """
@@ -47,15 +49,20 @@ def energy(
         Moment,
         Query(description="UTC in ns; hours that begin then or later are left out; else now."),
     ] = None,
+    vehicle: Annotated[
+        str | None, Query(min_length=1, max_length=200, description="Of this one; else of all.")
+    ] = None,
 ) -> EnergyPage:
-    """Energy and way of the fleet by the plans that were in force, as far as vehicles have reported
-    that they drove them, with what the cycles' baselines would have needed.
+    """Energy and way of the fleet, or of one vehicle, by the plans that were in force, as far as
+    vehicles have reported that they drove them, with what the cycles' baselines would have needed.
     """
     end_ns = time.time_ns() if until is None else until
     begin_ns = max(0, end_ns - _DEFAULT_NS.get(by, end_ns)) if since is None else since
-    if begin_ns > end_ns:
-        raise Problem(422, "'from' is later than 'until'", "give an earlier time", field="from")
+    check_range(begin_ns, end_ns)
     if by == "hour" and end_ns - begin_ns > _MAX_HOURS * HOUR_NS:
         mend = f"ask for {_MAX_HOURS} hours at most, or by day"
         raise Problem(422, "too many hours", mend, field="from")
-    return EnergyPage(by=by, sums=list(dispatch.reader.energy_sums(begin_ns, end_ns, by=by)))
+    sums = dispatch.reader.energy_sums(begin_ns, end_ns, by=by, vehicle=vehicle)
+    if vehicle is not None and not sums and not dispatch.fleet.knows(vehicle):
+        raise unknown_vehicle(vehicle)
+    return EnergyPage(by=by, sums=list(sums))

@@ -117,7 +117,8 @@ def submit(
     dispatch: Dispatch, response: Response, sent: Annotated[_Sent, Depends(_orders)]
 ) -> OrderReceipt | Receipts:
     """Take one order, or up to 1000, all or none. They are durable when this answers, and are
-    planned from the next cycle on. The same order may be sent again: its receipt is the same.
+    planned from the next cycle on. The same order may be sent again: its receipt is the same,
+    with its state now; one that has ended stays so.
     """
     taken = dispatch.orders.submit(sent.requests)
     if not any(is_new for _, is_new in taken):

@@ -16,8 +16,20 @@ After = Annotated[
     str | None,
     Query(min_length=1, max_length=200, description="Only ids behind it: `next` of the last page."),
 ]
+Moment = Annotated[int | None, Query(ge=0, lt=2**62)]
+"""UTC, ns."""
 MAX_PAGE: Final = 1000
 Limit = Annotated[int, Query(ge=1, le=MAX_PAGE, description="Entries of one page.")]
+
+
+def check_range(begin_ns: int | None, end_ns: int | None) -> None:
+    """Check a range of time, as the parameters `from` and `until` give it.
+
+    Raises:
+        Problem: 422: it ends before it begins.
+    """
+    if begin_ns is not None and end_ns is not None and begin_ns > end_ns:
+        raise Problem(422, "'from' is later than 'until'", "give an earlier time", field="from")
 
 
 def refuse_unknown_parameters(request: Request) -> None:

@@ -87,8 +87,9 @@ def solve_vroom_request(
         return Response(job.result, media_type="application/json")
     if answer["code"] == INTERNAL_ERROR:
         raise FAULT
-    refusal = Problem(422, answer["error"]).document
-    return JSONResponse({**refusal, **answer}, 422, media_type=MEDIA_TYPE)
+    refusal = Problem(422, answer["detail"], answer["mend"], field=answer.get("field")).document
+    vroom = {name: answer[name] for name in ("code", "error")}
+    return JSONResponse({**refusal, **vroom}, 422, media_type=MEDIA_TYPE)
 
 
 def _failure(job: Job) -> Problem:

@@ -109,7 +109,7 @@ class OrderIntake:
 
         Returns:
             The receipt of each, and whether it is new. One that is known with the same content is
-            not, and its receipt is that of the first time.
+            not, and its receipt is that of the first time, with its state now.
 
         Raises:
             OrdersRefused: some cannot be taken.

@@ -25,6 +25,10 @@ from slipstream.messages import (
 from slipstream.orders import OrderRefused
 from storage import StorageError
 
+ACTOR: Final = "bus"
+"""Who the log names: the bus's users are its router's, and no message says which one asked."""
+_LOGGED: Final = frozenset({"cancel", "pin", "release"})
+
 
 class PinRequest(Message):
     """For which vehicle an order is kept."""
@@ -47,10 +51,15 @@ class OrderAnswers:
 
     Args:
         intake: of the orders.
+        note: told of what was done to an order: kind, subject, and who did it, which is `ACTOR`.
     """
 
-    def __init__(self, intake: OrderIntake) -> None:
-        self._intake = intake
+    def __init__(
+        self,
+        intake: OrderIntake,
+        note: Callable[[str, str, str], None] = lambda kind, subject, actor: None,
+    ) -> None:
+        self._intake, self._note = intake, note
 
     def listen(self, bus: Questioned) -> None:
         """Answer from now on."""
@@ -65,7 +74,10 @@ class OrderAnswers:
             if act is None:
                 mend = f"ask for one of: {', '.join(_ACTIONS)}"
                 raise OrderRefused("invalid", f"unknown action {action!r}", mend, order=order)
-            return True, act(self._intake, order, payload).to_bytes()
+            answer = act(self._intake, order, payload).to_bytes()
+            if action in _LOGGED:
+                self._note(action, f"order/{order}", ACTOR)
+            return True, answer
         except OrderRefused as refused:
             refusal = refused.refusal
         except OrdersRefused as refused:

@@ -12,7 +12,12 @@ from slipstream.orders import OrderChange, OrderRecord
 def receipt_of(order: OrderRecord) -> OrderReceipt:
     """What its caller gets for an order, however often it is sent."""
     assert order.received_ns is not None
-    return OrderReceipt(order=order.order, received_ns=order.received_ns, node=order.node)
+    return OrderReceipt(
+        order=order.order,
+        received_ns=order.received_ns,
+        node=order.node,
+        state=order.state,
+    )
 
 
 def status_of(order: OrderRecord, tracker: FleetTracker | None) -> OrderStatus:

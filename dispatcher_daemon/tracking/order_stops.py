@@ -36,11 +36,12 @@ def details(stop: Stop, reference_ns: int) -> dict[str, Any]:
     def at(seconds: float) -> int:
         return reference_ns + round(1e9 * seconds)
 
+    always_open = stop.earliest is None and stop.earliest_s == 0
     return {
         "node": stop.node,
         "service_s": stop.service_s,
         "demand": stop.demand,
-        "earliest_ns": at(stop.earliest_s),
+        "earliest_ns": None if always_open else at(stop.earliest_s),
         "latest_ns": None if stop.latest_s is None else at(stop.latest_s),
     }
 

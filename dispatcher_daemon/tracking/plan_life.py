@@ -10,7 +10,7 @@ from dispatcher_daemon.tracking.orders import OrderBook
 from dispatcher_daemon.tracking.vehicle import TrackedVehicle, ended
 from slipstream.energy_ledger import PlanEnergy
 from slipstream.messages import PlanAcknowledgement, VehiclePlan
-from slipstream.orders import PlanRecord, PlanStatus
+from slipstream.orders import PlanChange, PlanRecord, PlanStatus
 
 ANSWER_NS: Final = 5 * 10**9
 """A vehicle that reports, and not by then that it follows its new plan, does not: the plan is taken
@@ -32,6 +32,7 @@ class PlanLife:
     def __init__(self, book: OrderBook, may_have: Callable[[str, int], bool]) -> None:
         self._book, self._may_have = book, may_have
         self._changed: dict[tuple[int, str], PlanRecord] = {}
+        self._changes: list[PlanChange] = []
         self.driven = DrivenBook()
 
     @property
@@ -39,14 +40,25 @@ class PlanLife:
         """Plans whose status has changed since `stored` was called last."""
         return tuple(self._changed.values())
 
+    @property
+    def changes(self) -> tuple[PlanChange, ...]:
+        """Each of these changes, in their order, with the plans that went out."""
+        return tuple(self._changes)
+
     def stored(self) -> None:
         """What was pending is in the database."""
-        self._changed = {}
+        self._changed, self._changes = {}, []
         self.driven.stored()
 
     def note(self, record: PlanRecord) -> None:
         """The status of a plan has changed."""
         self._changed[record.plan.cycle, record.plan.vehicle] = record
+        self._step(record)
+
+    def _step(self, record: PlanRecord) -> None:
+        plan = record.plan
+        step = PlanChange(plan.cycle, plan.vehicle, record.since_ns, record.status, record.reason)
+        self._changes.append(step)
 
     def offer(
         self, vehicle: TrackedVehicle, plan: VehiclePlan, now_ns: int, energy: PlanEnergy | None
@@ -56,6 +68,12 @@ class PlanLife:
             reason = f"by the plan of cycle {plan.cycle}"
             self.note(ended(vehicle.offered, "superseded", now_ns, reason))
         vehicle.offered = PlanRecord(plan, "published", now_ns, energy=energy)
+        self._step(vehicle.offered)
+
+    def retract(self, plans: Iterable[VehiclePlan]) -> None:
+        """Plans that were on offer did not go out."""
+        gone = {(plan.cycle, plan.vehicle) for plan in plans}
+        self._changes = [one for one in self._changes if (one.cycle, one.vehicle) not in gone]
 
     def refused(self, vehicle: TrackedVehicle, answer: PlanAcknowledgement, now_ns: int) -> None:
         """A vehicle refuses a plan. What it has acknowledged it may give back until it leaves; a

@@ -24,7 +24,7 @@ from slipstream.messages import (
     VehiclePosition,
     VehicleProgress,
 )
-from slipstream.orders import FleetRecords, OrderRecord, PlanRecord
+from slipstream.orders import FleetRecords, OrderRecord, PlanChange, PlanRecord
 from slipstream.roads import RoadNetwork
 
 MAX_STRANGERS: Final = 2000
@@ -83,6 +83,11 @@ class FleetTracker:
         stops = (stop for record in records if record for stop in record.plan.service_stops)
         return next((stop.arrival_ns for stop in stops if stop.stop == order.order), None)
 
+    @property
+    def plan_changes(self) -> tuple[PlanChange, ...]:
+        """Changes of plans' statuses since `stored` was called last."""
+        return self._life.changes
+
     def silent(self, now_ns: int) -> tuple[str, ...]:
         """Vehicles that have reported before, and do not now."""
         return tuple(
@@ -124,6 +129,9 @@ class FleetTracker:
         if vehicle is None:
             return
         self._heard(vehicle, now_ns)
+        before = None if vehicle.answer is None else vehicle.answer.time_ns
+        if vehicle.is_news(before, answer.time_ns, now_ns):
+            vehicle.answer = answer
         if answer.accepted:
             self._life.follows(vehicle, answer.cycle, now_ns)
         else:
@@ -300,8 +308,9 @@ class FleetTracker:
             if self._vehicles[plan.vehicle].accepted is None:
                 self.book.keep_only(plan, now_ns)
 
-    def retract(self, plans: Iterable[VehiclePlan], now_ns: int) -> None:
+    def retract(self, plans: Collection[VehiclePlan], now_ns: int) -> None:
         """Plans that were to go out could not be stored, and did not."""
+        self._life.retract(plans)
         for plan in plans:
             vehicle = self._vehicles[plan.vehicle]
             vehicle.offered = None
@@ -319,6 +328,7 @@ class FleetTracker:
             self._life.pending,
             tuple(self._vehicles[name].record() for name in sorted(self._reported)),
             driven=self._life.driven.pending,
+            plan_changes=self._life.changes,
         )
 
     def mark_all(self) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from dispatcher_daemon.fleet import Break, Depot, Vehicle
-from slipstream.messages import VehiclePosition, VehicleProgress
+from slipstream.messages import PlanAcknowledgement, VehiclePosition, VehicleProgress
 from slipstream.orders import PlanRecord, PlanStatus, VehicleRecord
 
 FRESH_NS: Final = 15 * 10**9
@@ -28,6 +28,7 @@ class TrackedVehicle:
         reports_progress: whether it has ever sent its visits.
         progress: the latest since the start.
         answered_ns: when its last message of any kind came; None: it has never sent one.
+        answer: its latest answer to a plan; None: it has sent none.
         offered: plan that it has not answered.
         accepted: plan that it has acknowledged.
         withdrawn: plan that was taken back last, as it did not answer it or let it lie.
@@ -50,6 +51,7 @@ class TrackedVehicle:
     reports_progress: bool = False
     progress: VehicleProgress | None = None
     answered_ns: int | None = None
+    answer: PlanAcknowledgement | None = None
     offered: PlanRecord | None = None
     accepted: PlanRecord | None = None
     withdrawn: PlanRecord | None = None
@@ -157,6 +159,7 @@ class TrackedVehicle:
             booked=self.booked,
             rested_ns=self.rested_ns,
             rested_break=self.rested_break,
+            answer=self.answer,
         )
 
 
@@ -173,6 +176,7 @@ def loaded(record: VehicleRecord) -> TrackedVehicle:
         booked=record.booked,
         rested_ns=record.rested_ns,
         rested_break=record.rested_break,
+        answer=record.answer,
     )
 
 

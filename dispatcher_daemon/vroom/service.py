@@ -55,12 +55,24 @@ def solve_vroom(
             check(request, Request, source), engine, ends, seed, geometry, choose_eta, source
         )
     except RoutingError as error:
-        return {"code": ROUTING_ERROR, "error": str(error)}
+        return _refusal(ROUTING_ERROR, error)
     except InputError as error:
-        return {"code": INPUT_ERROR, "error": str(error)}
+        return _refusal(INPUT_ERROR, error)
     except Exception as error:
         log.exception("a request in VROOM's format was not answered")
         return {"code": INTERNAL_ERROR, "error": f"internal error: {type(error).__name__}"}
+
+
+def _refusal(code: int, error: InputError) -> Json:
+    """VROOM's members, and the parts of the line by the names of our problem documents."""
+    field = {} if error.key is None else {"field": error.key}
+    return {
+        "code": code,
+        "error": str(error),
+        "detail": error.problem,
+        **field,
+        "mend": error.mend,
+    }
 
 
 def _answer(

@@ -127,11 +127,18 @@ class OrderRequest(Message):
 
 
 class OrderReceipt(Message):
-    """An order is stored, and will be planned. It is the same for each repetition of a request."""
+    """An order is stored, and is planned as long as it is open. All but its state is the same for
+    each repetition of a request.
+    """
 
     order: Identifier
     received_ns: TimeNs
     node: Identifier = Field(description="Junction where vehicles stop for it.")
+    state: OrderState = Field(
+        default="open",
+        description="Now: one that has ended, cancelled perhaps, is not planned for being sent "
+        "again; a new order needs a new id.",
+    )
 
 
 class OrderStep(Message):

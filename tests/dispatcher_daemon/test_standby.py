@@ -8,6 +8,8 @@ import subprocess
 import sys
 import threading
 import time
+import urllib.error
+import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,7 +19,7 @@ import tomli_w
 from sqlalchemy import create_engine, text
 
 from dispatcher_daemon.store import open_in_turn
-from slipstream.bus import Router
+from slipstream.bus import Router, free_port
 from slipstream.config import ServiceSettings
 from slipstream.errors import InputError
 from slipstream.service import Service
@@ -29,18 +31,32 @@ MAX_TAKEOVER_S = 10.0
 
 
 def test_a_standby_opens_what_is_free(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It waits as long as another one writes, ends when it is stopped, and refuses a bad URL."""
+    """It waits as long as another one writes and says so to a probe, ends when it is stopped, and
+    refuses a bad URL.
+    """
     monkeypatch.setattr("dispatcher_daemon.store.TURN_PERIOD_S", 0.01)
     url = f"sqlite:///{tmp_path}/cycles.db"
-    service = Service("dispatcher", ServiceSettings())
+    port = free_port()
+
+    def told() -> tuple[int, str]:
+        try:
+            with urllib.request.urlopen(f"http://127.0.0.1:{port}/readyz", timeout=5) as answer:
+                return answer.status, answer.read().decode()
+        except urllib.error.HTTPError as error:
+            return error.code, error.read().decode()
+
+    service = Service("dispatcher", ServiceSettings(metrics_port=port))
     active = open_database(url, owned=True)
     taken = []
     waiting = threading.Thread(target=lambda: taken.append(open_in_turn(url, service)))
-    waiting.start()
-    waiting.join(0.2)
-    assert waiting.is_alive()
-    active.close()
-    waiting.join(60)
+    with service:
+        waiting.start()
+        wait_until(lambda: told() == (503, "standby\n"))
+        waiting.join(0.2)
+        assert waiting.is_alive()
+        active.close()
+        waiting.join(60)
+        assert told() == (503, "starting\n")
     (database,) = taken
     assert database is not None
     with database:

@@ -123,8 +123,39 @@ def test_a_probe_sees_whether_the_work_goes_on(monkeypatch: pytest.MonkeyPatch) 
     with Service("t", ServiceSettings(metrics_port=port)) as service:
         assert status("/healthz") == 503
         assert becomes(200, service.progress)
-        assert [status(path) for path in ("/", "/metrics/x", "/readyz")] == [404] * 3
+        assert [status(path) for path in ("/", "/metrics/x", "/readyz/x")] == [404] * 3
         assert becomes(503)
+
+
+def test_readiness_names_what_the_daemon_waits_for() -> None:
+    """While it starts, stands by or ends, and each thing that it lacks; HEAD has no body."""
+    port = free_port()
+
+    def probe(method: str = "GET") -> tuple[int, str]:
+        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=5)
+        connection.request(method, "/readyz")
+        answer = connection.getresponse()
+        text = answer.read().decode()
+        connection.close()
+        return answer.status, text
+
+    why: list[str | None] = ["no router answers"]
+    with Service("t", ServiceSettings(metrics_port=port)) as service:
+        service.progress()
+        assert probe() == (503, "starting\n")
+        service.ready()
+        assert probe() == (200, "ready\n")
+        assert probe("HEAD") == (200, "")
+        service.checks |= {"bus": lambda: why[0], "database": lambda: why[0] and "there is none"}
+        assert probe() == (503, "bus: no router answers; database: there is none\n")
+        why[0] = None
+        assert probe() == (200, "ready\n")
+        service.wait_for("standby")
+        assert probe() == (503, "standby\n")
+        service.ready()
+        assert probe() == (200, "ready\n")
+        service.stopping.set()
+        assert probe() == (503, "stopping\n")
 
 
 @pytest.mark.process

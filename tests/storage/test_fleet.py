@@ -7,12 +7,13 @@ from dataclasses import replace
 import pytest
 
 import storage
-from slipstream.messages import VehiclePosition
+from slipstream.messages import PlanAcknowledgement, VehiclePosition
 from slipstream.orders import (
     FleetRecords,
     MovementSum,
     OrderChange,
     OrderRecord,
+    PlanChange,
     PlanRecord,
     SpeedSum,
     VehicleRecord,
@@ -58,7 +59,16 @@ POSITION = VehiclePosition(
     leg=0,
 )
 VEHICLE = VehicleRecord(
-    "van-a", {"id": "van-a"}, {"id": "depot", "node": "n0"}, POSITION, True, NOW_NS, 4
+    "van-a",
+    {"id": "van-a"},
+    {"id": "depot", "node": "n0"},
+    POSITION,
+    True,
+    NOW_NS,
+    4,
+    answer=PlanAcknowledgement(
+        vehicle="van-a", time_ns=NOW_NS, cycle=1, accepted=False, reason="a flat tyre"
+    ),
 )
 
 
@@ -132,6 +142,35 @@ def test_the_life_of_an_order_is_kept(any_url):
         assert reader.order_changes("s2") == ()
         assert reader.orders() == (steps[-1],)
         assert reader.orders(("open", "planned")) == ()
+
+
+def test_the_life_of_a_plan_is_kept_as_long_as_the_plan(any_url, make_cycle):
+    """Each change is a row, in order; those of a plan that is not stored are left out."""
+
+    def change(vehicle: str, at: int, status: str, reason: str | None = None) -> PlanChange:
+        return PlanChange(1, vehicle, NOW_NS + at, status, reason)
+
+    def records(*some: PlanChange) -> FleetRecords:
+        return FleetRecords(plan_changes=some)
+
+    report, plans, states = make_cycle(1)
+    own, other = (plan.vehicle for plan in plans)
+    sent = [change(own, 0, "published"), change(other, 0, "published")]
+    gone = PlanChange(7, own, NOW_NS, "lapsed", "a plan of another database")
+    later = [change(own, 1, "acknowledged"), change(own, 2, "lapsed", "it did not leave")]
+    with storage.open_database(any_url) as database, storage.open_reader(any_url) as reader:
+        database.record_cycle(report, plans, states, records(gone, *sent))
+        database.save_fleet(records(gone, *later))
+        assert reader.plan_changes(own, [1, 7]) == (sent[0], *later)
+        assert reader.plan_changes(other, [1, 7]) == (sent[1],)
+        assert reader.plan_changes(own, [2]) == reader.plan_changes(own, []) == ()
+        last, plans, states = make_cycle(2)
+        last = last.model_copy(update={"started_ns": report.started_ns + 9 * DAY_NS})
+        database.record_cycle(last, plans, states)
+        database.trust_clock(last.started_ns)
+        assert database.prune(7.0, last.started_ns) == 1
+        with reader.tables() as tables:
+            assert [row for rows in tables.rows("plan_changes") for row in rows] == []
 
 
 def test_new_orders_are_added_all_or_none(any_url):

@@ -12,6 +12,7 @@ import pytest
 
 import storage
 from slipstream.errors import InputError
+from slipstream.orders import utc
 from slipstream_cli.main import main
 
 
@@ -31,7 +32,7 @@ def test_sound(url, make_cycle):
     assert report.schema_version == report.schema_head
 
 
-def test_damaged_page(url, make_cycle):
+def test_damaged_page(url, make_cycle, capsys):
     """Bytes overwritten in the middle of the file are found."""
     with storage.open_database(url) as database:
         for number in range(1, 60):
@@ -43,6 +44,10 @@ def test_damaged_page(url, make_cycle):
     report = storage.check(url)
     assert not report.ok
     assert report.faults
+    assert main(["db", "check", "--url", url]) == 1
+    line = capsys.readouterr().out
+    assert line.startswith(f"{path}: damaged: {report.faults[0]}")
+    assert line.endswith("slipstream db restore\n")
 
 
 @pytest.mark.parametrize("content", [None, b"diary " * 200])
@@ -63,6 +68,35 @@ def test_never_set_up(tmp_path):
     report = storage.check(f"sqlite:///{path}")
     assert not report.ok
     assert report.schema_version is None
+
+
+def test_the_command_says_it_in_a_sentence(url, make_cycle, tmp_path, capsys):
+    """Sound with its cycles, of an older schema with what to run, damaged with the first fault."""
+    path = Path(url.removeprefix("sqlite:///"))
+
+    def told(where=url):
+        status = main(["db", "check", "--url", where])
+        line = capsys.readouterr().out
+        assert line.count("\n") == 1
+        return status, line.rstrip()
+
+    with storage.open_database(url) as database:
+        for number in (1, 2):
+            database.record_cycle(*make_cycle(number))
+    head = storage.check(url).schema_head
+    begins, ends = (utc(make_cycle(number)[0].started_ns) for number in (1, 2))
+    size = f"{path.stat().st_size / 1e6:.1f} MB"
+    sound = f"{path}: sound, schema {head}, 2 cycles from {begins} to {ends}, {size}"
+    assert told() == (0, sound)
+    with closing(sqlite3.connect(path)) as old:
+        old.execute("UPDATE alembic_version SET version_num = '0004'")
+        old.commit()
+    status, line = told()
+    assert status == 1
+    assert f"schema 0004, where this version has {head}: run slipstream db upgrade" in line
+    (tmp_path / "empty.db").touch()
+    status, line = told(f"sqlite:///{tmp_path / 'empty.db'}")
+    assert (status, line.partition(": ")[2]) == (1, "no schema yet; run slipstream db upgrade")
 
 
 PAGE = 4096

@@ -158,7 +158,15 @@ def test_the_upgrade_trusts_the_newest_cycle(url, make_cycle):
     with storage.open_database(url) as database:
         _fill(database, make_cycle, 1, 3, right_ns)
     with closing(sqlite3.connect(_path(url))) as old:
-        newer = ("clock", "speeds", "movements", "vehicles", "order_changes", "orders")
+        newer = (
+            "clock",
+            "speeds",
+            "movements",
+            "vehicles",
+            "order_changes",
+            "plan_changes",
+            "orders",
+        )
         traffic = ("segment_rollups", "gate_changes", "cycle_traffic", "segments")
         inputs = ("input_uses", "cycle_inputs", "input_parts")
         for table in (*newer, *traffic, *inputs, "events", "energy_ledger"):

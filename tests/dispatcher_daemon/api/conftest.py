@@ -20,7 +20,12 @@ from dispatcher_daemon.solvers.execution.pool import solve_in_process
 from slipstream.messages import Message, SegmentState, state_key
 from storage import open_database, open_reader
 
-SECRETS = {"reader": ("read",), "orderer": ("orders",), "controller": ("control",)}
+SECRETS = {
+    "reader": ("read",),
+    "orderer": ("orders",),
+    "controller": ("control",),
+    "telematics": ("vehicles",),
+}
 """A token of each scope; its text is its name."""
 
 

@@ -15,6 +15,9 @@ from .conftest import SECRETS, Api, write_tokens
 NEEDS = {
     ("GET", "/v1/vehicles"): "read",
     ("GET", "/v1/vehicles/{vehicle}"): "read",
+    ("POST", "/v1/vehicles/{vehicle}/position"): "vehicles",
+    ("POST", "/v1/vehicles/{vehicle}/acknowledgement"): "vehicles",
+    ("POST", "/v1/vehicles/{vehicle}/progress"): "vehicles",
     ("GET", "/v1/plans/{vehicle}"): "read",
     ("GET", "/v1/cycles"): "read",
     ("GET", "/v1/cycles/{number}"): "read",

@@ -50,6 +50,19 @@ def test_the_range(api: Api) -> None:
     assert api.get("/v1/energy?by=hour").json["sums"] == []
 
 
+def test_one_vehicle_s_sums(api: Api) -> None:
+    """Only what it has driven; one of the fleet that drove nothing has none, any other is a 404."""
+    path = f"/v1/energy?by=hour&from={BEGIN_NS}&until={BEGIN_NS + 48 * HOUR_NS}&vehicle="
+    hours = api.get(f"{path}a").json["sums"]
+    assert [(s["begin_ns"] - BEGIN_NS) // HOUR_NS for s in hours] == [0, 1]
+    assert [s["distance_m"] for s in hours] == [8000.0, 8000.0]
+    assert api.get("/v1/energy?by=all&vehicle=b").json["sums"][0]["plan_kwh"] == 2.0
+    assert api.get(f"{path}van-a").json["sums"] == []
+    unknown = api.get(f"{path}nobody")
+    assert (unknown.status, unknown.json["field"]) == (404, "vehicle")
+    assert unknown.json["mend"]
+
+
 @pytest.mark.parametrize(
     ("query", "field"),
     [
@@ -58,6 +71,7 @@ def test_the_range(api: Api) -> None:
         ("by=week", "by"),
         ("since=1", "since"),
         ("from=-1", "from"),
+        ("vehicle=", "vehicle"),
     ],
 )
 def test_refusals(api: Api, query: str, field: str) -> None:

@@ -39,3 +39,16 @@ def test_metrics_are_the_process_own(serve: Callable[..., Api]) -> None:
     answer = serve().get("/metrics")
     assert answer.headers["content-type"].startswith("text/plain")
     assert b"slipstream_dispatcher_api_requests_total" in answer.body
+
+
+def test_head_is_get_without_the_body(serve: Callable[..., Api]) -> None:
+    """For probes that ask so: the same status and type; other paths have no HEAD."""
+    live = [True]
+    api = serve(tokens=True, is_live=lambda: live[0])
+    for path in ("/healthz", "/readyz", "/metrics"):
+        asked, got = api.ask("HEAD", path), api.get(path)
+        assert (asked.status, asked.body) == (200, b""), path
+        assert asked.headers["content-type"] == got.headers["content-type"], path
+    live[0] = False
+    assert (api.ask("HEAD", "/healthz").status, api.ask("HEAD", "/healthz").body) == (503, b"")
+    assert api.ask("HEAD", "/v1/vehicles", "reader").status == 405

@@ -44,8 +44,24 @@ def test_an_order_is_taken_once_and_followed_to_its_plan(api: Api) -> None:
     assert told["arrival_ns"] > time.time_ns()
     assert [step["state"] for step in told["history"]] == ["open", "planned"]
     assert told["request"]["latest"] == 4_070_908_800 * 10**9
+    assert submit(api, ORDER).json == {**first.json, "state": "planned"}
     file = api.get("/v1/orders/c1", "reader").json
     assert (file["source"], file["request"], told["source"]) == ("file", None, "api")
+    # Planned, and the file names no window: it is whenever, as before.
+    assert (file["state"], file["earliest_ns"], file["latest_ns"]) == ("planned", None, None)
+
+
+def test_a_cancelled_order_that_is_sent_again_says_so(api: Api) -> None:
+    """Its receipt has its state: nothing is planned of it, and its caller must not think so."""
+    first = submit(api, ORDER)
+    assert first.json["state"] == "open"
+    assert api.ask("DELETE", "/v1/orders/o-1", "orderer").status == 200
+    again = submit(api, ORDER)
+    assert (again.status, again.json) == (200, {**first.json, "state": "cancelled"})
+    several = submit(api, [ORDER, {**ORDER, "id": "o-2"}])
+    assert several.status == 201
+    states_told = [row["state"] for row in several.json["receipts"]]
+    assert states_told == ["cancelled", "open"]
 
 
 def test_of_several_orders_all_are_taken_or_none(api: Api) -> None:

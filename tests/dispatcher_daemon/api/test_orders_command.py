@@ -1,4 +1,4 @@
-"""`slipstream orders add|show|cancel` against a served API."""
+"""`slipstream orders add|show|cancel|pin|release` against a served API."""
 
 from __future__ import annotations
 
@@ -28,6 +28,8 @@ def test_orders_are_added_shown_and_cancelled(
     assert capsys.readouterr().out == "a/1  at c2\nb  at c4\n"
     assert main(["orders", "cancel", "b", *where]) == 0
     assert capsys.readouterr().out == "b  cancelled  cancelled by its caller\n"
+    assert main(["orders", "add", str(file), *where]) == 0
+    assert capsys.readouterr().out == "a/1  at c2\nb  at c4  cancelled\n"
     token = tmp_path / "token"
     token.write_text("reader\n")
     assert main(["orders", "show", "a/1", *where, "--token-file", str(token)]) == 0
@@ -37,6 +39,33 @@ def test_orders_are_added_shown_and_cancelled(
     line = capsys.readouterr().err
     assert line.startswith(f"slipstream: {file}: node: order 'c': no junction 'nowhere'")
     assert line.count("\n") == 1
+
+
+def test_orders_are_pinned_and_released(
+    serve: Callable[..., Api],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """For a vehicle, or for the one whose plan has it; a refusal is one line that names the key."""
+    api, token = serve(tokens=True), tmp_path / "token"
+    body = {"id": "a/1", "node": "c2"}
+    assert api.ask("POST", "/v1/orders", "orderer", body).status == 201
+    token.write_text("controller\n")
+    where = ["a/1", "--api", f"http://127.0.0.1:{api.port}", "--token-file", str(token)]
+    assert main(["orders", "pin", *where]) == 2
+    assert "a/1: vehicle: order 'a/1': no vehicle has it yet" in capsys.readouterr().err
+    assert main(["orders", "pin", *where, "--vehicle", "van-b"]) == 0
+    assert capsys.readouterr().out == "a/1  open  pinned to van-b\n"
+    assert main(["orders", "release", *where]) == 0
+    assert capsys.readouterr().out == "a/1  open  released from van-b\n"
+    api.dispatcher.run_cycle()
+    assert main(["orders", "pin", *where]) == 0
+    told = api.get("/v1/orders/a%2F1", "reader").json
+    assert told["pinned"] == told["vehicle"] is not None
+    token.write_text("orderer\n")
+    assert main(["orders", "release", *where]) == 2
+    assert "has not the scope 'control'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -83,6 +83,30 @@ def test_pages_follow_each_other_without_gaps(serve: Callable[..., Api]) -> None
     assert [p["status"] for p in history] == ["published", "superseded", "superseded"]
 
 
+def test_cycles_of_a_range_of_time(serve: Callable[..., Api]) -> None:
+    """They count by their begin, latest first; pages stay within it, and a range ends after its
+    begin.
+    """
+    api = serve()
+    for _ in range(4):
+        api.dispatcher.run_cycle()
+    begun = {c["cycle"]: c["started_ns"] for c in api.get("/v1/cycles").json["cycles"]}
+
+    def numbers(query: str) -> list[int]:
+        return [c["cycle"] for c in api.get(f"/v1/cycles?{query}").json["cycles"]]
+
+    assert numbers(f"from={begun[2]}&until={begun[4]}") == [3, 2]
+    assert numbers(f"from={begun[3]}") == [4, 3]
+    assert numbers(f"until={begun[3]}") == [2, 1]
+    page = api.get(f"/v1/cycles?from={begun[2]}&until={begun[4]}&limit=1").json
+    assert ([c["cycle"] for c in page["cycles"]], page["next"]) == ([3], 3)
+    page = api.get(f"/v1/cycles?from={begun[2]}&until={begun[4]}&limit=1&before=3").json
+    assert ([c["cycle"] for c in page["cycles"]], page["next"]) == ([2], None)
+    assert numbers("until=1") == []
+    refused = api.get("/v1/cycles?from=2&until=1")
+    assert (refused.status, refused.json["field"]) == (422, "from")
+
+
 def test_plans_and_cycles_are_the_stored_ones(serve: Callable[..., Api], state: State) -> None:
     """What was published is what the API tells, with what became of it; lists have no gates."""
     api = serve()

@@ -43,7 +43,8 @@ def test_a_request_in_vrooms_format_is_answered_at_once(serve: Callable[..., Api
     assert left["reason"]
     unknown = api.ask("POST", "/v1/vroom", "controller", {**REQUEST, "depots": []})
     assert (unknown.status, unknown.json["status"], unknown.json["code"]) == (422, 422, 2)
-    assert "depots" in unknown.json["error"]
+    assert (unknown.json["field"], unknown.json["detail"]) == ("depots", "unknown key")
+    assert unknown.json["error"] == f"body: depots: unknown key; {unknown.json['mend']}"
     assert unknown.headers["content-type"] == "application/problem+json"
     # The demo's roads are on no map.
     places = {
@@ -51,7 +52,9 @@ def test_a_request_in_vrooms_format_is_answered_at_once(serve: Callable[..., Api
         "jobs": [{"id": 1, "location": [2, 48]}],
     }
     refused = api.ask("POST", "/v1/vroom", "controller", places)
-    assert (refused.status, refused.json["detail"]) == (422, refused.json["error"])
+    assert (refused.status, refused.json["code"]) == (422, 3)
+    assert refused.json["mend"]
+    assert refused.json["detail"] in refused.json["error"]
 
 
 def test_a_job_that_failed_says_why(serve: Callable[..., Api]) -> None:

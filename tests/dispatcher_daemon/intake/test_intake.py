@@ -139,7 +139,9 @@ def test_an_orders_whole_life_is_there_after_each_restart(
         told = desk.intake.show("o-1")
         assert [step.state for step in told.history] == ["open", "planned", "under_way", "served"]
         assert told.request == asked
-        assert desk.intake.submit([asked]) == [(receipt, False)]
+        assert desk.intake.submit([asked]) == [
+            (receipt.model_copy(update={"state": "served"}), False)
+        ]
         desk.dispatcher.run_cycle()
         plans = [*desk.bus.plans("van-0"), *desk.bus.plans("van-1")]
         assert not any(stop.stop == "o-1" for plan in plans for stop in plan.stops)

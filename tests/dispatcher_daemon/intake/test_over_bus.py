@@ -20,6 +20,7 @@ from slipstream.messages import (
     decode,
     order_key,
 )
+from storage import open_reader
 
 from .test_intake import opened
 
@@ -106,3 +107,28 @@ def test_text_that_cannot_be_encoded_is_refused(
         payload = json.dumps({"id": "o", "node": "11", field: "\ud800"}).encode()
         found = refusal(OrderAnswers(desk.intake).answer(order_key("o", "submit"), payload))
         assert found.kind == "invalid"
+
+
+def test_what_is_done_over_the_bus_is_logged(district: RoutingProblem, tmp_path: Path) -> None:
+    """As over HTTP: pin, release and cancel, and nothing that was refused or only asked."""
+    with opened(district, tmp_path) as desk:
+        answers = OrderAnswers(desk.intake, desk.dispatcher.control.note)
+
+        def ask(action: str, question: object = None, order: str = "o 1") -> bool:
+            payload = b"" if question is None else json.dumps(question).encode()
+            return answers.answer(order_key(order, action), payload)[0]
+
+        assert ask("submit", {"id": "o 1", "node": "11"})
+        assert ask("pin", {"vehicle": "van-1"})
+        assert not ask("pin", {"vehicle": "nobody"})
+        assert ask("release")
+        assert ask("show")
+        assert ask("cancel")
+        assert not ask("cancel", order="none")
+        with open_reader(f"sqlite:///{tmp_path / 'a.db'}") as reader:
+            events = reader.events(0, time.time_ns() + 1, limit=9)[::-1]
+        assert [(e.kind, e.subject, e.actor) for e in events] == [
+            ("pin", "order/o 1", "bus"),
+            ("release", "order/o 1", "bus"),
+            ("cancel", "order/o 1", "bus"),
+        ]
