@@ -236,7 +236,7 @@ def test_no_name_of_the_fitted_map_is_cut_off_at_its_edge(open_map, width, heigh
 def test_no_name_or_sign_of_the_fitted_map_lies_under_buttons_or_legend(
     open_map, width, height, is_open
 ):
-    """Names keep clear of what lies over the map; vehicles too, of an open legend if there is room."""
+    """Names keep clear of what lies over the map; vehicles too, of a legend if there is room."""
     network = map_data.troy()
     page = open_map(network, map_data.moment(network, 12, 8, 8, 20), width=width, height=height)
     page.evaluate("(open) => { document.querySelector('.map-legend').open = open; }", is_open)
