@@ -210,7 +210,7 @@ def _own_page(answer: Any) -> Any:
         "text/html"
     ):
         return answer
-    answer.body = _rewritten(answer.body, answer.headers.get("Content-Encoding") == "gzip")
+    answer.body = _rewritten(bytes(answer.body), answer.headers.get("Content-Encoding") == "gzip")
     if "Content-Length" in answer.headers:
         del answer.headers["Content-Length"]
         answer.headers["Content-Length"] = str(len(answer.body))

@@ -14,6 +14,11 @@ export const TABS = [
   ["cameras", "Cameras", ""],
   ["energy", "Energy", ""],
 ];
+/** How many rows the server lists at most (docs/page.md), and where the others are. */
+const LISTED = {
+  orders: [5000, "Of open orders and those that ended in the last 24 hours, open ones first. All: slipstream orders list"],
+  cycles: [200, "Earlier ones: move the time bar, or slipstream export cycles"],
+};
 /** Room of the sign that there are more tabs. */
 const SIGN_PX = 34;
 const SINGULAR = { vehicles: "vehicle", roads: "road", rsus: "rsu", orders: "order", cycles: "cycle", alarms: "alarm" };
@@ -110,6 +115,9 @@ export class Tabs {
   _count(shown, all) {
     const rows = `${all.toLocaleString("en-GB")} ${all === 1 ? "row" : "rows"}`;
     setText(byId("shown"), shown === all ? rows : `${shown.toLocaleString("en-GB")} of ${rows}`);
+    const [most, where] = LISTED[this.name] ?? [Infinity, ""];
+    byId("shown-more").hidden = all < most;
+    if (all >= most) setText(byId("shown-more"), `${most.toLocaleString("en-GB")} are listed. ${where}.`);
   }
 
   /** @param {import("./store.js").Tables} tables @param {import("./store.js").Changed} changed */

@@ -527,6 +527,18 @@ def test_a_moment_is_written_in_24_hours_and_none_stands_beside_now(opened):
     until(tab, "document.getElementById('time-moment').value === ''")
 
 
+def test_a_table_that_is_cut_says_where_the_others_are(opened, page: FakePage):
+    """The server lists the newest 200 cycles; fewer are all."""
+    tab = opened("?tab=cycles")
+    assert not tab.is_visible("#shown-more")
+    row = page.moment["cycles"]["1"]
+    page.send(set={"cycles": {str(n): dict(row) for n in range(121, 201)}})
+    tab.wait_for_selector("#shown-more:not([hidden])")
+    assert "move the time bar" in tab.inner_text("#shown-more")
+    tab.click("#tab-roads")
+    assert not tab.is_visible("#shown-more")
+
+
 def test_tabs_out_of_sight_are_pointed_at(opened):
     """On a phone, on the side where there are more."""
     tab = opened("", 390)
