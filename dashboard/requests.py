@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import functools
+import gzip
 import ipaddress
 import logging
 import re
@@ -131,7 +133,7 @@ class Guard:
                 if answer is None and selection.of_path(request.path) is not None:
                     # The page is the same one; its websocket says what is selected.
                     request = Request("/", request.headers)
-                return answer or process_request(connection, request)
+                return answer or _own_page(process_request(connection, request))
 
             async def handle(connection: ServerConnection) -> None:
                 if not await self._reject_other_version(connection):
@@ -187,6 +189,40 @@ def _redirect(connection: ServerConnection, request: Request) -> Response | None
     # Relative, as a proxy may serve the page below a path of its own.
     response.headers["Location"] = asked.path().removeprefix("/")
     return response
+
+
+_TITLE: Final = (b"<title>Viser</title>", b"<title>Slipstream in 3D</title>")
+_ICON: Final = re.compile(rb'(<link\s+rel="icon"\s+href=")[^"]*(")')
+_OWN_ICON: Final = (
+    b"data:image/svg+xml,%3Csvg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 16 16'%3E"
+    b"%3Crect width='16' height='16' rx='3.5' fill='%230b5cad'/%3E%3Cpath d='M2.5 5h6M2.5 8h9.5"
+    b"M2.5 11h4.5M9.6 5.3 12.6 8l-3 2.7' fill='none' stroke='%23fff' stroke-width='1.6' "
+    b"stroke-linecap='round' stroke-linejoin='round'/%3E%3C/svg%3E"
+)
+
+
+def _own_page(answer: Any) -> Any:
+    """viser's answer; its page gets the title and the icon of this one.
+
+    viser has no setting for either. A page that has neither mark is passed on as it is.
+    """
+    if not isinstance(answer, Response) or not answer.headers.get("Content-Type", "").startswith(
+        "text/html"
+    ):
+        return answer
+    answer.body = _rewritten(bytes(answer.body), answer.headers.get("Content-Encoding") == "gzip")
+    if "Content-Length" in answer.headers:
+        del answer.headers["Content-Length"]
+        answer.headers["Content-Length"] = str(len(answer.body))
+    return answer
+
+
+# viser keeps the page, plain and compressed: each is rewritten once.
+@functools.lru_cache(maxsize=2)
+def _rewritten(page: bytes, packed: bool) -> bytes:
+    plain = gzip.decompress(page) if packed else page
+    plain = _ICON.sub(rb"\g<1>" + _OWN_ICON + rb"\g<2>", plain.replace(*_TITLE, 1), count=1)
+    return gzip.compress(plain, 6, mtime=0) if packed else plain
 
 
 class OneLine(logging.Filter):

@@ -24,7 +24,8 @@ def card_html(
     Args:
         view: what is shown now; None before the first update.
         selection: None shows how to select.
-        operator_url: base of the operator's page, for a link to the same there; None: no link.
+        operator_url: base of the operator's page, for a link to it or to the same there; None: no
+            link.
     """
     data: object = None
     picture = None
@@ -38,8 +39,9 @@ def card_html(
             data = next((rsu for rsu in view.rsus if rsu.rsu == name), None)
             picture = next((shot for shot in view.previews if shot.rsu == name), None)
     link = None
-    if selection is not None and operator_url is not None:
-        link = f"{operator_url.rstrip('/')}/#{selection.fragment()}"
+    if operator_url is not None:
+        fragment = "" if selection is None else f"#{selection.fragment()}"
+        link = f"{operator_url.rstrip('/')}/{fragment}"
     return render(
         "card.html.j2",
         selection=selection,

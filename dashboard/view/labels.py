@@ -31,20 +31,20 @@ LEVEL_SIGN: Final[dict[Level, str]] = {"ok": "●", "warn": "▲", "bad": "■"}
 
 VEHICLE_RGB: Final[tuple[Rgb, ...]] = (
     (0, 105, 255),
-    (150, 150, 0),
-    (90, 15, 75),
-    (45, 150, 180),
+    (90, 0, 0),
+    (60, 0, 105),
+    (75, 150, 0),
+    (210, 90, 150),
+    (0, 0, 165),
+    (150, 15, 105),
     (0, 0, 255),
-    (150, 150, 90),
-    (105, 0, 30),
-    (30, 0, 165),
-    (150, 30, 0),
-    (90, 60, 150),
-    (60, 150, 240),
-    (60, 120, 105),
+    (45, 105, 15),
+    (105, 60, 180),
+    (150, 90, 90),
+    (135, 120, 210),
 )
-"""Colours that tell vehicles apart, also for readers without red or green cones, on white. Each is
-among the farthest from those before it."""
+"""Colours that tell vehicles apart, also for readers without red or green cones, on light ground.
+Each is among the farthest from those before it."""
 
 CYCLE_STATUS: Final[dict[str, tuple[str, Level]]] = {
     "ok": ("ok", "ok"),

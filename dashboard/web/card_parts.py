@@ -86,32 +86,40 @@ def _limits_of(snapshot: Snapshot, state: State) -> Mapping[str, float | None]:
     return {} if limits is None else limits.model_dump()
 
 
+_SERIES: Final = (
+    ("kmh", "mean_speed_mps", 3.6, 1),
+    ("acceleration", "mean_acceleration_mps2", 1.0, 3),
+    ("density", "density_veh_per_m", 1000.0, 1),
+    ("headway", "mean_gap_m", 1.0, 1),
+    ("cv", "speed_std_mps", 1.0, 3),
+    ("variance", "acceleration_variance_m2ps4", 1.0, 3),
+)
+"""Series of the last hour: name, feature, factor to the page's unit, digits."""
+
+
 def hour(minutes: Sequence[RollUp]) -> Part:
-    """The last hour by minutes."""
+    """The last hour by minutes: of each feature the mean of a minute's states, the least and the
+    most. The spread of speed is told as a share of the minute's mean speed, as its limit is.
+    """
+    told: Part = {"t": [ms(minute.began_ns) for minute in minutes]}
+    for name, feature, factor, digits in _SERIES:
+        for suffix, which in (("", "mean"), ("_low", "min"), ("_high", "max")):
+            told[name + suffix] = [
+                _rolled(minute, feature, which, factor, digits, share=name == "cv")
+                for minute in minutes
+            ]
+    return told | {"flag": [_flag(minute) for minute in minutes]}
 
-    def series(feature: str, factor: float, which: int = 0, digits: int = 2) -> list[float | None]:
-        return [
-            round(minute.features[feature][which] * factor, digits)
-            if feature in minute.features
-            else None
-            for minute in minutes
-        ]
 
-    speeds, spreads = series("mean_speed_mps", 1.0, 0, 6), series("speed_std_mps", 1.0, 0, 6)
-    return {
-        "t": [ms(minute.began_ns) for minute in minutes],
-        "kmh": series("mean_speed_mps", 3.6, 0, 1),
-        "kmh_low": series("mean_speed_mps", 3.6, 1, 1),
-        "kmh_high": series("mean_speed_mps", 3.6, 2, 1),
-        "variance": series("acceleration_variance_m2ps4", 1.0),
-        "cv": [
-            round(spread / speed, 3) if spread is not None and speed else None
-            for speed, spread in zip(speeds, spreads, strict=True)
-        ],
-        "density": series("density_veh_per_m", 1000.0, 0, 1),
-        "headway": series("mean_gap_m", 1.0, 0, 1),
-        "flag": [_flag(minute) for minute in minutes],
-    }
+def _rolled(
+    minute: RollUp, feature: str, which: str, factor: float, digits: int, *, share: bool
+) -> float | None:
+    spread = minute.features.get(feature)
+    speed = minute.features.get("mean_speed_mps")
+    if spread is None or (share and (speed is None or not speed.mean)):
+        return None
+    value: float = getattr(spread, which)
+    return round(value * factor / (speed.mean if share and speed is not None else 1.0), digits)
 
 
 def _flag(minute: RollUp) -> str:

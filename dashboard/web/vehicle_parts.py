@@ -163,6 +163,10 @@ def why_platoon(
         lines.append(line)
     if told is not None:
         lines += [f"Not: {one.line}" for one in told.refused[:MAX_REFUSED]]
+        if (more := len(told.refused) - MAX_REFUSED) > 0:
+            lines.append(
+                f"And {more} more that it does not have: on the card of cycle #{plan.cycle}"
+            )
     return lines
 
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import gc
+import gzip
 import http.server
 import logging
 import socket
 import threading
 import time
+import urllib.request
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -59,6 +61,24 @@ def ask(port: int, *lines: str, upgrade: bool = False) -> str:
 def lines_of(caplog: pytest.LogCaptureFixture) -> list[str]:
     """What a journal would have."""
     return "\n".join(caplog.messages).splitlines()
+
+
+def test_the_page_has_its_own_title_and_icon(server: viser.ViserServer) -> None:
+    """Not viser's; compressed or not, and of the length that it states."""
+    address = f"http://127.0.0.1:{server.get_port()}/"
+    for encoding in ("identity", "gzip"):
+        request = urllib.request.Request(address, headers={"Accept-Encoding": encoding})
+        for _ in range(2):
+            with urllib.request.urlopen(request, timeout=30) as answer:
+                body = answer.read()
+                assert int(answer.headers["Content-Length"]) == len(body)
+                packed = answer.headers["Content-Encoding"] == "gzip"
+            text = (gzip.decompress(body) if packed else body).decode()
+            assert packed == (encoding == "gzip")
+            assert "<title>Slipstream in 3D</title>" in text
+            assert "<title>Viser</title>" not in text
+            assert text.count("fill='%230b5cad'") == 1
+            assert "%23f9e20b" not in text
 
 
 def until(condition: Callable[[], bool], within_s: float = 60.0) -> bool:

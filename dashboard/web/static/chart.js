@@ -6,6 +6,8 @@ const LEFT = 40;
 const RIGHT = 6;
 const TOP = 8;
 const BOTTOM = 18;
+/** Half the width of an interval that has no neighbour. */
+const ALONE_PX = 3;
 
 /**
  * Round values that span a range.
@@ -20,6 +22,17 @@ export function ticks(low, high, wanted = 3) {
   const found = [];
   for (let n = Math.ceil(low / step - 1e-9); n * step <= high + step * 1e-9; n += 1) found.push(Number((n * step).toPrecision(12)));
   return found;
+}
+
+/**
+ * Texts of round values: as many digits as tell neighbours apart.
+ * @param {number[]} values evenly spaced
+ */
+export function tickTexts(values) {
+  const step = values.length > 1 ? values[1] - values[0] : Math.abs(values[0] ?? 0) || 1;
+  const digits = Math.min(12, Math.max(0, -Math.floor(Math.log10(step) + 1e-9)));
+  const figure = new Intl.NumberFormat("en-GB", { minimumFractionDigits: digits, maximumFractionDigits: digits });
+  return values.map((value) => (value === 0 ? "0" : figure.format(value).replace("-", "−")));
 }
 
 /** Times of the clock that span a range, ms. */
@@ -56,6 +69,9 @@ export function lineChart(options) {
     s("path.interval", { d: band(t, low, high, x, y) }),
     finite(threshold) ? s("path.threshold", { d: `M${LEFT} ${y(threshold)}H${width - RIGHT}` }) : null,
     s("path.line", { d: line(t, values, x, y) }),
+    // A point alone between gaps has no line.
+    values.map((value, i) => (finite(value) && !finite(values[i - 1]) && !finite(values[i + 1])
+      ? s("circle.point", { cx: x(t[i]), cy: y(value), r: 3 }) : null)),
   ]);
 }
 
@@ -63,13 +79,8 @@ function line(t, values, x, y) {
   let path = "";
   let drawing = false;
   values.forEach((value, i) => {
-    if (!finite(value)) drawing = false;
-    else {
-      path += `${drawing ? "L" : "M"}${x(t[i])} ${y(value)}`;
-      // A point alone between gaps is still seen.
-      if (!drawing) path += "h.01";
-      drawing = true;
-    }
+    if (finite(value)) path += `${drawing ? "L" : "M"}${x(t[i])} ${y(value)}`;
+    drawing = finite(value);
   });
   return path;
 }
@@ -78,7 +89,10 @@ function band(t, low, high, x, y) {
   let path = "";
   let run = [];
   const close = () => {
-    if (run.length > 1) {
+    if (run.length === 1) {
+      const [i] = run;
+      path += `M${x(t[i]) - ALONE_PX} ${y(high[i])}h${2 * ALONE_PX}V${y(low[i])}h${-2 * ALONE_PX}Z`;
+    } else if (run.length) {
       path += run.map((i, n) => `${n ? "L" : "M"}${x(t[i])} ${y(high[i])}`).join("");
       path += [...run].reverse().map((i) => `L${x(t[i])} ${y(low[i])}`).join("") + "Z";
     }
@@ -90,10 +104,11 @@ function band(t, low, high, x, y) {
 }
 
 function axes({ width, height, x, y, values, times, time }) {
+  const texts = tickTexts(values);
   return s("g.axes", {},
-    values.map((value) => [
+    values.map((value, i) => [
       s("path", { d: `M${LEFT} ${y(value)}H${width - RIGHT}` }),
-      s("text", { x: LEFT - 4, y: y(value) + 3.5, "text-anchor": "end" }, value.toLocaleString("en-GB")),
+      s("text", { x: LEFT - 4, y: y(value) + 3.5, "text-anchor": "end" }, texts[i]),
     ]),
     times.map((ms) => {
       const edge = x(ms) > width - 22 ? "end" : x(ms) < LEFT + 14 ? "start" : "middle";

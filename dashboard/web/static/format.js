@@ -62,19 +62,26 @@ export class Format {
   /** "CET" @param {number} ms */
   zone(ms) { return this._zone.formatToParts(ms).find((part) => part.type === "timeZoneName")?.value ?? ""; }
 
-  /** The value of a datetime-local input. @param {number} ms */
+  /** "2026-11-23 14:02:11", which `fromLocalInput` reads. @param {number} ms */
   localInput(ms) {
     const part = Object.fromEntries(this._parts.formatToParts(ms).map(({ type, value }) => [type, value]));
-    return `${part.year}-${part.month}-${part.day}T${part.hour}:${part.minute}:${part.second}`;
+    return `${part.year}-${part.month}-${part.day} ${part.hour}:${part.minute}:${part.second}`;
   }
 
-  /** UTC of a datetime-local input's value, which is in the page's zone; null if it is none. @param {string} text */
-  fromLocalInput(text) {
-    const naive = Date.parse(`${text}Z`);
+  /**
+   * UTC of a moment written in the page's zone: "2026-11-23 14:02", with seconds or not; a time alone is of `day`.
+   * Null if it is none.
+   * @param {string} text @param {number} [day] ms
+   */
+  fromLocalInput(text, day = Date.now()) {
+    const match = /^\s*(?:(\d{4}-\d\d-\d\d)[T ]\s*)?(\d\d?):(\d\d)(:\d\d)?\s*$/.exec(text);
+    if (!match) return null;
+    const [, date = this.isoDay(day), hour, minute, second = ":00"] = match;
+    const naive = Date.parse(`${date}T${hour.padStart(2, "0")}:${minute}${second}Z`);
     if (Number.isNaN(naive)) return null;
     // Twice: the first guess may lie on the other side of a change to summer time.
     let ms = naive;
-    for (let i = 0; i < 2; i += 1) ms += naive - Date.parse(`${this.localInput(ms)}Z`);
+    for (let i = 0; i < 2; i += 1) ms += naive - Date.parse(`${this.localInput(ms).replace(" ", "T")}Z`);
     return ms;
   }
 

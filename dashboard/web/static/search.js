@@ -7,7 +7,7 @@ const FIRST_RESULTS = 12;
 const MORE_RESULTS = 200;
 
 /**
- * Finds subjects by name: the same name first, then names that begin with the text, then names that hold it.
+ * Finds subjects by name: the same name first, then names that begin with the text, then names that hold it; of both, names before IDs.
  * @param {string} text
  * @param {Iterable<{kind: string, id: string, name: string}>} subjects
  */
@@ -18,12 +18,12 @@ export function find(text, subjects) {
   for (const subject of subjects) {
     const id = subject.id.toLowerCase();
     const name = subject.name.toLowerCase();
-    const rank = id === wanted || name === wanted ? 0 : id.startsWith(wanted) || name.startsWith(wanted) ? 1
-      : id.includes(wanted) || name.includes(wanted) ? 2 : -1;
+    const rank = id === wanted || name === wanted ? 0 : name.startsWith(wanted) ? 1 : id.startsWith(wanted) ? 2
+      : name.includes(wanted) ? 3 : id.includes(wanted) ? 4 : -1;
     if (rank >= 0) found.push({ ...subject, rank });
   }
   const natural = new Intl.Collator("en", { numeric: true });
-  return found.sort((a, b) => a.rank - b.rank || natural.compare(a.id, b.id));
+  return found.sort((a, b) => a.rank - b.rank || natural.compare(a.name, b.name) || natural.compare(a.id, b.id));
 }
 
 /** The search field with its list of results. */
@@ -79,7 +79,8 @@ export class Search {
 
   _option(place, noun, id, name) {
     return h("li", { role: "option", id: `found-${place}`, "data-place": place, "aria-selected": String(place === this.active) },
-      h("span", {}, id), name && name !== id ? h("span.muted", {}, name) : null, h("span.kind", {}, noun));
+      // People know a street by its name; its ID tells its parts apart.
+      h("span.name", {}, name || id), name && !name.includes(id) ? h("span.muted", { title: id }, id) : null, h("span.kind", {}, noun));
   }
 
   _key(event) {

@@ -14,6 +14,13 @@ export const TABS = [
   ["cameras", "Cameras", ""],
   ["energy", "Energy", ""],
 ];
+/** How many rows the server lists at most (docs/page.md), and where the others are. */
+const LISTED = {
+  orders: [5000, "Of open orders and those that ended in the last 24 hours, open ones first. All: slipstream orders list"],
+  cycles: [200, "Earlier ones: move the time bar, or slipstream export cycles"],
+};
+/** Room of the sign that there are more tabs. */
+const SIGN_PX = 34;
 const SINGULAR = { vehicles: "vehicle", roads: "road", rsus: "rsu", orders: "order", cycles: "cycle", alarms: "alarm" };
 
 /** Shows one tab at a time, and keeps each table's filter. */
@@ -49,6 +56,24 @@ export class Tabs {
       this._filter("", "");
     });
     this.list.addEventListener("keydown", (event) => this._key(event));
+    this.list.addEventListener("scroll", () => this._more(), { passive: true });
+    new ResizeObserver(() => this._more()).observe(this.list);
+  }
+
+  /** Scrolls to the open tab, clear of the signs at both ends. */
+  _reveal() {
+    const { list } = this;
+    const button = byId(`tab-${this.name}`);
+    this.width = list.scrollWidth;
+    if (button.offsetLeft - SIGN_PX < list.scrollLeft || button.offsetLeft + button.offsetWidth + SIGN_PX > list.scrollLeft + list.clientWidth) list.scrollLeft = button.offsetLeft - SIGN_PX;
+    this._more();
+  }
+
+  /** Says on which sides tabs are out of sight. */
+  _more() {
+    const { list } = this;
+    const hidden = list.scrollWidth - list.clientWidth;
+    list.dataset.more = [list.scrollLeft > 1 && "left", list.scrollLeft < hidden - 1 && "right"].filter(Boolean).join(" ");
   }
 
   /** Ids of the rows that the open table shows, in their order; null: no table is open. @returns {string[]|null} */
@@ -64,9 +89,7 @@ export class Tabs {
       button.tabIndex = chosen ? 0 : -1;
       byId(`pane-${tab}`).hidden = !chosen;
     }
-    const button = byId(`tab-${this.name}`);
-    const { list } = this;
-    if (button.offsetLeft < list.scrollLeft || button.offsetLeft + button.offsetWidth > list.scrollLeft + list.clientWidth) list.scrollLeft = button.offsetLeft - 40;
+    this._reveal();
     const table = this.tables.get(this.name);
     byId("tools").hidden = !table;
     const filter = this.filters.get(this.name) ?? { text: "", level: "" };
@@ -90,7 +113,11 @@ export class Tabs {
   }
 
   _count(shown, all) {
-    setText(byId("shown"), shown === all ? `${all.toLocaleString("en-GB")} rows` : `${shown.toLocaleString("en-GB")} of ${all.toLocaleString("en-GB")} rows`);
+    const rows = `${all.toLocaleString("en-GB")} ${all === 1 ? "row" : "rows"}`;
+    setText(byId("shown"), shown === all ? rows : `${shown.toLocaleString("en-GB")} of ${rows}`);
+    const [most, where] = LISTED[this.name] ?? [Infinity, ""];
+    byId("shown-more").hidden = all < most;
+    if (all >= most) setText(byId("shown-more"), `${most.toLocaleString("en-GB")} are listed. ${where}.`);
   }
 
   /** @param {import("./store.js").Tables} tables @param {import("./store.js").Changed} changed */
@@ -104,6 +131,8 @@ export class Tabs {
       else (this.stale ??= new Set()).add(name);
     }
     this.stale?.delete(this.name);
+    // Their counts make them wider.
+    if (this.width !== this.list.scrollWidth) this._reveal();
   }
 
   /** @param {{kind: string, id: string}|null} selection */

@@ -44,9 +44,13 @@ export class TimeBar {
       }, DRAG_MS);
     });
     moment.addEventListener("change", () => {
-      const t = this.format.fromLocalInput(moment.value);
-      if (t !== null) this.go(t);
+      if (!moment.value.trim()) return this._draw();
+      const t = this.format.fromLocalInput(moment.value, this._here());
+      moment.setCustomValidity(t === null ? `Write a moment as ${this.format.localInput(this._here())}, or its time alone.` : "");
+      if (t === null) moment.reportValidity();
+      else this.go(t);
     });
+    moment.addEventListener("input", () => moment.setCustomValidity(""));
     back.addEventListener("click", () => this.go(this._here() - 60_000));
     forth.addEventListener("click", () => this.go(this._here() + 60_000));
     span.addEventListener("change", () => this._draw());
@@ -144,9 +148,10 @@ export class TimeBar {
     slider.max = String(Math.ceil(end));
     slider.value = String(Math.round(here));
     if (document.activeElement !== moment) {
-      moment.min = this.format.localInput(first);
-      moment.max = this.format.localInput(last);
-      moment.value = this.format.localInput(here);
+      // "now" moves on: a moment beside it would be old at once.
+      moment.value = this.t === null ? "" : this.format.localInput(here);
+      moment.setCustomValidity("");
+      moment.title = `Kept from ${this.format.localInput(first)} to ${this.format.localInput(last)}`;
     }
     this._label(this.t);
   }

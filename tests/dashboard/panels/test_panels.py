@@ -195,6 +195,12 @@ def test_what_is_not_there_is_said_to_be_missing(world, now_ns):
     assert "Click a vehicle" in card_html(None, None, None)
 
 
+def test_a_way_back_to_the_operators_page_is_always_there():
+    """Also with nothing selected; not where the page has no address."""
+    assert 'href="https://page.example/x/"' in card_html(None, None, "https://page.example/x/")
+    assert "href" not in card_html(None, None, None)
+
+
 def test_a_loss_is_called_a_loss(world, now_ns):
     """A plan that needs more than its baseline is said to cost, not to save."""
     report = world.cycle(3, now_ns)

@@ -440,11 +440,20 @@ DEUTERANOPIA = (
 XYZ = ((0.4124, 0.3576, 0.1805), (0.2126, 0.7152, 0.0722), (0.0193, 0.1192, 0.9505))
 
 
-def _page_palettes():
-    """Colours of the operator's page, on white and on dark."""
+def _page_colours(name):
+    """Colours of the operator's page by name, on light and on dark, (2, N, 3)."""
     text = Path("dashboard/web/static/map/map.css").read_text()
-    found = re.findall(r"--vehicle-\d+: #(..)(..)(..);", text)
-    return np.array([[int(part, 16) for part in rgb] for rgb in found]).reshape(2, 12, 3)
+    found = re.findall(rf"--{name}: #(..)(..)(..);", text)
+    return np.array([[int(part, 16) for part in rgb] for rgb in found]).reshape(2, -1, 3)
+
+
+def _page_palettes():
+    return _page_colours(r"vehicle-\d+")
+
+
+def _linear(rgb):
+    share = rgb / 255
+    return np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
 
 
 def test_both_pages_have_the_same_colours():
@@ -452,14 +461,13 @@ def test_both_pages_have_the_same_colours():
     assert _page_palettes()[0].tolist() == [list(rgb) for rgb in labels.VEHICLE_RGB]
 
 
-@pytest.mark.parametrize("dark", [False, True], ids=["white", "dark"])
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 @pytest.mark.parametrize(
     "seen", [np.eye(3), PROTANOPIA, DEUTERANOPIA], ids=["all", "no-red", "no-green"]
 )
 def test_vehicles_are_told_apart_without_red_or_green_cones(seen, dark):
     """Twelve colours differ by 20 in CIELAB, also as a dichromat sees them, and from the map."""
-    share = _page_palettes()[int(dark)] / 255
-    linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    linear = _linear(_page_palettes()[int(dark)])
     xyz = np.clip(linear @ np.transpose(seen), 0, 1) @ np.transpose(XYZ) / (0.9505, 1.0, 1.089)
     f = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16 / 116)
     x, y, z = f.T
@@ -467,10 +475,18 @@ def test_vehicles_are_told_apart_without_red_or_green_cones(seen, dark):
     apart = np.linalg.norm(lab[:, None] - lab, axis=2)
     assert len(lab) == 12
     assert apart[~np.eye(12, dtype=bool)].min() > 20
-    # WCAG 1.4.11: marks have a contrast of 3 to what is behind them.
-    luminance = linear @ XYZ[1]
-    contrast = (luminance + 0.05) / (0.008 + 0.05) if dark else 1.05 / (luminance + 0.05)
-    assert contrast.min() > 3
+    # WCAG 1.4.11: marks have a contrast of 3 to what is behind them; thin lines on dark need more.
+    luminance = linear @ XYZ[1] + 0.05
+    land = _linear(_page_colours("map-land")[int(dark)]) @ XYZ[1] + 0.05
+    assert (luminance / land if dark else land / luminance).min() > (4 if dark else 3)
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+@pytest.mark.parametrize("state", ["stable", "turbulent", "unknown", "bad"])
+def test_no_vehicle_has_nearly_the_colour_of_a_flag_or_a_fault(state, dark):
+    """On the operator's map too."""
+    flag = _page_colours(f"map-{state}")[int(dark)]
+    assert np.linalg.norm(_page_palettes()[int(dark)] - flag, axis=1).min() > 60
 
 
 def _stopped(now_ns, *since_s, y_e=1):

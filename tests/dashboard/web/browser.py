@@ -42,6 +42,26 @@ CUT = """() => [...document.querySelectorAll(".rows td.num span, .tile .value.nu
   .filter((node) => node.closest("td, div").scrollWidth > node.closest("td, div").clientWidth + 1)
   .map((node) => node.textContent)"""
 
+CROWDED = """() => {
+  // Texts at a glance that lie on each other or out of their place.
+  const found = [], texts = [];
+  for (const node of document.querySelectorAll("#glance :is(.name, .value, .note)")) {
+    if (!node.getClientRects().length) continue;
+    const range = document.createRange();
+    range.selectNodeContents(node);
+    const box = range.getBoundingClientRect(), place = node.closest("li").getBoundingClientRect();
+    if (box.right > place.right + 1 || box.bottom > place.bottom + 1)
+      found.push(`${node.textContent} out of its place`);
+    texts.push([node.textContent, box]);
+  }
+  texts.forEach(([one, a], i) => texts.slice(i + 1).forEach(([other, b]) => {
+    const across = Math.min(a.right, b.right) - Math.max(a.left, b.left);
+    const down = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
+    if (across > 1 && down > 1) found.push(`${one} over ${other}`);
+  }));
+  return found;
+}"""
+
 PARTS = ("header", "banner", "glance", "left", "map", "card", "timebar")
 
 OVERLAPS = """(ids) => {
@@ -85,6 +105,7 @@ def geometry_faults(tab: Any) -> list[str]:
     """What lies over something else, sticks out, or breaks inside a figure."""
     return [
         *tab.evaluate(OVERLAPS, list(PARTS)),
+        *(f"at a glance: {one}" for one in tab.evaluate(CROWDED)),
         *(f"outside: {one}" for one in tab.evaluate(OUTSIDE)),
         *(f"broken: {one}" for one in tab.evaluate(BROKEN)),
         *(f"cut: {one}" for one in tab.evaluate(CUT)),

@@ -361,7 +361,7 @@ def road_details(t: int) -> Row:
     wave = [None if 20 <= k < 24 else 34 + 9 * math.sin(k / 6) for k in range(60)]
 
     def scaled(factor: float) -> list[float | None]:
-        return [None if value is None else round(value * factor, 4) for value in wave]
+        return [None if value is None else round(value * factor, 6) for value in wave]
 
     features = [
         ("mean speed", 34.0, "km/h", 0.4, None),
@@ -388,13 +388,18 @@ def road_details(t: int) -> Row:
         ],
         "hour": {
             "t": times,
-            "kmh": scaled(1),
-            "kmh_low": scaled(0.92),
-            "kmh_high": scaled(1.08),
-            "variance": scaled(0.018),
-            "cv": scaled(0.007),
-            "density": scaled(0.6),
-            "headway": scaled(0.09),
+            **{
+                name + suffix: scaled(factor * share)
+                for name, factor in (
+                    ("kmh", 1),
+                    ("acceleration", 0.00002),
+                    ("density", 0.6),
+                    ("headway", 0.9),
+                    ("cv", 0.007),
+                    ("variance", 0.018),
+                )
+                for suffix, share in (("", 1.0), ("_low", 0.92), ("_high", 1.08))
+            },
             "flag": [
                 "turbulent" if 30 <= k < 45 else "unknown" if 20 <= k < 24 else "stable"
                 for k in range(60)

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from pydantic import TypeAdapter
 
+from dashboard.web import card_parts
 from slipstream.messages import (
     ALARMS_KEY,
     CYCLE_KEY,
@@ -21,6 +22,8 @@ from slipstream.messages import (
     stopped_key,
 )
 from slipstream.orders import OrderRecord
+from storage import RollUp
+from storage.traffic.rollups import Spread
 
 from .contract import SHAPES, names
 
@@ -132,6 +135,26 @@ def test_cards(page, shape, path):
     answer = page.get(path)
     assert answer.status == 200, answer.body
     _holds(shape, answer.json)
+
+
+def test_the_hour_has_mean_least_and_most_of_each_feature(now_ns):
+    """In the page's units; the spread of speed as a share of the minute's speed."""
+    features = {
+        "mean_speed_mps": Spread(10.0, 8.0, 12.0),
+        "mean_acceleration_mps2": Spread(-0.05, -0.2, 0.1),
+        "speed_std_mps": Spread(2.0, 1.0, 3.0),
+    }
+    minute = RollUp("a", 60, now_ns, 60, 40, 20, 60, 0, 3.0, 5, features)
+    told = card_parts.hour([minute])
+    _holds("Hour", told)
+    assert [told[name] for name in ("kmh", "kmh_low", "kmh_high")] == [[36.0], [28.8], [43.2]]
+    assert [told[f"acceleration{part}"] for part in ("", "_low", "_high")] == [
+        [-0.05],
+        [-0.2],
+        [0.1],
+    ]
+    assert [told[name] for name in ("cv", "cv_low", "cv_high")] == [[0.2], [0.1], [0.3]]
+    assert told["headway_low"] == [None]
 
 
 def test_the_page_names_each_field():

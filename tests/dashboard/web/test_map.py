@@ -231,6 +231,80 @@ def test_no_name_of_the_fitted_map_is_cut_off_at_its_edge(open_map, width, heigh
         assert_uncut(labels, width, height)
 
 
+@pytest.mark.parametrize("is_open", [False, True], ids=["closed", "open"])
+@pytest.mark.parametrize(("width", "height"), [(390, 260), (900, 600)])
+def test_no_name_or_sign_of_the_fitted_map_lies_under_buttons_or_legend(
+    open_map, width, height, is_open
+):
+    """Names keep clear of what lies over the map; vehicles too, of a legend if there is room."""
+    network = map_data.troy()
+    page = open_map(network, map_data.moment(network, 12, 8, 8, 20), width=width, height=height)
+    page.evaluate("(open) => { document.querySelector('.map-legend').open = open; }", is_open)
+    page.wait_for_function(
+        "(open) => { map._frame(); const [, , , legend] = map._controls.covered();"
+        " return (legend.height > 60) === open && map._layers._covers(map._view); }",
+        arg=is_open,
+    )
+    over = page.evaluate("map._controls.covered()")
+    for label in page.evaluate("map._frame(), map.labels()"):
+        for box in over:
+            assert overlap_px(corners(label), corners(box)) < 0.01, label["text"]
+    signs = page.evaluate(
+        "[...map._scene.motion.movers.values()].map((m) => [map._view.px(m.x), map._view.py(m.y)])"
+    )
+    hides = over[:1] + (over[3:] if is_open and width > 600 else [])
+    for x, y in signs:
+        for box in hides:
+            inside = abs(x - box["x"]) < box["width"] / 2 and abs(y - box["y"]) < box["height"] / 2
+            assert not inside, (x, y)
+
+
+def test_names_of_roadside_units_lie_clear_of_roads_lines(street):
+    """Beside the lines, not on them; one on lines has a ground of its own."""
+    street.evaluate(
+        """() => {
+          tables.rsus.set("rsu-on-road", {x: 250, y: 0, level: "ok", status: "ok", segments: []});
+          map.setMoment(tables, {rsus: new Set(["rsu-on-road"])});
+        }"""
+    )
+    labels = street.evaluate("map._frame(), map.labels()")
+    (label,) = (one for one in labels if one["id"] == "rsu-on-road")
+    _, y = street.evaluate("map.placeOf('road', 'turbulent')")
+    assert abs(label["y"] - y) > label["height"] / 2 + 4
+    assert not label.get("plate")
+    street.evaluate(
+        """() => {
+          tables.rsus.delete("rsu-on-road");
+          map.setMoment(tables, {rsus: new Set(["rsu-on-road"])});
+        }"""
+    )
+
+
+def test_a_name_that_nobody_has_dims_nothing(street):
+    """As an address may have it."""
+    before = count(street, "--map-turbulent")
+    street.evaluate("map.select('vehicle', 'nobody')")
+    assert count(street, "--map-turbulent") == before > 0
+    street.evaluate("map.select(null)")
+
+
+def test_a_cluster_leaves_the_depot_in_sight(open_map):
+    """Vehicles that stand at it are counted beside it."""
+    moment = three_roads()
+    for name in ("a", "b"):
+        moment["vehicles"][name].update(x=100, y=0)
+    network = {**STREETS, "depots": [{"id": "depot", "x": 100, "y": 0}]}
+    page = open_map(network, moment, width=600, height=400)
+    x, y, radius, away = page.evaluate(
+        """(map._frame(), (() => {
+          const [{x, y, radius}] = map._scene.circles(map._view);
+          return [x, y, radius, Math.hypot(x - map._view.px(100), y - map._view.py(0))];
+        })())"""
+    )
+    assert away > radius + 8
+    assert page.evaluate("([x, y]) => map.at(x, y)", [x, y])["kind"] == "cluster"
+
+
 def test_street_names_lie_along_their_streets(town):
     """A name is parallel to a road of its name, and beside it."""
     town.evaluate("map._change(() => map._view.zoom(4)); map._frame()")
@@ -563,6 +637,12 @@ def test_labels_of_a_city_with_a_thousand_vehicles_never_overlap(open_map, theme
     moment = map_data.moment(network, 1000, 1000, 50, 1000)
     page = open_map(network, moment, query=f"still&theme={theme}", width=1440, height=900)
     kinds = set()
+    page.evaluate(
+        """map._change((view) => {
+          const [west, south, east, north] = map._scene.network.bounds;
+          Object.assign(view, {x: (west + east) / 2, y: (south + north) / 2});
+        })"""
+    )
     for zoom in (1, 2, 2, 2, 2, 2, 2):
         page.evaluate("(zoom) => map._change(() => map._view.zoom(zoom))", zoom)
         # Names are placed once the map stands still.

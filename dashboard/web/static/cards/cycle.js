@@ -26,7 +26,7 @@ export function cycleCard(id, row, detail, ctx) {
     detail?.unserved?.length ? section("Not served", longTable(["Order", "Why"], detail.unserved.map((one) => [link("order", one.stop), words(one.reason)]), "Not served")) : null,
     detail ? section("Solvers", detail.solvers?.length ? longTable(["Solver", "Result", "#Cost kWh", "#Time s"], detail.solvers.map((one) => [
       one.solver, words(one.status) + (one.reason ? `: ${words(one.reason)}` : ""), f.number(one.objective_kwh, 3), f.number(one.wall_s, 2),
-    ]), "Solvers", 12) : h("p.muted", {}, "No solver ran.")) : h("p.muted", {}, "Loading…"),
+    ]), "Solvers", 12) : h("p.muted", {}, row.solver ? "No block solver was needed." : "No solver ran.")) : h("p.muted", {}, "Loading…"),
     detail ? inWords(detail.explain) : null,
   ];
 }

@@ -76,7 +76,7 @@ function hour(series, all, ctx) {
         threshold: thresholdOf(key, all), show: (value) => f.measure(value),
       }));
     }),
-    h("p.key", {}, h("span.key-interval", {}, "least to most"), h("span.key-threshold", {}, "threshold of the flag")),
+    h("p.key", {}, h("span.key-interval", {}, "least to most of a minute's states"), h("span.key-threshold", {}, "threshold of the flag")),
   ];
 }
 

@@ -47,7 +47,7 @@ function planParts(plan, row, ctx) {
   return [
     section("Plan",
       timeline(plan, { now, width: ctx.width, time }),
-      h("p.key", {}, h("span.key-drive", {}, "driving"), h("span.key-platoon", {}, "in a platoon"), h("span.key-stop", {}, "at a stop"), h("span.key-window", {}, "time window")),
+      h("p.key", {}, h("span.key-drive", {}, "driving"), h("span.key-platoon", {}, "in a platoon"), h("span.key-stop", {}, "at a stop"), h("span.key-window", {}, "time window, by the stop's number")),
       plan.stops.length ? longTable(["#", "Stop", "#Arrival", "#Leaves", "#Window", "State"], plan.stops.map((stop, i) => [
         i + 1, ctx.tables.orders.has(stop.id) ? link("order", stop.id) : stop.id, time(stop.arrival), time(stop.departure), f.window(stop.earliest, stop.latest, now),
         [words(stop.state), stop.wait_s > 0 ? `, waits ${f.duration(stop.wait_s)}` : "", stop.charged_kwh ? `, charges ${f.kwh(stop.charged_kwh)}` : ""].join(""),

@@ -57,9 +57,12 @@ export class Camera {
     if (this._reducedMotion || document.hidden) this.advance(Infinity);
   }
 
-  /** @param {[number, number, number, number]} bounds  of all that there is, m */
-  fit(bounds) {
-    const whole = this.view.fitted(bounds);
+  /**
+   * @param {[number, number, number, number]} bounds  of all that there is, m
+   * @param {{right: number, bottom: number}} [margin]  px
+   */
+  fit(bounds, margin) {
+    const whole = this.view.fitted(bounds, margin);
     this.view.minScale = whole.minScale = whole.scale / 2;
     this.fly(whole);
     this.isFitted = true;
@@ -71,11 +74,12 @@ export class Camera {
    * @param {number} width
    * @param {number} height
    * @param {[number, number, number, number]} bounds  of all that there is, m
+   * @param {{right: number, bottom: number}} [margin]  px
    */
-  resize(width, height, bounds) {
+  resize(width, height, bounds, margin) {
     Object.assign(this.view, { width, height });
     if (!this.isFitted) return;
-    this.fit(bounds);
+    this.fit(bounds, margin);
     this.advance(Infinity);
   }
 

@@ -7,9 +7,8 @@
 import { lengthOf, pointAlong } from "./plane/geometry.js";
 import { isOutside, RADII, showsOrder } from "./paint/markers.js";
 import { widthOf } from "./plane/network.js";
-import { Placement } from "./plane/placement.js";
-import { lanes } from "./paint/roads.js";
-import { routedVehicles } from "./paint/routes.js";
+import { boxesAlong, Placement } from "./plane/placement.js";
+import { reaches } from "./paint/routes.js";
 import { makeLabel } from "./paint/text.js";
 import { VEHICLE_RADIUS } from "./paint/vehicles.js";
 
@@ -26,6 +25,9 @@ const STREET_NAME_PX2 = 30000;
 /** Far away a street is named from this length on, in lengths of its name; else near. */
 const PROMINENT = [2, 1.1];
 const NEAR = 0.3;
+/** Names of signs lie so much farther away at most to keep clear of roads' lines, px. */
+const MAX_ASIDE_PX = 36;
+const ASIDE_STEP_PX = 6;
 /** A name is written where its street bends no more than this, px. */
 const BEND_PX = 3;
 
@@ -40,7 +42,11 @@ const BEND_PX = 3;
  */
 export function placeStill(view, scene, margin) {
   const { network, tables, palette, relation, selection } = scene;
-  const placement = new Placement([margin, margin, view.width - margin, view.height - margin]);
+  const frame = /** @type {[number, number, number, number]} */ ([margin, margin, view.width - margin, view.height - margin]);
+  const placement = new Placement(frame);
+  for (const box of scene.covered) placement.block({ ...box, x: box.x + margin, y: box.y + margin });
+  const reach = reaches(view.scale, network, tables, scene.bands, relation);
+  const lines = linesOf(view, network, reach, frame);
   const labels = [];
   const taken = [];
   const block = (x, y, radius) => {
@@ -92,10 +98,10 @@ export function placeStill(view, scene, margin) {
   }
   wanted.sort((a, b) => a[0] - b[0]);
   for (const [, label, x, y, radius] of wanted) {
-    if (placeBeside(placement, label, x, y, radius)) labels.push(label);
+    if (placeAside(placement, lines, label, x, y, radius)) labels.push(label);
   }
   if (isFew) for (const mover of scene.singles) placement.block(roomFor(mover, view, scene, mover.id));
-  labels.push(...placeStreets(view, scene, placement));
+  labels.push(...placeStreets(view, scene, placement, reach));
   return { labels, taken: [...taken, ...labels] };
 }
 
@@ -119,33 +125,60 @@ const BESIDE = [[1, 0], [-1, 0], [0, -1], [0, 1], [1, -1], [1, 1], [-1, -1], [-1
  * @param {number} y
  * @param {number} radius  of the sign, px
  * @param {number} [first]  number of the place to try first
+ * @param {Placement} [lines]  what the label must keep clear of besides
  * @returns {boolean} whether there is one
  */
-function placeBeside(placement, label, x, y, radius, first = 0) {
+function placeBeside(placement, label, x, y, radius, first = 0, lines = undefined) {
   for (let i = -1; i < BESIDE.length; i++) {
     const side = i < 0 ? first : i;
     const [dx, dy] = BESIDE[side];
     const corner = dx && dy ? 0.75 : 1;
     label.x = x + dx * (corner * radius + 2 + label.width / 2);
     label.y = y + dy * (corner * radius + 1 + label.height / 2);
-    if (!placement.take(label)) continue;
+    if ((lines && !lines.isFree(label)) || !placement.take(label)) continue;
     label.side = side;
     return true;
   }
   return false;
 }
 
-/** Names along streets, important and long ones first. */
-function placeStreets(view, scene, placement) {
-  const { network, chains, palette, tables, relation } = scene;
+/** The same clear of lines, at a greater distance if need be; on them, with a ground of its own, where nothing is clear. */
+function placeAside(placement, lines, label, x, y, radius) {
+  for (let aside = 0; aside <= MAX_ASIDE_PX; aside += ASIDE_STEP_PX) {
+    if (placeBeside(placement, label, x, y, radius + aside, 0, lines)) return true;
+  }
+  label.plate = true;
+  return placeBeside(placement, label, x, y, radius);
+}
+
+/** What roads' lines cover. @param {Map<number, number>} reach  px by road index */
+function linesOf(view, network, reach, frame) {
   const [x0, y0, x1, y1] = view.bounds();
-  const { right, flag, beside: bandAt, band } = lanes(view.scale);
-  const routed = new Set(relation ? [] : routedVehicles(tables).flatMap(({ route, at }) => route.slice(at ?? 0).map(([road]) => road)));
-  /** How far from its street's middle a road has lines, px. */
-  const besideOf = (/** @type {number} */ road) => {
-    const lines = scene.bands.has(road) ? bandAt + band / 2 : tables.roads.has(network.roads[road].id) ? right + flag / 2 : 0;
-    return routed.has(road) ? Math.max(lines, right) + 5 : lines;
-  };
+  const lines = new Placement(frame);
+  for (const [road, width] of reach) {
+    const { shape } = network.roads[road] ?? {};
+    if (!shape || !isNear(shape, x0, y0, x1, y1)) continue;
+    for (const box of boxesAlong(network.lineOf(road, view, width / 2), width)) lines.block(box);
+  }
+  return lines;
+}
+
+/** Whether a line of x and y has points on both sides of no edge of a box: it may lie in it. */
+function isNear(line, x0, y0, x1, y1) {
+  let [west, east, south, north] = [true, true, true, true];
+  for (let i = 0; i < line.length; i += 2) {
+    west &&= line[i] < x0;
+    east &&= line[i] > x1;
+    south &&= line[i + 1] < y0;
+    north &&= line[i + 1] > y1;
+  }
+  return !(west || east || south || north);
+}
+
+/** Names along streets, important and long ones first. @param {Map<number, number>} reach  of roads' lines, px */
+function placeStreets(view, scene, placement, reach) {
+  const { chains, palette } = scene;
+  const [x0, y0, x1, y1] = view.bounds();
   const seen = chains.filter(({ bounds: b }) => b[2] >= x0 && b[0] <= x1 && b[3] >= y0 && b[1] <= y1);
   seen.sort((a, b) => a.rank - b.rank || b.length - a.length);
   const placed = [];
@@ -159,7 +192,7 @@ function placeStreets(view, scene, placement) {
     const line = view.project(chain.line);
     const total = lengthOf(line);
     const street = widthOf(chain.rank, view.scale);
-    const clear = Math.max(...chain.roads.map(besideOf)) || (street >= 16 ? 0 : street / 2);
+    const clear = Math.max(...chain.roads.map((road) => reach.get(road) ?? 0)) || (street >= 16 ? 0 : street / 2);
     const beside = clear ? clear + model.height / 2 : 0;
     const count = Math.max(1, Math.floor(total / (model.width + REPEAT_PX)));
     for (let i = 0; i < count; i++) {
@@ -225,7 +258,7 @@ export function placeMoving(view, scene, taken, sides) {
   named.sort((a, b) => rank(a) - rank(b) || (a.id < b.id ? -1 : 1));
   const frame = /** @type {[number, number, number, number]} */ ([0, 0, view.width, view.height]);
   const placement = new Placement(frame);
-  for (const box of taken) placement.block(box);
+  for (const box of [...scene.covered, ...taken]) placement.block(box);
   const radius = VEHICLE_RADIUS[style];
   for (const mover of scene.singles) {
     const [x, y] = [view.px(mover.x), view.py(mover.y)];
@@ -236,6 +269,7 @@ export function placeMoving(view, scene, taken, sides) {
   }
   // The selected vehicle's name may lie on signs, but on no other name.
   const names = new Placement(frame);
+  for (const box of scene.covered) names.block(box);
   for (const box of taken) if (box.text) names.block(box);
   const placed = [];
   for (const mover of named.slice(0, MAX_VEHICLES)) {

@@ -58,6 +58,7 @@ export class CityMap {
       zoomIn: () => this._move((camera) => camera.zoom(BUTTON_ZOOM)),
       zoomOut: () => this._move((camera) => camera.zoom(1 / BUTTON_ZOOM)),
       fit: () => this.fit(),
+      cover: () => this._covered(),
     }, units);
     this._gestures = new Gestures(this._canvas, {
       pan: (right, down) => this._change((view) => view.pan(right, down)),
@@ -133,7 +134,7 @@ export class CityMap {
 
   /** Show the whole network. */
   fit() {
-    this._move((camera) => camera.fit(this._scene.network.bounds));
+    this._move((camera) => camera.fit(this._scene.network.bounds, this._controls.margin()));
   }
 
   /**
@@ -212,9 +213,17 @@ export class CityMap {
     const ratio = devicePixelRatio;
     this._canvas.width = Math.round(width * ratio);
     this._canvas.height = Math.round(height * ratio);
-    this._camera.resize(width, height, this._scene.network.bounds);
+    this._controls.resize();
+    this._camera.resize(width, height, this._scene.network.bounds, this._controls.margin());
     // A canvas of a new size is empty; without this the page would flicker.
     if (this._request >= 0) this._frame();
+  }
+
+  /** Another part of the map is covered: all of it that was in view stays so, and names keep clear. */
+  _covered() {
+    this._layers.outdate();
+    if (this._camera.isFitted) this.fit();
+    else this._draw();
   }
 
   /** A move that may glide. @param {(camera: Camera) => void} move */
@@ -242,6 +251,7 @@ export class CityMap {
     this._camera.advance(now);
     scene.motion.advance(now);
     scene.group(view);
+    scene.covered = this._controls.covered();
     const ratio = this._canvas.width / view.width;
     const isExact = this._layers.refresh(view, scene, ratio, this._camera.isMoving(now), now);
     context.setTransform(ratio, 0, 0, ratio, 0, 0);

@@ -21,9 +21,10 @@ const AHEAD = new Set(["open", "planned", "under_way"]);
  * @param {import("./plane/network.js").Network} network
  * @param {string} kind  vehicle, road, rsu or order
  * @param {string} id
- * @returns {Relation}
+ * @returns {Relation|null}  null: there is nothing of this name, nothing is to be dimmed for it
  */
 export function relate(tables, network, kind, id) {
+  if (!tables[`${kind}s`]?.has(id) && !(kind === "road" && network.index.has(id))) return null;
   /** @type {Relation} */
   const found = { vehicles: new Set(), roads: new Set(), rsus: new Set(), orders: new Set(), route: null };
   if (kind === "road") {

@@ -9,9 +9,12 @@ import { clusters, middleOf } from "./clusters.js";
 import { Motion } from "./motion.js";
 import { Network } from "./plane/network.js";
 import { relate, stopsOf } from "./relation.js";
+import { RADII } from "./paint/markers.js";
 import { platoonRoads } from "./paint/routes.js";
 import { styleFor, VEHICLE_RADIUS } from "./paint/vehicles.js";
 
+/** Directions from a depot in which a cluster is moved off it, the best first. */
+const ASIDE = [[0, -1], [0, 1], [-1, 0], [1, 0], [-0.7, -0.7], [0.7, -0.7], [-0.7, 0.7], [0.7, 0.7]];
 const TABLES = ["vehicles", "roads", "rsus", "orders"];
 /** Least distance of two vehicles that are shown singly, in radii of their sign. */
 const APART = { dot: 1.5, arrow: 1.5, disc: 1.7 };
@@ -41,6 +44,8 @@ export class Scene {
     /** @type {import("./paint/vehicles.js").Style} */
     this.style = "dot";
     this._grouped = 0;
+    /** @type {import("./plane/placement.js").Box[]} what lies over the map, px from its corner */
+    this.covered = [];
   }
 
   /** @param {object} data  answer of /api/network */
@@ -115,15 +120,32 @@ export class Scene {
   }
 
   /**
-   * Where clusters are on the screen, px.
+   * Where clusters are on the screen, px: in the middle of their vehicles, or beside a depot that they would cover.
    *
    * @param {import("./plane/view.js").View} view
    */
   circles(view) {
-    return this.groups.map((group) => {
+    const circles = this.groups.map((group) => {
       const [x, y] = middleOf(group);
       return { group, x: view.px(x), y: view.py(y), radius: group.radius };
     });
+    for (const depot of this.network.depots) this._clear(circles, view.px(depot.x), view.py(depot.y), view);
+    return circles;
+  }
+
+  /** Moves a cluster off a depot's sign to where it lies on no other sign, if there is such a place. */
+  _clear(circles, x, y, view) {
+    const covering = circles.find((circle) => Math.hypot(circle.x - x, circle.y - y) < circle.radius + RADII.depot);
+    if (!covering) return;
+    const away = covering.radius + 1.5 * RADII.depot;
+    const around = VEHICLE_RADIUS[this.style];
+    const isFree = (px, py) => circles.every((other) => other === covering || Math.hypot(other.x - px, other.y - py) >= other.radius + covering.radius)
+      && this.singles.every((mover) => Math.hypot(view.px(mover.x) - px, view.py(mover.y) - py) >= around + covering.radius);
+    for (const [dx, dy] of ASIDE) {
+      if (!isFree(x + dx * away, y + dy * away)) continue;
+      [covering.x, covering.y] = [x + dx * away, y + dy * away];
+      return;
+    }
   }
 
   /**

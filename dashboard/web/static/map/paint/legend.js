@@ -11,7 +11,7 @@ import { drawVehicles } from "./vehicles.js";
 
 const ROW_PX = 24;
 const TEXT_X = 46;
-const COLUMN_PX = 226;
+const COLUMN_PX = 262;
 
 /** @type {[string, (context: CanvasRenderingContext2D, y: number, palette: any) => void][]} */
 const ENTRIES = [
@@ -26,6 +26,9 @@ const ENTRIES = [
   ["roadside unit", signed(drawRsus, { level: "ok" })],
   ["roadside unit with trouble", signed(drawRsus, { level: "bad" })],
   ["order", signed(drawOrders, { level: "ok", state: "planned" })],
+  ["order late or not in a plan", signed(drawOrders, { level: "warn", state: "planned" })],
+  ["order that failed", signed(drawOrders, { level: "bad", state: "failed" })],
+  ["order that has ended", signed(drawOrders, { level: "ok", state: "served" })],
   ["depot", (context, y, palette) => drawDepots(context, atPixels(), palette, [{ x: 18, y: -y }])],
 ];
 
@@ -37,7 +40,8 @@ export function legendSize(columns = 1) {
 /** The legend in words. */
 export function legendText() {
   return `Legend. Roads: stable solid, turbulent dashed, unknown dotted, platoons a double line beside. Vehicles: filled where reported,
-    hollow by plan, with a bar when stopped, two strokes when waiting. Diamonds: roadside units. Squares: orders. House: depot.`;
+    hollow by plan, with a bar when stopped, two strokes when waiting. Diamonds: roadside units. Squares: orders, orange where late or not in a plan, crossed out where failed, grey where ended.
+    House: depot.`;
 }
 
 /**

@@ -96,11 +96,11 @@ function veil(context, view, palette) {
  * @param {Scene} scene
  */
 export function paintVehicles(context, view, scene) {
-  const { palette, relation, selection, singles, groups, style, motion } = scene;
+  const { palette, relation, selection, singles, style, motion } = scene;
   context.globalAlpha = relation ? DIMMED : 1;
   const [chosen, others] = split(singles.map((mover) => [mover.id, mover]), relation?.vehicles);
   drawVehicles(context, view, palette, others.map(([, mover]) => mover), style);
-  drawClusters(context, view, palette, groups);
+  drawClusters(context, view, palette, scene.circles(view));
   context.globalAlpha = 1;
   const near = style === "dot" ? "arrow" : style;
   const selected = selection?.kind === "vehicle" ? selection.id : null;

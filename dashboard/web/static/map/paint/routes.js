@@ -10,6 +10,7 @@ import { lanes, trace } from "./roads.js";
 const MAX_ROUTES = 12;
 /** Of routes over one road so many lie beside each other; the others lie on the last of them. */
 const MAX_SIDE_BY_SIDE = 5;
+const SIDE_BY_SIDE_PX = 2.6;
 
 /**
  * Roads ahead of some vehicle on which it drives in a platoon and whose gate is open.
@@ -48,6 +49,34 @@ export function routedVehicles(tables) {
 }
 
 /**
+ * How far roads' lines reach to the right of their streets' middles: flags, platoons' bands, routes.
+ *
+ * @param {number} scale  px a metre
+ * @param {import("../plane/network.js").Network} network
+ * @param {any} tables
+ * @param {Set<number>} bands  roads with a band
+ * @param {import("../relation.js").Relation|null} relation  of the selection, whose route alone is drawn
+ * @returns {Map<number, number>} px by road index
+ */
+export function reaches(scale, network, tables, bands, relation) {
+  const { right, flag, beside, band, route } = lanes(scale);
+  const found = new Map();
+  for (const id of tables.roads.keys()) if (network.index.has(id)) found.set(network.index.get(id), right + flag / 2);
+  for (const road of bands) found.set(road, beside + band / 2);
+  const drawn = relation ? [tables.vehicles.get(relation.route)].filter((row) => row?.route) : routedVehicles(tables);
+  const used = new Map();
+  for (const { route: roads, at } of drawn) {
+    for (const road of new Set(roads.slice(at ?? 0).map(([index]) => index))) used.set(road, (used.get(road) ?? 0) + 1);
+  }
+  for (const [road, count] of used) {
+    const lines = found.get(road) ?? right - 2;
+    const alone = relation ? right + route / 2 : 0;
+    found.set(road, Math.max(alone, lines + 3 + SIDE_BY_SIDE_PX * (Math.min(count, MAX_SIDE_BY_SIDE) - 1)));
+  }
+  return found;
+}
+
+/**
  * Draw what lies ahead of each vehicle, if they are few: thin lines side by side.
  *
  * @param {CanvasRenderingContext2D} context
@@ -73,7 +102,7 @@ export function drawRoutes(context, view, network, palette, tables, bands) {
       if (!network.roads[road]) continue;
       const lane = Math.min(used.get(road) ?? 0, MAX_SIDE_BY_SIDE - 1);
       used.set(road, lane + 1);
-      trace(path, network.lineOf(road, view, clear(road) + 2.6 * lane));
+      trace(path, network.lineOf(road, view, clear(road) + SIDE_BY_SIDE_PX * lane));
     }
     context.strokeStyle = palette.vehicles[row.colour ?? 0];
     context.stroke(path);

@@ -31,7 +31,7 @@ export function widthOfText(text, font) {
  * A text with a place on the map.
  *
  * @typedef {import("../plane/placement.js").Box & {kind: string, id: string, text: string, font: string,
- *   size: number, colour: string}} Label
+ *   size: number, colour: string, plate?: boolean}} Label  plate: with a ground of its own, as it lies on lines
  */
 
 /**
@@ -66,6 +66,10 @@ export function drawLabels(context, labels, border) {
     context.translate(label.x, label.y);
     if (label.angle) context.rotate(label.angle);
     context.font = label.font;
+    if (label.plate) {
+      context.fillStyle = border;
+      context.fillRect(-label.width / 2, -label.height / 2, label.width, label.height);
+    }
     context.fillStyle = label.colour;
     context.strokeText(label.text, 0, 0.35 * label.size);
     context.fillText(label.text, 0, 0.35 * label.size);

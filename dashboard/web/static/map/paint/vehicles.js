@@ -6,7 +6,6 @@
  * @module
  */
 
-import { middleOf } from "../clusters.js";
 import { drawHalo, isOutside, mark, outlined } from "./markers.js";
 import { stamp } from "./sprites.js";
 
@@ -102,11 +101,10 @@ function drawBadge(context, palette, state, x, y) {
  * @param {CanvasRenderingContext2D} context
  * @param {import("../plane/view.js").View} view
  * @param {any} palette
- * @param {import("../clusters.js").Cluster[]} groups
+ * @param {{group: import("../clusters.js").Cluster, x: number, y: number}[]} circles  where they are, px
  */
-export function drawClusters(context, view, palette, groups) {
-  for (const group of groups) {
-    const [x, y] = middleOf(group).map((value, axis) => (axis ? view.py(value) : view.px(value)));
+export function drawClusters(context, view, palette, circles) {
+  for (const { group, x, y } of circles) {
     if (isOutside(view, x, y)) continue;
     const path = new Path2D();
     path.arc(x, y, group.radius - 1.5, 0, 2 * Math.PI);

@@ -64,6 +64,24 @@ export class Placement {
 }
 
 /**
+ * Boxes that cover a line, one for each of its pieces.
+ *
+ * @param {number[]} line  px
+ * @param {number} width  of the line, px
+ * @returns {Box[]}
+ */
+export function boxesAlong(line, width) {
+  const boxes = [];
+  for (let i = 2; i < line.length; i += 2) {
+    const [x0, y0, x1, y1] = line.slice(i - 2, i + 2);
+    boxes.push({
+      x: (x0 + x1) / 2, y: (y0 + y1) / 2, width: Math.hypot(x1 - x0, y1 - y0), height: width, angle: Math.atan2(y1 - y0, x1 - x0),
+    });
+  }
+  return boxes;
+}
+
+/**
  * Whether two turned rectangles overlap, by the separating axes of both.
  *
  * @param {Box} a

@@ -66,17 +66,18 @@ export class View {
    * The view of a box that fills the screen but for a margin.
    *
    * @param {[number, number, number, number]} bounds  m
-   * @param {number} [margin] px
+   * @param {number|{right: number, bottom: number}} [margin]  px; of 32 where only two sides are given
    */
   fitted(bounds, margin = 32) {
+    const [edge, right, bottom] = typeof margin === "number" ? [margin, margin, margin] : [32, margin.right, margin.bottom];
     const view = Object.assign(new View(), this);
     const wide = Math.max(bounds[2] - bounds[0], 50);
     const high = Math.max(bounds[3] - bounds[1], 50);
-    const across = Math.max(this.width - 2 * margin, 20) / wide;
-    const down = Math.max(this.height - 2 * margin, 20) / high;
+    const across = Math.max(this.width - edge - right, 20) / wide;
+    const down = Math.max(this.height - edge - bottom, 20) / high;
     view.scale = Math.min(MAX_SCALE, across, down);
-    view.x = (bounds[0] + bounds[2]) / 2;
-    view.y = (bounds[1] + bounds[3]) / 2;
+    view.x = (bounds[0] + bounds[2]) / 2 + (right - edge) / 2 / view.scale;
+    view.y = (bounds[1] + bounds[3]) / 2 - (bottom - edge) / 2 / view.scale;
     return view;
   }
 
