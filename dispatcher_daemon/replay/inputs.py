@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
@@ -19,6 +19,7 @@ from typing import Any, Final
 from pydantic import TypeAdapter
 
 from dispatcher_daemon.cycle import CycleResult
+from dispatcher_daemon.planning import Insertion
 from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.platooning import on_road
 from dispatcher_daemon.problem import routing_problem
@@ -69,11 +70,13 @@ class CycleRecord:
         made: vehicles that it made plans for that were to be sent; some may have reported meanwhile
             so that theirs was not.
         versions: of the software that made it.
+        wanted: stops that were to be put into tours between cycles; None: it was a whole cycle.
     """
 
     trace: Trace
     made: tuple[str, ...]
     versions: Mapping[str, str]
+    wanted: tuple[str, ...] | None = None
 
 
 class InputEncoder:
@@ -89,6 +92,25 @@ class InputEncoder:
             trace: of it.
             result: of it.
         """
+        made = tuple(plan.vehicle for plan in result.plans)
+        return self._inputs(cycle, trace, CycleFacts(made, result.accounts, result.refused))
+
+    def encode_insertion(
+        self, cycle: Cycle, wanted: Sequence[str], result: Insertion
+    ) -> CycleInputs:
+        """The inputs of an insertion between cycles.
+
+        Args:
+            cycle: its `start` has the tours that were offered.
+            wanted: stops that were to be put into them.
+            result: of it.
+        """
+        made = () if result.found is None else tuple(p.vehicle for p in result.found.plans)
+        return self._inputs(cycle, Trace(), CycleFacts(made, inserted=result.tried), wanted)
+
+    def _inputs(
+        self, cycle: Cycle, trace: Trace, facts: CycleFacts, wanted: Sequence[str] | None = None
+    ) -> CycleInputs:
         problem, snapshot, fleet = cycle.problem, cycle.snapshot, cycle.problem.fleet
         parts = {
             "network": self._part("network", problem.network, network_data),
@@ -102,7 +124,6 @@ class InputEncoder:
             ),
             "start": self._part("start", cycle.start, start_data),
         }
-        made = tuple(plan.vehicle for plan in result.plans)
         own = {
             "now_ns": cycle.now_ns,
             "seed": cycle.seed,
@@ -111,7 +132,8 @@ class InputEncoder:
             "on_road": [[user.vehicle, user.cycle, user.late_s] for user in cycle.on_road],
             "trace": _TRACE.dump_python(trace, mode="json"),
             "versions": versions(),
-            **facts_data(CycleFacts(made, result.accounts, result.refused)),
+            "wanted": None if wanted is None else list(wanted),
+            **facts_data(facts),
         }
         return CycleInputs(_json(own), parts)
 
@@ -135,6 +157,7 @@ def cycle_record(inputs: CycleInputs) -> CycleRecord:
             _TRACE.validate_python(own["trace"]),
             tuple(own["made"]),
             dict(own["versions"]),
+            None if own.get("wanted") is None else tuple(own["wanted"]),
         )
     except (KeyError, TypeError) as error:
         raise ValueError(f"its record cannot be read: {error!r}") from None
