@@ -30,7 +30,7 @@ def run(options: argparse.Namespace) -> int:
     if options.vehicle is not None:
         own = found.of_vehicle(options.vehicle)
         if own is None:
-            names = ", ".join(one.vehicle for one in found.vehicles[:20]) or "none"
+            names = ", ".join(found.names[:20]) or "it has none"
             problem = f"cycle {found.cycle} has no vehicle {options.vehicle!r}"
             raise InputError("--vehicle", problem, f"give one of its vehicles: {names}")
         found = own

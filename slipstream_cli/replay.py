@@ -26,11 +26,14 @@ def run(options: argparse.Namespace) -> int:
 
     with stored_cycle(options) as (reader, stored), ThreadPoolExecutor(1) as thread:
         if stored.inputs is None:
-            number = stored.report.cycle
+            number, report = stored.report.cycle, stored.report
+            if report.solver is None:
+                why = f"cycle {number} made no plan: {report.reason or report.status}"
+                raise InputError(options.database, why, "give a cycle that made plans")
             raise InputError(
                 options.database,
                 f"the inputs of cycle {number} are not stored, or not any more",
-                "give a later cycle that made plans: inputs are kept for a week",
+                "give a later one: inputs are kept for a week",
             )
         solve = solve_in_process(configured_solvers(restored_settings(stored.inputs)))
         found = replayed(stored, reader.plan, solve, thread)

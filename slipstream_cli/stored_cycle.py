@@ -43,11 +43,13 @@ def stored_cycle(options: argparse.Namespace) -> Iterator[tuple[Reader, StoredCy
                 mend = "give the dispatcher's database_url with --database"
                 raise InputError(url, "no database there", mend)
             last = reader.latest_cycle()
-            number = (0 if last is None else last.cycle) if name == _LATEST else int(name)
+            if last is None:
+                raise InputError(url, "no cycle is stored yet", "wait for the dispatcher's first")
+            number = last.cycle if name == _LATEST else int(name)
             found = reader.stored_cycle(number)
             if found is None:
-                known = "none yet" if last is None else f"up to {last.cycle}"
-                raise InputError(url, f"has no cycle {number}", f"give one that is stored, {known}")
+                mend = f"give one that is stored, up to {last.cycle}; old ones are deleted"
+                raise InputError(url, f"has no cycle {number}", mend)
             try:
                 yield reader, found
             except ValueError as error:

@@ -50,13 +50,11 @@ class StoredCycle:
     Attributes:
         report: of it.
         plans: that it sent, by vehicle.
-        states: that it used; None: they are not kept any more.
         inputs: None: they are not stored, or not any more.
     """
 
     report: CycleReport
     plans: tuple[VehiclePlan, ...]
-    states: tuple[SegmentState, ...] | None
     inputs: CycleInputs | None
 
 
@@ -144,7 +142,6 @@ class Reader:
             return StoredCycle(
                 cycle_report(row, gates),
                 tuple(vehicle_plan(plan) for plan in row.plans),
-                history.states_of(session, cycle) if history.is_recent(session, cycle) else None,
                 inputs.load(session, cycle),
             )
 

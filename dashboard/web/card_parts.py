@@ -246,6 +246,9 @@ def cycle_card(
         else {
             "summary": [sentence(line) for line in words.summary],
             "vehicles": [{"id": one.vehicle, "lines": list(one.lines)} for one in words.vehicles],
+            "orders": [
+                {"id": one.inserted.stop, "lines": list(one.lines)} for one in words.inserted
+            ],
             "refused": [one.line for one in words.refused],
             "notes": list(words.notes),
         },

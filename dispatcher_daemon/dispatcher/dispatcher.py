@@ -107,7 +107,7 @@ class Dispatcher:
         self.fleet_watch.fleet = fleet
         self.delivery = PlanDelivery(bus, store, self.fleet_watch, announce)
         self._insertion = OrderInsertion(
-            settings, network, self.fleet_watch, self.receiver, self.delivery
+            settings, network, self.fleet_watch, self.receiver, self.delivery, self._inputs
         )
         self.health = HealthPublisher(
             bus,

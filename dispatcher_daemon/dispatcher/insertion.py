@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from typing import Final
 
 from dispatcher_daemon import metrics
@@ -13,12 +13,15 @@ from dispatcher_daemon.dispatcher.delivery import PlanDelivery
 from dispatcher_daemon.dispatcher.receiver import StateReceiver
 from dispatcher_daemon.dispatcher.reports import insertion_report
 from dispatcher_daemon.fleet_watch import FleetWatch
-from dispatcher_daemon.planning import insert_stops
+from dispatcher_daemon.planning import Insertion, insert_stops
 from dispatcher_daemon.plans import Cycle, plan_energies
 from dispatcher_daemon.problem import routing_problem
+from dispatcher_daemon.replay import InputEncoder
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.tracking import fleet_of
 from slipstream.roads import RoadNetwork
+from slipstream.service import LogLimiter
+from storage import CycleInputs
 
 log = logging.getLogger(__name__)
 
@@ -35,6 +38,7 @@ class OrderInsertion:
         fleet_watch: the tracked fleet.
         receiver: of segment states.
         delivery: stores and sends plans.
+        inputs: encodes what an insertion was made from, to be stored with it.
     """
 
     def __init__(
@@ -44,10 +48,12 @@ class OrderInsertion:
         fleet_watch: FleetWatch,
         receiver: StateReceiver,
         delivery: PlanDelivery,
+        inputs: InputEncoder,
     ) -> None:
         self._settings, self._network = settings, network
         self._fleet_watch, self._receiver = fleet_watch, receiver
-        self._delivery = delivery
+        self._delivery, self._inputs = delivery, inputs
+        self._limiter = LogLimiter()
 
     def insert(self, orders: Collection[str]) -> None:
         """Put new orders into tours that have not begun. Those for which there is none wait for the
@@ -62,6 +68,13 @@ class OrderInsertion:
         snapshot = self._receiver.snapshot(now_ns)
         snapshot = watch.learned(now_ns).onto(snapshot)
         joined = fleet_of(fleet, tours, stops)
+        kept = {vehicle.id for vehicle in joined.vehicles}
+        routes = {
+            tour.vehicle.id: tuple(stop.id for stop in tour.stops)
+            for tour in tours
+            if tour.vehicle.id in kept
+        }
+        wanted = [stop.id for stop in stops]
         cycle = Cycle(
             routing_problem(self._network, joined, self._settings),
             snapshot,
@@ -70,12 +83,14 @@ class OrderInsertion:
             now_ns,
             cycle_seed(self._settings.seed, number),
             reference_delay_s=INSERTION_S,
+            start=routes,
         )
-        routes = {tour.vehicle.id: [stop.id for stop in tour.stops] for tour in tours}
-        found, missing = insert_stops(cycle, routes, [stop.id for stop in stops])
+        result = insert_stops(cycle, routes, wanted)
+        found, missing = result.found, result.missing
         watch.note_unserved(missing)
         if found is None:
             return
+        made_from = self._made_from(cycle, wanted, result)
         wall_s = time.monotonic() - began
         if wall_s > INSERTION_S:
             # Its vehicles would leave in the past.
@@ -92,8 +107,20 @@ class OrderInsertion:
             joined.stop_by_id,
             INSERTION_S,
             plan_energies(cycle.problem, found, None),
+            made_from,
         )
         if stored is not None:
             watch.skip_number(number)
             metrics.INSERTION_SECONDS.observe(time.monotonic() - began)
             log.info("orders inserted between cycles: %d plans", stored.plans)
+
+    def _made_from(
+        self, cycle: Cycle, wanted: Sequence[str], result: Insertion
+    ) -> CycleInputs | None:
+        """The inputs of an insertion; a fault here does not cost its plans."""
+        try:
+            return self._inputs.encode_insertion(cycle, wanted, result)
+        except Exception as error:
+            if self._limiter.allow("inputs"):
+                log.exception("the inputs of cycle %d are not stored: %s", cycle.number, error)
+            return None

@@ -57,20 +57,21 @@ class UsualTraffic:
         self._pending = {}
 
     def speeds_mps(self, hour: int) -> dict[str, float]:
-        """Usual speeds at an hour of the day, of segments that were seen often enough.
+        """Usual speeds at an hour of the day, of segments that were seen often enough; as `judge`
+        gives them, in mm/s.
 
         The mean of the hour and, at half their weight, its neighbours, drawn towards the day's as
         in `dispatcher_daemon.learning.History`.
         """
         found = self._means(hour, 0, 1)
         return {
-            name: max(MIN_SPEED_MPS, min(usual, self._limits[name]))
+            name: max(MIN_SPEED_MPS, min(round(usual, 3), self._limits[name]))
             for name, usual in found.items()
         }
 
     def open_shares(self, hour: int) -> dict[str, float]:
         """Shares of the states that opened the gate, likewise."""
-        return self._means(hour, 2, 3)
+        return {name: round(share, 4) for name, share in self._means(hour, 2, 3).items()}
 
     def _means(self, hour: int, counts: int, sums: int) -> dict[str, float]:
         """Means of rows of the tables, by segment."""

@@ -11,7 +11,7 @@ from dispatcher_daemon.planning.fleet_plan import (
     plan_fleet,
 )
 from dispatcher_daemon.planning.form import RouteForm, route_form
-from dispatcher_daemon.planning.insertion import insert_stops
+from dispatcher_daemon.planning.insertion import Insertion, insert_stops
 from dispatcher_daemon.planning.itineraries import Planner
 from dispatcher_daemon.planning.pyvrp_search import Searched, search_within
 from dispatcher_daemon.planning.refused import refused_platoons
@@ -29,6 +29,7 @@ __all__ = [
     "WINDOW_CLOSES",
     "Choice",
     "FleetPlan",
+    "Insertion",
     "Planner",
     "RouteForm",
     "Searched",

@@ -7,6 +7,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 
 from dispatcher_daemon.cycle import run_cycle
+from dispatcher_daemon.planning import insert_stops
 from dispatcher_daemon.replay.inputs import (
     CycleRecord,
     cycle_record,
@@ -17,7 +18,7 @@ from dispatcher_daemon.replay.parts import PlanOf
 from dispatcher_daemon.replay.trace import Player
 from dispatcher_daemon.solvers.execution.pool import Solve
 from dispatcher_daemon.tracking import HIDDEN
-from slipstream.messages import CycleReport, VehiclePlan
+from slipstream.messages import CycleReport, Unserved, VehiclePlan
 from storage import StoredCycle
 
 _COMPARED = ("status", "solver", "objective_kwh", "energy", "carriers", "unserved", "variables")
@@ -42,7 +43,7 @@ class Replayed:
 
 
 def replayed(stored: StoredCycle, plan_of: PlanOf, solve: Solve, executor: Executor) -> Replayed:
-    """Make a stored cycle again and compare.
+    """Make a stored cycle, or a stored insertion between cycles, again and compare.
 
     Args:
         plan_of: for plans of earlier cycles that vehicles followed.
@@ -57,13 +58,24 @@ def replayed(stored: StoredCycle, plan_of: PlanOf, solve: Solve, executor: Execu
     record = cycle_record(stored.inputs)
     player = Player(record.trace, solve, executor)
     cycle = restored_cycle(stored, plan_of)
-    result = run_cycle(cycle, player.solve, player.executor, player.clock)
     # Stops that were hidden from the cycle are in its report only.
     planned = tuple(stop for stop in stored.report.unserved if stop.reason != HIDDEN)
     before = stored.report.model_copy(update={"unserved": planned})
+    plans: tuple[VehiclePlan, ...] = ()
+    if record.wanted is None:
+        result = run_cycle(cycle, player.solve, player.executor, player.clock)
+        after, plans = result.report, result.plans
+    else:
+        inserted = insert_stops(cycle, cycle.start or {}, record.wanted)
+        missing = tuple(Unserved(stop=s, reason=r) for s, r in inserted.missing.items())
+        changes: dict[str, object] = {"unserved": missing, "objective_kwh": None, "solver": None}
+        if inserted.found is not None:
+            plans, found = inserted.found.plans, inserted.found
+            changes |= {"objective_kwh": found.objective_kwh, "solver": found.solver}
+        after = before.model_copy(update=changes)
     differences = [
-        *_report_differences(before, result.report),
-        *_plan_differences(stored.plans, result.plans, record.made),
+        *_report_differences(before, after),
+        *_plan_differences(stored.plans, plans, record.made),
     ]
     return Replayed(
         stored.report.cycle, len(stored.plans), tuple(differences), tuple(_notes(record, player))

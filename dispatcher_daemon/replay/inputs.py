@@ -1,22 +1,25 @@
 """A cycle as data that the database keeps, and the same cycle from that data.
 
-Parts that many cycles have are apart from what is one cycle's own: roads, settings, places,
-vehicles, stops, expected costs, and the routes that the search started from. Segment states and
-plans that vehicles follow are stored already, and are not stored again.
+Parts that cycles may have in common are apart from what is one cycle's own: roads, settings,
+places, vehicles, stops, expected costs, the traffic as it was judged, and the routes that the
+search started from. Plans that vehicles follow are stored already and are not stored again; segment
+states are not kept as long as inputs, and are not needed.
 """
 
 from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any, Final
 
 from pydantic import TypeAdapter
 
 from dispatcher_daemon.cycle import CycleResult
+from dispatcher_daemon.planning import Insertion
 from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.platooning import on_road
 from dispatcher_daemon.problem import routing_problem
@@ -34,12 +37,12 @@ from dispatcher_daemon.replay.parts import (
     start_data,
     stops_data,
     traffic_data,
+    traffic_from,
     vehicles_data,
-    with_traffic,
 )
 from dispatcher_daemon.replay.trace import Trace
 from dispatcher_daemon.settings import DispatcherSettings
-from dispatcher_daemon.traffic import take_snapshot
+from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream import __version__
 from slipstream.explain import CycleFacts, facts_data
 from storage import CycleInputs, Part, StoredCycle
@@ -67,11 +70,13 @@ class CycleRecord:
         made: vehicles that it made plans for that were to be sent; some may have reported meanwhile
             so that theirs was not.
         versions: of the software that made it.
+        wanted: stops that were to be put into tours between cycles; None: it was a whole cycle.
     """
 
     trace: Trace
     made: tuple[str, ...]
     versions: Mapping[str, str]
+    wanted: tuple[str, ...] | None = None
 
 
 class InputEncoder:
@@ -87,6 +92,25 @@ class InputEncoder:
             trace: of it.
             result: of it.
         """
+        made = tuple(plan.vehicle for plan in result.plans)
+        return self._inputs(cycle, trace, CycleFacts(made, result.accounts, result.refused))
+
+    def encode_insertion(
+        self, cycle: Cycle, wanted: Sequence[str], result: Insertion
+    ) -> CycleInputs:
+        """The inputs of an insertion between cycles.
+
+        Args:
+            cycle: its `start` has the tours that were offered.
+            wanted: stops that were to be put into them.
+            result: of it.
+        """
+        made = () if result.found is None else tuple(p.vehicle for p in result.found.plans)
+        return self._inputs(cycle, Trace(), CycleFacts(made, inserted=result.tried), wanted)
+
+    def _inputs(
+        self, cycle: Cycle, trace: Trace, facts: CycleFacts, wanted: Sequence[str] | None = None
+    ) -> CycleInputs:
         problem, snapshot, fleet = cycle.problem, cycle.snapshot, cycle.problem.fleet
         parts = {
             "network": self._part("network", problem.network, network_data),
@@ -95,19 +119,21 @@ class InputEncoder:
             "vehicles": self._part("vehicles", fleet.vehicles, vehicles_data),
             "stops": self._part("stops", fleet.stops, stops_data),
             "expected": self._part("expected", snapshot.expected, expected_data),
+            "traffic": self._part(
+                "traffic", snapshot.segments, partial(traffic_data, problem.network)
+            ),
             "start": self._part("start", cycle.start, start_data),
         }
-        made = tuple(plan.vehicle for plan in result.plans)
         own = {
             "now_ns": cycle.now_ns,
             "seed": cycle.seed,
             "reference_delay_s": cycle.reference_delay_s,
-            "traffic": traffic_data(problem, snapshot, cycle.settings),
             "commitments": [commitment_data(own) for own in cycle.commitments],
             "on_road": [[user.vehicle, user.cycle, user.late_s] for user in cycle.on_road],
             "trace": _TRACE.dump_python(trace, mode="json"),
             "versions": versions(),
-            **facts_data(CycleFacts(made, result.accounts, result.refused)),
+            "wanted": None if wanted is None else list(wanted),
+            **facts_data(facts),
         }
         return CycleInputs(_json(own), parts)
 
@@ -131,6 +157,7 @@ def cycle_record(inputs: CycleInputs) -> CycleRecord:
             _TRACE.validate_python(own["trace"]),
             tuple(own["made"]),
             dict(own["versions"]),
+            None if own.get("wanted") is None else tuple(own["wanted"]),
         )
     except (KeyError, TypeError) as error:
         raise ValueError(f"its record cannot be read: {error!r}") from None
@@ -148,23 +175,21 @@ def restored_cycle(stored: StoredCycle, plan_of: PlanOf) -> Cycle:
     inputs = stored.inputs
     if inputs is None:
         raise ValueError("its inputs are not stored")
-    if stored.states is None:
-        raise ValueError("the states that it used are not kept any more, only their roll-ups")
+    if "traffic" not in inputs.parts:
+        raise ValueError("the version that stored it kept no traffic with it")
     own = _own(inputs)
     try:
         parts = {name: json.loads(part.content) for name, part in inputs.parts.items()}
         network = network_from(parts["network"])
         settings = restored_settings(inputs)
         fleet = fleet_from_parts(parts)
-        snapshot = take_snapshot(
-            network,
-            stored.states,
+        # What its states said is in the traffic; the states themselves decide nothing more.
+        snapshot = TrafficSnapshot(
             own["now_ns"],
-            stale_after_s=settings.stale_after_s,
-            future_tolerance_s=settings.future_tolerance_s,
-            stops_at_signals=settings.stops_at_signals,
+            traffic_from(network, parts["traffic"]),
+            (),
+            expected_from(parts["expected"]),
         )
-        snapshot = with_traffic(snapshot, own["traffic"], expected_from(parts["expected"]))
         following = [plan_from(plan_of, cycle, vehicle) for vehicle, cycle, _ in own["on_road"]]
         late_s = {vehicle: late for vehicle, _, late in own["on_road"]}
         start = parts["start"]

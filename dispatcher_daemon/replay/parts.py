@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, fields, replace
+from dataclasses import MISSING, asdict, fields, replace
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -11,10 +11,10 @@ from pydantic import TypeAdapter
 
 from dispatcher_daemon.commitments import Commitment
 from dispatcher_daemon.fleet import ChargingStop, Depot, Fleet, Hub, NamedVehicleType, Stop, Vehicle
-from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
-from dispatcher_daemon.traffic import Expectations, SegmentTraffic, TrafficSnapshot, take_snapshot
+from dispatcher_daemon.traffic import Expectations, SegmentTraffic, planning_speed_mps
 from slipstream.messages import VehiclePlan
+from slipstream.roads import RoadNetwork
 
 PlanOf = Callable[[int, str], VehiclePlan | None]
 """A vehicle's plan from a cycle; None: it is not stored any more."""
@@ -30,6 +30,8 @@ _PLACES: Final[Mapping[str, TypeAdapter[Any]]] = {
 _VEHICLES: Final = TypeAdapter(tuple[Vehicle, ...])
 _STOPS: Final = TypeAdapter(tuple[Stop, ...])
 _COMMITMENT: Final = TypeAdapter(Commitment)
+_TRAFFIC: Final = {f.name: f.default for f in fields(SegmentTraffic) if f.default is not MISSING}
+"""Defaults of what a segment's traffic has beside its speed."""
 
 
 def settings_data(settings: DispatcherSettings) -> dict[str, Any]:
@@ -93,44 +95,46 @@ def expected_from(data: Any) -> Expectations | None:
 
 
 def traffic_data(
-    problem: RoutingProblem, snapshot: TrafficSnapshot, settings: DispatcherSettings
-) -> dict[str, dict[str, Any]]:
-    """By field and segment, what the traffic has that does not follow from its states."""
-    plain = (
-        snapshot.judged
-        or take_snapshot(
-            problem.network,
-            snapshot.states,
-            snapshot.now_ns,
-            stale_after_s=settings.stale_after_s,
-            future_tolerance_s=settings.future_tolerance_s,
-            stops_at_signals=settings.stops_at_signals,
-        ).segments
-    )
-    found: dict[str, dict[str, Any]] = {}
-    names = [field.name for field in fields(SegmentTraffic)]
-    for segment, traffic in snapshot.segments.items():
-        before = plain[segment]
-        if traffic is before or traffic == before:
-            continue
-        for name in names:
-            value = getattr(traffic, name)
-            if value != getattr(before, name):
-                found.setdefault(name, {})[segment] = value
-    return found
+    network: RoadNetwork, segments: Mapping[str, SegmentTraffic]
+) -> dict[str, list[Any]]:
+    """The traffic that a cycle was planned with, learned or judged: values by field, each list in
+    the order of the network's segments. Fields that have their default everywhere are left out, as
+    are speeds that follow from what was measured.
+    """
+    columns: dict[str, list[Any]] = {}
+    for name, default in _TRAFFIC.items():
+        values = [getattr(segments[segment], name) for segment in network.segments]
+        if any(value != default for value in values):
+            columns[name] = values
+    speeds_mps = [
+        None
+        if segments[name].speed_mps == planning_speed_mps(road, segments[name].measured_speed_mps)
+        else segments[name].speed_mps
+        for name, road in network.segments.items()
+    ]
+    if any(speed_mps is not None for speed_mps in speeds_mps):
+        columns["speed_mps"] = speeds_mps
+    return columns
 
 
-def with_traffic(
-    snapshot: TrafficSnapshot, data: Mapping[str, Mapping[str, Any]], expected: Expectations | None
-) -> TrafficSnapshot:
-    """The traffic of plain states with what `traffic_data` gave."""
-    changes: dict[str, dict[str, Any]] = {}
-    for name, values in data.items():
-        for segment, value in values.items():
-            changes.setdefault(segment, {})[name] = value
-    changed = {name: replace(snapshot.segments[name], **of) for name, of in changes.items()}
-    segments = MappingProxyType({**snapshot.segments, **changed})
-    return replace(snapshot, segments=segments, expected=expected)
+def traffic_from(
+    network: RoadNetwork, columns: Mapping[str, Sequence[Any]]
+) -> Mapping[str, SegmentTraffic]:
+    """The traffic of `traffic_data`.
+
+    Raises:
+        ValueError: it is that of another network.
+    """
+    if any(len(values) != len(network.segments) for values in columns.values()):
+        raise ValueError("its traffic is not that of its roads")
+    found = {}
+    for at, (name, road) in enumerate(network.segments.items()):
+        known = {field: values[at] for field, values in columns.items()}
+        speed_mps = known.pop("speed_mps", None)
+        if speed_mps is None:
+            speed_mps = planning_speed_mps(road, known.get("measured_speed_mps"))
+        found[name] = SegmentTraffic(name, speed_mps, **known)
+    return MappingProxyType(found)
 
 
 def commitment_data(own: Commitment) -> dict[str, Any]:

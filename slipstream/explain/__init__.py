@@ -5,8 +5,11 @@ from __future__ import annotations
 from slipstream.explain.explanation import Explanation, as_text, explanation
 from slipstream.explain.facts import (
     CycleFacts,
+    InsertedStop,
+    OfferedTour,
     RefusalReason,
     RefusedPlatoon,
+    TourObstacle,
     VehicleAccount,
     facts_data,
     facts_of,
@@ -16,8 +19,11 @@ from slipstream.explain.words import refusal_line
 __all__ = [
     "CycleFacts",
     "Explanation",
+    "InsertedStop",
+    "OfferedTour",
     "RefusalReason",
     "RefusedPlatoon",
+    "TourObstacle",
     "VehicleAccount",
     "as_text",
     "explanation",

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from slipstream.explain.facts import RefusedPlatoon, facts_of
+from slipstream.explain.facts import InsertedStop, RefusedPlatoon, facts_of
 from slipstream.explain.vehicles import VehicleExplanation, explained_vehicles
-from slipstream.explain.words import duration, in_kwh, more_or_less, refusal_line
+from slipstream.explain.words import (
+    duration,
+    in_kwh,
+    insertion_lines,
+    more_or_less,
+    refusal_line,
+)
 from slipstream.messages import CycleReport, SolverReport, VehiclePlan
 
 
@@ -17,6 +23,27 @@ class RefusedExplanation:
 
     line: str
     platoon: RefusedPlatoon
+
+
+@dataclass(frozen=True)
+class InsertedExplanation:
+    """A stop that was to be put into a tour, with lines in words: where it went, and why not into
+    each of the other tours.
+    """
+
+    lines: tuple[str, ...]
+    inserted: InsertedStop
+
+    def of_vehicle(self, vehicle: str) -> InsertedExplanation:
+        """What concerns one vehicle: its tour, and the one that was taken."""
+        wanted = {vehicle, self.inserted.vehicle}
+        tours = tuple(tour for tour in self.inserted.tours if tour.vehicle in wanted)
+        return inserted_explanation(replace(self.inserted, tours=tours))
+
+
+def inserted_explanation(one: InsertedStop) -> InsertedExplanation:
+    """A stop that was to be put into a tour, in words."""
+    return InsertedExplanation(tuple(insertion_lines(one)), one)
 
 
 @dataclass(frozen=True)
@@ -33,6 +60,7 @@ class Explanation:
         refused: most worth first.
         unserved: a line for each stop that no vehicle serves.
         notes: what could not be explained.
+        inserted: stops that were to be put into tours between cycles, in turn.
     """
 
     cycle: int
@@ -44,15 +72,23 @@ class Explanation:
     refused: tuple[RefusedExplanation, ...]
     unserved: tuple[str, ...]
     notes: tuple[str, ...] = ()
+    inserted: tuple[InsertedExplanation, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Vehicles that it tells of."""
+        offered = (tour.vehicle for one in self.inserted for tour in one.inserted.tours)
+        return tuple(dict.fromkeys([*(one.vehicle for one in self.vehicles), *offered]))
 
     def of_vehicle(self, vehicle: str) -> Explanation | None:
         """What concerns one vehicle; None: the cycle has no such vehicle."""
         own = tuple(one for one in self.vehicles if one.vehicle == vehicle)
-        if not own:
+        if vehicle not in self.names:
             return None
+        inserted = tuple(one.of_vehicle(vehicle) for one in self.inserted)
         refused = tuple(one for one in self.refused if vehicle in one.platoon.vehicles)
         known = self.cycle, self.started_ns, self.status, self.summary, self.solvers
-        return Explanation(*known, own, refused, self.unserved, self.notes)
+        return Explanation(*known, own, refused, self.unserved, self.notes, inserted)
 
 
 def explanation(
@@ -71,9 +107,10 @@ def explanation(
     facts = None if record is None else facts_of(record)
     notes = []
     if facts is None and report.status != "failed" and report.solver is not None:
-        notes.append(
-            "figures of vehicles and refused platoons are not stored of this cycle, or not any more"
-        )
+        what = "figures of vehicles and refused platoons"
+        if report.solver == "insertion":
+            what = "other tours that its orders could have been put into"
+        notes.append(f"{what} are not stored of this cycle, or not any more")
     return Explanation(
         report.cycle,
         report.started_ns,
@@ -86,6 +123,7 @@ def explanation(
         else tuple(RefusedExplanation(refusal_line(one), one) for one in facts.refused),
         tuple(f"{stop.stop}: {stop.reason}" for stop in report.unserved),
         tuple(notes),
+        () if facts is None else tuple(map(inserted_explanation, facts.inserted)),
     )
 
 
@@ -97,6 +135,7 @@ def as_text(of: Explanation) -> str:
 def _text(of: Explanation) -> Iterator[str]:
     yield from of.summary
     blocks: list[tuple[str, Sequence[str]]] = [("solvers", of.solvers)]
+    blocks += [(f"order {one.inserted.stop}", one.lines) for one in of.inserted]
     blocks += [(one.vehicle, one.lines) for one in of.vehicles]
     blocks += [("refused platoons", [one.line for one in of.refused])]
     blocks += [("not served", of.unserved), ("not known", of.notes)]
@@ -109,7 +148,12 @@ def _text(of: Explanation) -> Iterator[str]:
 
 def _summary(report: CycleReport) -> Iterator[str]:
     yield f"cycle {report.cycle}: {report.status}" + (f", {report.reason}" if report.reason else "")
-    if report.solver is not None and report.objective_kwh is not None:
+    if report.solver == "insertion" and report.objective_kwh is not None:
+        yield (
+            "between cycles; all other stops stay in their tours and in their order; the changed "
+            f"tours cost {in_kwh(report.objective_kwh)}, time at its price"
+        )
+    elif report.solver is not None and report.objective_kwh is not None:
         yield f"the plan is that of {report.solver}: objective {in_kwh(report.objective_kwh)}"
     energy = report.energy
     if energy is not None:

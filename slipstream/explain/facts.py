@@ -70,6 +70,61 @@ class RefusedPlatoon:
     cost_kwh: float | None = None
 
 
+TourObstacle = Literal[
+    "carrier",
+    "pinned",
+    "skill",
+    "capacity",
+    "far",
+    "late",
+    "loaded",
+    "no_way",
+    "charge",
+    "window",
+    "shift",
+    "break",
+]
+"""Why a tour takes no stop. "far": it was not tried, as others are nearer; "late": the tour is late
+as it is; "loaded": it has a first stop that is not planned. The others are what its name says.
+"""
+
+
+@dataclass(frozen=True)
+class OfferedTour:
+    """A tour that had not begun when a stop was to be put into one.
+
+    Attributes:
+        vehicle: whose tour it is.
+        obstacle: why no place in it takes the stop; None: one does.
+        detail: of the obstacle, in words; None: it says all.
+        cost_kwh: what the tour costs more with the stop in its cheapest place, time at its price;
+            None: there is no place, or none was tried.
+        stops: of the tour with the stop there, in order; none without a place.
+    """
+
+    vehicle: str
+    obstacle: TourObstacle | None
+    detail: str | None
+    cost_kwh: float | None = None
+    stops: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class InsertedStop:
+    """A stop that was to be put into a tour between cycles.
+
+    Attributes:
+        vehicle: whose tour has it now; None: none.
+        stops: of that tour, in order; stops that came later may be between them by now.
+        tours: that were offered, in the order of the fleet.
+    """
+
+    stop: str
+    vehicle: str | None
+    stops: tuple[str, ...]
+    tours: tuple[OfferedTour, ...]
+
+
 @dataclass(frozen=True)
 class CycleFacts:
     """What a cycle's words are made of beside its report and plans.
@@ -79,15 +134,17 @@ class CycleFacts:
             so that theirs was not.
         accounts: of its vehicles.
         refused: platoons that it does not have.
+        inserted: stops that were to be put into tours, of an insertion between cycles.
     """
 
     made: tuple[str, ...] = ()
     accounts: tuple[VehicleAccount, ...] = ()
     refused: tuple[RefusedPlatoon, ...] = ()
+    inserted: tuple[InsertedStop, ...] = ()
 
 
 _FACTS: Final = TypeAdapter(CycleFacts)
-_FIELDS: Final = ("made", "accounts", "refused")
+_FIELDS: Final = ("made", "accounts", "refused", "inserted")
 
 
 def facts_data(facts: CycleFacts) -> dict[str, Any]:
@@ -104,6 +161,8 @@ def facts_of(record: bytes) -> CycleFacts:
     """
     own = json.loads(record)
     try:
-        return _FACTS.validate_python({name: own[name] for name in _FIELDS})
+        # Records of the version before have no insertions.
+        known = {"inserted": (), **own}
+        return _FACTS.validate_python({name: known[name] for name in _FIELDS})
     except (KeyError, TypeError) as error:
         raise ValueError(f"its record cannot be read: {error!r}") from None

@@ -2,9 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final
 
-from slipstream.explain.facts import RefusedPlatoon
+from slipstream.explain.facts import InsertedStop, RefusedPlatoon, TourObstacle
+
+_OBSTACLES: Final[Mapping[TourObstacle, str]] = {
+    "carrier": "of another carrier",
+    "pinned": "not the vehicle that it is kept for",
+    "skill": "without a skill that it needs",
+    "capacity": "no room",
+    "far": "not tried, as other tours are nearer",
+    "late": "late as it is, so that it keeps its plan",
+    "loaded": "its first stop is not planned",
+    "no_way": "no way there and back",
+    "charge": "its battery does not last",
+    "window": "too late",
+    "shift": "back too late",
+    "break": "too late for a break",
+}
+"""What is said of a tour that has no detail."""
 
 
 def refusal_line(one: RefusedPlatoon) -> str:
@@ -33,6 +50,41 @@ def refusal_line(one: RefusedPlatoon) -> str:
         f"{on}: missed, {apart}: {change}, but no solver came to it, or it would leave a carrier "
         "with less than alone"
     )
+
+
+def insertion_lines(one: InsertedStop) -> Iterator[str]:
+    """Where a stop was put, and why not elsewhere. Tours with the same reason are one line."""
+    for tour in one.tours:
+        if tour.vehicle == one.vehicle:
+            where = _where(one.stop, one.stops)
+            cost_kwh = in_kwh(tour.cost_kwh or 0.0)
+            yield f"goes to {tour.vehicle}, {where}: the cheapest place, {cost_kwh} more"
+    others = [tour for tour in one.tours if tour.vehicle != one.vehicle]
+    found = [tour for tour in others if tour.cost_kwh is not None]
+    for tour in sorted(found, key=lambda tour: (tour.cost_kwh or 0.0, tour.vehicle)):
+        where = _where(one.stop, tour.stops)
+        yield f"{tour.vehicle}, {where}: {in_kwh(tour.cost_kwh or 0.0)} more"
+    why: dict[str, list[str]] = {}
+    for tour in others:
+        if tour.obstacle is not None:
+            why.setdefault(tour.detail or _OBSTACLES[tour.obstacle], []).append(tour.vehicle)
+    for reason, vehicles in why.items():
+        yield f"{_names(vehicles)}: {reason}"
+
+
+def _where(stop: str, stops: Sequence[str]) -> str:
+    """The place of a stop in a tour."""
+    at = stops.index(stop)
+    if len(stops) == 1:
+        return "its only stop"
+    return f"before {stops[1]}" if at == 0 else f"after {stops[at - 1]}"
+
+
+def _names(vehicles: Sequence[str]) -> str:
+    """Names, of many the first."""
+    if len(vehicles) <= 8:
+        return ", ".join(vehicles)
+    return f"{', '.join(vehicles[:6])} and {len(vehicles) - 6} more"
 
 
 def way(segments: Sequence[str]) -> str:

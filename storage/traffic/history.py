@@ -57,11 +57,6 @@ def states_of(session: Session, cycle: int) -> tuple[SegmentState, ...]:
     return of_before or recent.states(session, cycle)
 
 
-def is_recent(session: Session, cycle: int) -> bool:
-    """Whether a cycle's states are kept as they came."""
-    return recent.has(session, cycle) or bool(states_of(session, cycle))
-
-
 def segments_at(session: Session, time_ns: int) -> tuple[SegmentAt, ...]:
     """All watched segments at a moment, by segment."""
     found_cycle = session.execute(

@@ -48,11 +48,6 @@ def states(session: Session, cycle: int) -> tuple[SegmentState, ...]:
     return () if packed is None else _STATES.validate_json(_unpack(packed))
 
 
-def has(session: Session, cycle: int) -> bool:
-    """Whether a cycle is recent."""
-    return session.scalar(select(_T.cycle).where(_T.cycle == cycle)) is not None
-
-
 def prune(session: Session, before_ns: int) -> bool:
     """Delete what is kept of the oldest cycles if they began before; False if there is none.
 

@@ -110,7 +110,7 @@ def stored(demo: RoutingProblem, made: tuple[str, ...] = ("van-a", "van-b")) -> 
     settings = DispatcherSettings(solvers=("exact",))
     result = CycleResult(REPORT, plans, accounts=ACCOUNTS, refused=(REFUSED,))
     cycle = Cycle(demo, snapshot, settings, 7, START_NS, 1)
-    return StoredCycle(REPORT, plans, (), InputEncoder().encode(cycle, Trace(), result))
+    return StoredCycle(REPORT, plans, InputEncoder().encode(cycle, Trace(), result))
 
 
 def explanation(of: StoredCycle) -> Explanation:
@@ -165,7 +165,7 @@ def test_one_vehicle_s_words_have_its_refused_platoons_only(demo: RoutingProblem
 
 def test_a_cycle_without_inputs_is_told_as_far_as_it_is_stored(demo: RoutingProblem) -> None:
     """Its plans and solvers; and that the rest is not known."""
-    found = explanation(StoredCycle(REPORT, stored(demo).plans, (), None))
+    found = explanation(StoredCycle(REPORT, stored(demo).plans, None))
     assert [one.account for one in found.vehicles] == [None, None]
     assert "serves c1" in found.vehicles[0].lines[0]
     assert len(found.notes) == 1

@@ -32,7 +32,7 @@ def test_inputs_are_stored_with_their_cycle_and_a_shared_part_once(url, make_cyc
             database.record_cycle(*make_cycle(number), made_from=_of(number))
         database.record_cycle(*make_cycle(3))
         found = reader.stored_cycle(2)
-        assert (found.report, list(found.plans), list(found.states)) == make_cycle(2)
+        assert (found.report, list(found.plans)) == make_cycle(2)[:2]
         assert found.inputs == _of(2)
         assert found.inputs.parts["roads"].content == b"roads " * 100
         assert reader.stored_cycle(3).inputs is None

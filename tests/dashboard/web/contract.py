@@ -376,6 +376,7 @@ class VehicleWords(TypedDict):
 class CycleWords(TypedDict):
     summary: list[str]
     vehicles: list[VehicleWords]
+    orders: list[VehicleWords]
     refused: list[str]
     notes: list[str]
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +14,8 @@ import pytest
 
 from dispatcher_daemon.fleet import fleet_from
 from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.replay import replayed
+from slipstream.explain import explanation
 from slipstream.messages import (
     CycleReport,
     PlanAcknowledgement,
@@ -20,10 +24,11 @@ from slipstream.messages import (
     acknowledgement_key,
     position_key,
 )
+from storage import CycleInputs, Part, StoredCycle, open_reader
 from tests.dispatcher_daemon.test_fleet_watch import accept
 
 from .conftest import request
-from .test_intake import Desk, depart, opened
+from .test_intake import SOLVE, Desk, depart, opened
 
 pytestmark = pytest.mark.slow
 
@@ -142,6 +147,45 @@ def test_what_the_file_has_loaded_counts(town: Callable[..., Any], tmp_path: Pat
             "heavy": "open",
             "light": "planned",
         }
+
+
+def test_an_insertion_is_told_in_words_and_made_again_the_same(
+    vans: RoutingProblem, tmp_path: Path
+) -> None:
+    """Its tours, costs and obstacles are stored with it; changed inputs give another plan."""
+    url = f"sqlite:///{tmp_path / 'a.db'}"
+    with opened(vans, tmp_path) as desk, open_reader(url) as reader:
+        desk.dispatcher.run_cycle()
+        desk.intake.submit(
+            [request("o", node="02", demand=3), request("p", demand=5, vehicle="van-0")]
+        )
+        desk.dispatcher.insert(["o", "p"])
+        number = desk.intake.show("o").cycle
+        assert number is not None
+        cycle = reader.stored_cycle(number)
+        assert cycle is not None
+        assert cycle.inputs is not None
+        told = explanation(cycle.report, cycle.plans, cycle.inputs.record)
+        lines = {one.inserted.stop: one.lines for one in told.inserted}
+        assert lines["o"][0].startswith("goes to van-0, ")
+        assert lines["o"][1].startswith("van-1, ")
+        assert lines["p"][0].endswith("more than its capacity of 5")
+        assert lines["p"][1] == "van-1: it is kept for van-0"
+        own = told.of_vehicle("van-1")
+        assert own is not None
+        assert len(own.inserted[0].lines) == 2
+        assert told.notes == ()
+
+        def again(of: StoredCycle) -> tuple[str, ...]:
+            with ThreadPoolExecutor(1) as thread:
+                return replayed(of, reader.plan, SOLVE, thread).differences
+
+        assert again(cycle) == ()
+        vehicles = json.loads(cycle.inputs.parts["vehicles"].content)
+        full = [v | ({"capacity": 1} if v["id"] == "van-0" else {}) for v in vehicles]
+        parts = {**cycle.inputs.parts, "vehicles": Part.of(json.dumps(full).encode())}
+        changed = replace(cycle, inputs=CycleInputs(cycle.inputs.record, parts))
+        assert any(line.startswith("van-0: ") for line in again(changed))
 
 
 def test_an_insertion_that_takes_too_long_is_dropped(

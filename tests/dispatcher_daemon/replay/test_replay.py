@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sqlite3
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
@@ -54,6 +55,7 @@ from slipstream.roads import Crossing, RoadNetwork
 from storage import CycleInputs, Part, StoredCycle, open_database, open_reader
 
 State = Callable[..., SegmentState]
+DAY_NS = 86_400 * 10**9
 CITY = DispatcherSettings(
     form="route",
     solvers=("exact",),
@@ -283,6 +285,33 @@ def test_a_cycle_with_vehicles_on_their_way_is_made_again_the_same(
                 replayed(cycle, lambda *_: None, solve, thread)
 
 
+@pytest.mark.slow
+def test_a_cycle_is_made_again_as_long_as_its_inputs_are_kept(tmp_path: Path, state: State) -> None:
+    """Its states go after a day and are not needed; its traffic goes with its other inputs."""
+    problem, states = city(1, 8, 24, 100, state)
+    solve = solve_in_process([ExactSolver()])
+    last = stored(tmp_path, problem.network, problem.fleet, CITY, states, solve, cycles=2)
+    began_ns, url = last.report.started_ns, f"sqlite:///{tmp_path / 'slipstream.db'}"
+    with open_database(url) as database, open_reader(url) as reader:
+        known = reader.states(1)
+        assert any(gate.open for gate in last.report.gates)
+        database.tidy(began_ns + 6 * DAY_NS)
+        assert (len(known) > 0, reader.states(1)) == (True, ())
+        cycle = reader.stored_cycle(1)
+        assert cycle is not None
+        assert again(cycle, CITY).differences == ()
+        closed = changed(cycle, "traffic", lambda t: {**t, "open": [False] * len(t["open"])})
+        assert again(closed, CITY).differences != ()
+
+        database.tidy(began_ns + 7 * DAY_NS)
+        assert reader.stored_cycle(1) == replace(cycle, inputs=None)
+    with sqlite3.connect(tmp_path / "slipstream.db") as connection:
+        query = "SELECT count(*), count(DISTINCT hash) FROM input_uses"
+        uses, parts = connection.execute(query).fetchone()
+        assert connection.execute("SELECT count(*) FROM input_parts").fetchone() == (parts,)
+        assert uses == 8
+
+
 def test_inputs_give_the_cycle_that_they_were_made_of(
     demo: RoutingProblem, traffic: Callable[..., TrafficSnapshot], state: State
 ) -> None:
@@ -317,10 +346,10 @@ def test_inputs_give_the_cycle_that_they_were_made_of(
     cycle = Cycle(problem, snapshot, settings, 7, snapshot.now_ns, 99, start={"van-a": ("c1",)})
     result = CycleResult(failed_report(7, snapshot.now_ns, 0.0, "none"), ())
     inputs = InputEncoder().encode(cycle, Trace(), result)
-    record = StoredCycle(result.report, (), snapshot.states, inputs)
+    record = StoredCycle(result.report, (), inputs)
     found = restored_cycle(record, lambda *_: None)
     assert found.problem == cycle.problem
-    assert found.snapshot == cycle.snapshot
+    assert found.snapshot == replace(cycle.snapshot, states=())
     kept = {"bus", "service", "database_url", "rsus"}
     assert found.settings.model_dump(exclude=kept) == settings.model_dump(exclude=kept)
     assert found.settings.priced_advice == settings.priced_advice
@@ -338,8 +367,12 @@ def test_inputs_that_cannot_be_read_are_told(tmp_path: Path, demo: RoutingProble
     with pytest.raises(ValueError, match="warp_factor"):
         again(newer, settings)
     assert cycle.inputs is not None
-    fewer = CycleInputs(cycle.inputs.record, {"network": cycle.inputs.parts["network"]})
-    with pytest.raises(ValueError, match="cannot be read"):
-        again(replace(cycle, inputs=fewer), settings)
+    for gone, said in (("places", "cannot be read"), ("traffic", "kept no traffic")):
+        parts = {name: part for name, part in cycle.inputs.parts.items() if name != gone}
+        fewer = CycleInputs(cycle.inputs.record, parts)
+        with pytest.raises(ValueError, match=said):
+            again(replace(cycle, inputs=fewer), settings)
+    with pytest.raises(ValueError, match="not that of its roads"):
+        again(changed(cycle, "traffic", lambda _: {"y_e": [1]}), settings)
     with pytest.raises(ValueError, match="not stored"):
         again(replace(cycle, inputs=None), settings)

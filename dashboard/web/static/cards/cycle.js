@@ -36,6 +36,9 @@ function inWords(told) {
   if (!told) return section("In words", h("p.muted", {}, "No words are stored of it."));
   return [
     section("In words", sentences([...told.summary, ...told.notes], "")),
+    told.orders.length ? section("Orders put into tours", longTable(["Order", "Why"], told.orders.map((one) => [
+      link("order", one.id), one.lines.map((line) => h("div", {}, line)),
+    ]), "Orders put into tours", 6)) : null,
     told.vehicles.length ? section("Its vehicles", longTable(["Vehicle", "Why"], told.vehicles.map((one) => [
       link("vehicle", one.id), one.lines.map((line) => h("div", {}, line)),
     ]), "Its vehicles", 6)) : null,
