@@ -338,6 +338,7 @@ def test_the_report_of_a_day(run: Run) -> None:
     assert "16.0 km in platoons, of 40.0 driven" in plain
     assert "Served 1 of them late 1 Failed 1" in plain
     assert "1 critical, 0 warnings" in plain
+    assert "Planned 3 of them better than the baseline 3" in plain
     assert "style=" not in first
     empty = run.served.get("/report?day=2020-02-29")
     assert "Nothing was driven" in empty.body.decode()
