@@ -98,7 +98,8 @@ def run_dashboard(settings: DashboardSettings) -> None:
             history.start()
         hub, pictures = Hub(), Pictures()
         limits = Limits(settings.stale_after_s, settings.silent_after_s)
-        tables = Tables(scene, limits, energy_factors=settings.energy_factors)
+        factors = settings.energy_factors
+        tables = Tables(scene, limits, energy_factors=factors, rsus=settings.rsus)
         present = Present(
             live,
             tables,

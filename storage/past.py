@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, TypeVar
 
-from sqlalchemy import func, select, tuple_
+from sqlalchemy import case, func, select, tuple_
 from sqlalchemy.orm import Session
 
 from slipstream.messages import OrderState
@@ -20,6 +20,8 @@ ORDERS_LAST_S: Final = 7 * 86_400.0
 """An order whose last change lies longer before a moment counts only if it is still open now, s."""
 ORDERS_LISTED_S: Final = 86_400.0
 """For so long an order that has ended is listed, s."""
+SAVES_KWH: Final = 0.0005
+"""What is saved less is shown as nothing, kWh."""
 _OLDER_PLANS: Final = 3
 """Plans that a vehicle may have refused or left unanswered after the one that it follows."""
 _MAX_NAMES: Final = 500
@@ -53,12 +55,14 @@ class CycleSums:
         wall_s: mean wall time, s; 0 if there is none.
         longest_s: the longest one.
         plans: that they sent.
+        saving: those whose plans need less than the baseline, by `SAVES_KWH` at least.
     """
 
     by_status: Mapping[str, int]
     wall_s: float
     longest_s: float
     plans: int
+    saving: int = 0
 
 
 def span(session: Session) -> tuple[int, int] | None:
@@ -238,6 +242,7 @@ def order_ends(session: Session, begin_ns: int, end_ns: int) -> list[OrderEnd]:
 
 def cycle_sums(session: Session, begin_ns: int, end_ns: int) -> CycleSums:
     """What the cycles did that began in a range of time."""
+    saved_kwh = CycleRow.baseline_kwh - CycleRow.cooperative_kwh
     query = (
         select(
             CycleRow.status,
@@ -245,6 +250,7 @@ def cycle_sums(session: Session, begin_ns: int, end_ns: int) -> CycleSums:
             func.sum(CycleRow.wall_s),
             func.max(CycleRow.wall_s),
             func.sum(CycleRow.plan_count),
+            func.sum(case((saved_kwh >= SAVES_KWH, 1), else_=0)),
         )
         .where(CycleRow.started_ns >= begin_ns, CycleRow.started_ns < end_ns)
         .group_by(CycleRow.status)
@@ -256,4 +262,5 @@ def cycle_sums(session: Session, begin_ns: int, end_ns: int) -> CycleSums:
         sum(row[2] for row in rows) / number if number else 0.0,
         max((row[3] for row in rows), default=0.0),
         int(sum(row[4] for row in rows)),
+        int(sum(row[5] for row in rows)),
     )

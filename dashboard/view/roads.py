@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Final
 
 from dashboard.live import Snapshot, published_tolerance_s
@@ -77,12 +78,20 @@ class RoadData:
         return replace(self, states=tuple(states), flag_since=since)
 
 
-def road_data(snapshot: Snapshot, now_ns: int) -> dict[str, RoadData]:
-    """The messages by road, of all that are watched, by name."""
+def road_data(
+    snapshot: Snapshot, now_ns: int, watching: Mapping[str, str] = MappingProxyType({})
+) -> dict[str, RoadData]:
+    """The messages by road, of all that are watched, by name.
+
+    Args:
+        snapshot: the latest messages.
+        now_ns: UTC.
+        watching: RSUs by road, where the settings have them; what units tell goes before it.
+    """
     last = snapshot.cycles[-1] if snapshot.cycles else None
     gates = {gate.segment: gate for gate in last.gates} if last else {}
     oldest_ns = now_ns - round(LIST_FOR_S * 1e9)
-    watching = {
+    watched_by = dict(watching) | {
         segment: health.rsu
         for health in snapshot.rsus.values()
         if health.time_ns > oldest_ns
@@ -98,11 +107,11 @@ def road_data(snapshot: Snapshot, now_ns: int) -> dict[str, RoadData]:
     return {
         segment: RoadData(
             segment,
-            watching.get(segment, ""),
+            watched_by.get(segment, ""),
             stopped=tuple(stopped.get(segment, ())),
             gate=gates.get(segment),
         ).with_states(states.get(segment, ()), snapshot.flag_since)
-        for segment in sorted({*watching, *states, *gates})
+        for segment in sorted({*watched_by, *states, *gates})
     }
 
 

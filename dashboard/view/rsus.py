@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from typing import Final
 
 from dashboard.view import labels
@@ -20,13 +20,24 @@ _STATUS: Final[dict[str, tuple[str, Level]]] = {
 
 
 def rsu_views(
-    healths: Mapping[str, RsuHealth], now_ns: int, stale_after_s: float
+    healths: Mapping[str, RsuHealth],
+    now_ns: int,
+    stale_after_s: float,
+    *,
+    keep: Container[str] = (),
 ) -> tuple[RsuView, ...]:
-    """The units that were heard less than `LIST_FOR_S` ago, by name."""
+    """The units that were heard less than `LIST_FOR_S` ago, by name.
+
+    Args:
+        healths: the latest of each unit.
+        now_ns: UTC.
+        stale_after_s: age above which a unit is silent, s.
+        keep: units that stay listed for as long as they are silent.
+    """
     views = []
     for name, health in sorted(healths.items()):
         age_s = _age_s(health.time_ns, now_ns)
-        if age_s > LIST_FOR_S:
+        if age_s > LIST_FOR_S and name not in keep:
             continue
         status, level = _STATUS[health.status]
         if health.fault is not None:

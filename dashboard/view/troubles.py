@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -12,6 +12,7 @@ from dashboard.view.dispatcher import cycle_problem
 from dashboard.view.labels import Level
 from dashboard.view.model import RoadView, RsuView, VehicleView
 from slipstream import freshness
+from slipstream.messages import Alarm
 
 _RANK: Final[dict[Level, int]] = {"bad": 0, "warn": 1, "ok": 2}
 _KINDS: Final = (
@@ -19,6 +20,10 @@ _KINDS: Final = (
     *("rsu", "road", "order", "vehicle"),
 )
 """Of subjects: what else depends on the first ones."""
+QUIET_SHARE: Final = 0.75
+"""Of the time after which a dispatcher counts as silent: if nobody at all is heard for so long, it
+is the bus. All send each second, so that nobody of them is overdue by itself before."""
+_BUS: Final = "The message bus or the network does not answer: nothing here is up to date"
 
 
 @dataclass(frozen=True)
@@ -47,6 +52,9 @@ def troubles(
     vans: Collection[VehicleView],
     now_ns: int,
     silent_after_s: float,
+    *,
+    settling: bool = False,
+    unheard: Iterable[str] = (),
 ) -> tuple[Trouble, ...]:
     """All that is wrong, the worst first.
 
@@ -59,45 +67,92 @@ def troubles(
         vans: of the vehicles.
         now_ns: UTC.
         silent_after_s: age above which the dispatcher counts as silent, s.
+        settling: the bus has just come back, so that silence still tells nothing.
+        unheard: RSUs of the settings that should have been heard by now and were not.
     """
     found: list[Trouble] = []
-    if not snapshot.connected:
-        mend = "start the router, or mend the network; the page goes on by itself"
-        text = "The message bus does not answer: nothing here is up to date"
-        found.append(Trouble("bus", "bad", text, mend=mend))
-    else:
+    down = bus_trouble(snapshot, now_ns, silent_after_s)
+    answers = down is None and not settling
+    if down is not None:
+        found.append(down)
+    elif answers:
         found += _of_dispatcher(snapshot, now_ns, silent_after_s)
     found += _of_database(snapshot)
     for rsu in rsus:
-        if rsu.level != "ok" and (snapshot.connected or rsu.fps is not None):
+        if rsu.level != "ok" and (answers or rsu.fps is not None):
             level: Literal["warn", "bad"] = "bad" if rsu.level == "bad" else "warn"
             silent_ns = rsu.health.time_ns if rsu.fps is None else None
             found.append(
                 Trouble(f"rsu/{rsu.rsu}", level, f"Camera {rsu.rsu}: {rsu.status}", silent_ns)
             )
+    if answers:
+        mend = "look at its service, its network and the name in its settings"
+        found += [
+            Trouble(f"rsu/{rsu}", "bad", f"Camera {rsu}: never heard", mend=mend) for rsu in unheard
+        ]
     found += [
         Trouble(f"road/{road.segment}", "warn", f"A vehicle stands on {road.segment}")
         for road in roads
         if road.stopped
     ]
-    if snapshot.connected:
+    if answers:
         found += [
             Trouble(f"vehicle/{van.vehicle}", "warn", f"{van.vehicle} tells no position any more")
             for van in vans
             if van.silent and not van.idle
         ]
     told = {trouble.subject for trouble in found}
-    found += [trouble for trouble in _of_alarms(snapshot) if trouble.subject not in told]
+    alarms = () if snapshot.alarms is None else snapshot.alarms.alarms
+    found += [trouble for trouble in of_alarms(alarms) if trouble.subject not in told]
     return tuple(sorted(found, key=_rank))
 
 
-def _of_alarms(snapshot: Snapshot) -> Iterator[Trouble]:
-    """What the dispatcher alarms of and the page does not see by itself."""
-    for alarm in () if snapshot.alarms is None else snapshot.alarms.alarms:
-        if alarm.ended_ns is None and alarm.severity != "info":
-            grave = alarm.severity == "critical" and alarm.acknowledged_by is None
-            level: Literal["warn", "bad"] = "bad" if grave else "warn"
+def bus_trouble(snapshot: Snapshot, now_ns: int, silent_after_s: float) -> Trouble | None:
+    """That of the bus, or of the network that it runs over; None: it answers.
+
+    A router that hangs keeps its links, and zenoh takes 10 s to notice: so silence tells, too.
+    """
+    quiet_ns = silent_since_ns(snapshot, now_ns, silent_after_s)
+    if snapshot.connected and quiet_ns is None:
+        return None
+    mend = "start the router, or mend the network; the page goes on by itself"
+    return Trouble("bus", "bad", _BUS, quiet_ns, mend)
+
+
+def silent_since_ns(snapshot: Snapshot, now_ns: int, silent_after_s: float) -> int | None:
+    """UTC since when none of several senders is heard that were heard until then; None: one is.
+
+    Each box may fail by itself, so that the dispatcher, an RSU or the fleet alone is told as such.
+    What was silent for long before does not count, and neither does what is dated ahead.
+    """
+    dispatcher = () if snapshot.dispatcher is None else (snapshot.dispatcher,)
+    senders = (
+        *(health.time_ns for health in (*dispatcher, *snapshot.rsus.values())),
+        # One agent may speak for many vehicles.
+        max((told.time_ns for told in snapshot.positions.values()), default=0),
+    )
+    heard = [time_ns for time_ns in senders if not freshness.is_ahead(time_ns, now_ns)]
+    last_ns = max(heard, default=0)
+    until_then = [at for at in heard if last_ns - at <= silent_after_s * 1e9]
+    quiet_s = freshness.age_s(last_ns, now_ns)
+    return last_ns if len(until_then) > 1 and quiet_s > QUIET_SHARE * silent_after_s else None
+
+
+def of_alarms(alarms: Iterable[Alarm]) -> Iterator[Trouble]:
+    """What the dispatcher alarms of, and is still in force."""
+    for alarm in alarms:
+        if (level := alarm_level(alarm)) is not None:
             yield Trouble(alarm.subject, level, alarm.text, alarm.since_ns, alarm.mend)
+
+
+def alarm_level(alarm: Alarm) -> Literal["warn", "bad"] | None:
+    """How bad what an alarm tells is: less so once somebody has acknowledged it.
+
+    None: it has ended, or only informs.
+    """
+    if alarm.ended_ns is not None or alarm.severity == "info":
+        return None
+    return "bad" if alarm.severity == "critical" and alarm.acknowledged_by is None else "warn"
 
 
 def _rank(trouble: Trouble) -> tuple[int, int, str]:

@@ -80,6 +80,33 @@ def features(road: str, known: Known) -> list[Part]:
     return found
 
 
+def features_of_minute(minutes: Sequence[RollUp], time_ns: int) -> list[Part]:
+    """The same of a past moment: means of its minute. Errors and limits are not stored.
+
+    Args:
+        minutes: of the road, oldest first.
+        time_ns: UTC.
+    """
+    minute = next(
+        (one for one in minutes if one.began_ns <= time_ns < one.began_ns + one.period_s * 10**9),
+        None,
+    )
+    if minute is None or minute.period_s != 60:
+        return []
+    return [
+        {
+            "name": name,
+            "value": round(minute.features[field].mean * factor, 3),
+            "unit": unit,
+            "standard_error": None,
+            "threshold": None,
+            "crossed": False,
+        }
+        for field, name, unit, factor, _ in _FEATURES
+        if field in minute.features
+    ]
+
+
 def _limits_of(snapshot: Snapshot, state: State) -> Mapping[str, float | None]:
     health = snapshot.rsus.get(state.rsu)
     limits = None if health is None else health.stability

@@ -67,7 +67,9 @@ def road_card(page: Page, road: str, t: T = None) -> Response:
             "id": road,
             **(row or {}),
             **parts.road_facts(segment),
-            "features": parts.features(road, known),
+            "features": parts.features(road, known)
+            if known.moment["live"]
+            else parts.features_of_minute(minutes, known.now_ns),
             "hour": parts.hour(minutes),
             "refused": parts.refused(road, known),
             "stopped": parts.stopped(road, known),

@@ -5,7 +5,7 @@ the start, in the page's time zone.
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, fields, replace
 from datetime import datetime, timedelta
 from math import fsum
@@ -133,7 +133,7 @@ class EnergyBook:
 
     def at(self, time_ns: int) -> dict[str, Any]:
         """Sums until a moment: of its day, its week, and since the start, with those of the last
-        cycle that drove. The hour that it lies in counts as far as it is booked.
+        cycle that drove. Of the hour that it lies in a part counts, see `_hours`.
 
         Raises:
             StorageError: the database cannot be read.
@@ -142,7 +142,7 @@ class EnergyBook:
         week_ns, day_ns = week_begins(time_ns, self._zone), day_begins(time_ns, self._zone)
         last = self._reader.last_energy(time_ns)
         baseline = None if last is None or last.energy is None else last.energy.baseline
-        hours = self._reader.energy_sums(week_ns, end_ns, by="hour")
+        hours = self._hours(week_ns, end_ns)
         found: dict[str, Any] = {
             "today": None,
             "week": None,
@@ -169,12 +169,12 @@ class EnergyBook:
 
     def rows(self, begin_ns: int, end_ns: int, by: Literal["hour", "day"]) -> list[dict[str, Any]]:
         """Sums of the hours or days of a range of time, with their begin as `t`, ms of UTC; those
-        in which nothing was driven are missing.
+        in which nothing was driven are missing. Of the hour that it ends in a part counts.
 
         Raises:
             StorageError: the database cannot be read.
         """
-        hours: Sequence[EnergySum] = self._reader.energy_sums(begin_ns, end_ns, by="hour")
+        hours = self._hours(begin_ns, end_ns)
         parts = by_day(hours, self._zone) if by == "day" else hours
         last = self._reader.last_energy(_EVER_NS)
         baseline = None if last is None or last.energy is None else last.energy.baseline
@@ -182,6 +182,24 @@ class EnergyBook:
             {"t": part.begin_ns // 10**6, **sum_row(part, self._factors, baseline)}
             for part in parts
         ]
+
+    def _hours(self, begin_ns: int, end_ns: int) -> list[EnergySum]:
+        """Sums by hour until a moment.
+
+        The ledger has whole hours: the one that a past moment lies in counts by the share of its
+        time that had passed, so that nothing counts that came long after. Of the present all
+        counts that is booked.
+        """
+        hours = list(self._reader.energy_sums(begin_ns, end_ns, by="hour"))
+        span = self._reader.span() if hours and hours[-1].begin_ns + HOUR_NS > end_ns else None
+        if span is not None:
+            begun_ns = max(hours[-1].begin_ns, span[0] if span[0] < end_ns else 0)
+            over_ns = min(hours[-1].begin_ns + HOUR_NS, span[1])
+            if end_ns < over_ns:
+                share = max(0, end_ns - begun_ns) / (over_ns - begun_ns)
+                figures = {name: share * getattr(hours[-1], name) for name in _FIGURES}
+                hours[-1] = EnergySum(hours[-1].begin_ns, **figures)
+        return hours
 
     def _whole(self, time_ns: int) -> tuple[EnergySum, int | None]:
         """The sum since the start, and UTC of its first hour; None: nothing was driven yet."""
@@ -200,7 +218,7 @@ class EnergyBook:
                     0
                 ].begin_ns
             since_ns = self._since_ns if days else None
-        rest = self._reader.energy_sums(begin_ns, end_ns, by="hour")
+        rest = self._hours(begin_ns, end_ns)
         if since_ns is None and rest:
             since_ns = rest[0].begin_ns
         whole = total([*days, *rest], since_ns or 0)

@@ -23,6 +23,9 @@ IDLE_PERIOD_S: Final = 5.0
 """The same where no browser follows."""
 MAX_BUSY_SHARE: Final = 0.2
 """Of one core, that updates take; where one takes long, the next one comes later."""
+STOOD_S: Final = 1.5
+"""Where an update comes so much later than it was due, the page itself stood: what has come in
+meanwhile is taken in before anybody is called silent."""
 BEAT_S: Final = 2.0
 """A browser hears something at least so often, so that it knows within 5 s that it is cut off."""
 
@@ -100,8 +103,11 @@ class Present(threading.Thread):
         period_s = max(PERIOD_S, worked_s / MAX_BUSY_SHARE)
         if self._hub.viewers:
             self._hub.connected.clear()
-            self._stopping.wait(max(0.0, begun + period_s - time.monotonic()))
-            return
-        until = begun + max(period_s, IDLE_PERIOD_S)
-        self._hub.connected.wait(max(0.0, until - time.monotonic()))
-        self._hub.connected.clear()
+            due = max(begun + period_s, time.monotonic())
+            self._stopping.wait(due - time.monotonic())
+        else:
+            due = max(begun + max(period_s, IDLE_PERIOD_S), time.monotonic())
+            self._hub.connected.wait(due - time.monotonic())
+            self._hub.connected.clear()
+        if time.monotonic() - due > STOOD_S:
+            self._stopping.wait(PERIOD_S)

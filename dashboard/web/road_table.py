@@ -68,6 +68,9 @@ class _Frame:
 class RoadTable:
     """The watched roads.
 
+    Args:
+        rsus: roads by RSU that are watched whether or not the unit was heard.
+
     Attributes:
         rows: of the page, by road.
         before: the rows of the moment before.
@@ -77,7 +80,8 @@ class RoadTable:
         standing: views of the roads on which a vehicle stands as in no queue.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, rsus: Mapping[str, Sequence[str]] | None = None) -> None:
+        self._watching = {road: rsu for rsu, roads in (rsus or {}).items() for road in roads}
         self.rows: Rows = {}
         self.before: Rows = {}
         self.changes: Rows | None = None
@@ -129,7 +133,7 @@ class RoadTable:
         """Look at all roads; those whose messages are the same stay as they are."""
         old = self._roads if frame.limits == self._frame.limits else {}
         self._roads = {}
-        for name, data in road_data(snapshot, now_ns).items():
+        for name, data in road_data(snapshot, now_ns, self._watching).items():
             known = old.get(name)
             if known is None or now_ns >= known.expires_ns or not _same(known.data, data):
                 known = _made(data, frame, now_ns)

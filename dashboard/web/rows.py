@@ -124,6 +124,33 @@ def rsu_row(rsu: RsuView, scene: Scene, pictured: bool) -> Row:
     }
 
 
+def unheard_rsu_row(segments: Sequence[str], scene: Scene, overdue: bool) -> Row:
+    """A roadside unit that only the settings tell of.
+
+    Args:
+        segments: that it watches.
+        scene: the roads.
+        overdue: whether it should have been heard by now.
+    """
+    middle = scene.places.middle(tuple(segments))
+    status = "never heard" if overdue else "not heard yet"
+    return {
+        "x": None if middle is None else round(middle[0], 1),
+        "y": None if middle is None else round(middle[1], 1),
+        "status": status,
+        "level": "bad" if overdue else "idle",
+        "why": status,
+        "fps": None,
+        "latency_ms": None,
+        "skipped_share": None,
+        "faults": None,
+        "segments": list(segments),
+        "vehicles": None,
+        "seen": None,
+        "picture": False,
+    }
+
+
 @dataclass(frozen=True)
 class Tour:
     """What of a vehicle's plan stays the same for as long as it has it.

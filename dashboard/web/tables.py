@@ -11,17 +11,25 @@ from dashboard.live import Snapshot
 from dashboard.view.model import VehicleView
 from dashboard.view.roads import road_limits
 from dashboard.view.rsus import rsu_views
-from dashboard.view.troubles import Trouble, troubles
+from dashboard.view.troubles import Trouble, bus_trouble, of_alarms, troubles
 from dashboard.view.vehicles import vehicle_views
 from dashboard.web import rows
+from dashboard.web.levels import raised, raised_row, worst_by_row
 from dashboard.web.road_table import RoadTable
 from dashboard.web.rows import TABLES, Moment, Row, Rows, Scene, Tour, ms
+from slipstream.freshness import age_s, fault
 from slipstream.messages import CycleReport, VehiclePlan
 from slipstream.orders import OrderRecord
 
 Partners = dict[tuple[str, str], list[str]]
 OWN_ALARMS: Final = ("bus", "dispatcher", "database")
 """Subjects whose trouble the dispatcher may not be able to tell of: the page tells it."""
+UNHEARD_AFTER_S: Final = 10.0
+"""An RSU of the settings has so long to be heard first, from the page's start or since the bus
+answers again, s: units that start with the page load their detector before."""
+SETTLE_S: Final = 5.0
+"""For so long after an outage of the bus silence tells nothing, s: each sender tries again to reach
+the router, every 4 s at most."""
 _ORDERS_AGAIN_NS: Final = 60 * 10**9
 """For so long orders that have ended stay, though their time is over."""
 
@@ -47,6 +55,7 @@ class Tables:
         limits: see there.
         live: whether they are of the present.
         energy_factors: keyword arguments of `rows.energy_sum`.
+        rsus: roads by RSU, as far as the settings have them: listed though they were never heard.
 
     Attributes:
         moment: the whole, with `seq` 0 before the first update.
@@ -59,10 +68,14 @@ class Tables:
         *,
         live: bool = True,
         energy_factors: Mapping[str, float] | None = None,
+        rsus: Mapping[str, Sequence[str]] | None = None,
     ) -> None:
         self._scene, self._limits = scene, limits
         self._factors = dict(energy_factors or {})
-        self._roads = RoadTable()
+        self._rsus = dict(rsus or {})
+        self._roads = RoadTable(self._rsus)
+        self._down_ns: int | None = None
+        self._answers_ns: int | None = None
         self._tours: dict[str, tuple[Tour, tuple[bool, ...], list[list[int]]]] = {}
         self._partners: tuple[tuple[int, ...], tuple[VehiclePlan, ...], Partners] = (), (), {}
         self._orders: tuple[Sequence[OrderRecord], tuple[VehiclePlan, ...], int, Rows]
@@ -99,17 +112,37 @@ class Tables:
         Returns:
             What has changed, as a browser gets it; None: nothing.
         """
-        roads = self._roads
-        roads.update(snapshot, now_ns, road_limits(snapshot.dispatcher, self._limits.stale_after_s))
-        rsus = rsu_views(snapshot.rsus, now_ns, self._limits.stale_after_s)
+        roads, limits = self._roads, self._limits
+        roads.update(snapshot, now_ns, road_limits(snapshot.dispatcher, limits.stale_after_s))
+        rsus = rsu_views(snapshot.rsus, now_ns, limits.stale_after_s, keep=self._rsus)
         vans = vehicle_views(snapshot, now_ns, roads.open, self._scene.vehicles)
-        wrong = troubles(snapshot, roads.standing, rsus, vans, now_ns, self._limits.silent_after_s)
-        heard = not any(trouble.subject in ("bus", "dispatcher") for trouble in wrong[:1])
+        down = bus_trouble(snapshot, now_ns, limits.silent_after_s)
+        unheard = self._unheard(snapshot, now_ns, down)
+        wrong = troubles(
+            snapshot,
+            roads.standing,
+            rsus,
+            vans,
+            now_ns,
+            limits.silent_after_s,
+            settling=self._down_ns is not None and age_s(self._down_ns, now_ns) < SETTLE_S,
+            unheard=[name for name, overdue in unheard.items() if overdue],
+        )
+        heard = self._is_planning(snapshot, now_ns, wrong)
+        rsu_rows = {rsu.rsu: rows.rsu_row(rsu, self._scene, pictured) for rsu in rsus}
+        for name, overdue in unheard.items():
+            rsu_rows[name] = rows.unheard_rsu_row(self._rsus[name], self._scene, overdue)
+        if down is not None:
+            rsu_rows = {n: raised_row(row, "warn", down.text) for n, row in rsu_rows.items()}
+        alarms = () if snapshot.alarms is None else snapshot.alarms.alarms
+        worst = worst_by_row((*wrong, *of_alarms(alarms)))
         new: Moment = {
-            "vehicles": self._vehicle_rows(vans, heard, snapshot.drafting_kwh),
-            "roads": roads.rows,
-            "rsus": {rsu.rsu: rows.rsu_row(rsu, self._scene, pictured) for rsu in rsus},
-            "orders": self._order_rows(snapshot, now_ns),
+            "vehicles": raised(
+                self._vehicle_rows(vans, heard, snapshot.drafting_kwh), worst.get("vehicles")
+            ),
+            "roads": raised(roads.rows, worst.get("roads")),
+            "rsus": raised(dict(sorted(rsu_rows.items())), worst.get("rsus")),
+            "orders": raised(self._order_rows(snapshot, now_ns), worst.get("orders")),
             "cycles": self._cycle_rows(snapshot),
             "alarms": self._alarm_rows(snapshot, wrong, now_ns),
             "status": status(wrong),
@@ -119,13 +152,30 @@ class Tables:
         }
         return self._take(new, ms(now_ns) or 0)
 
+    def _is_planning(self, snapshot: Snapshot, now_ns: int, wrong: Sequence[Trouble]) -> bool:
+        """Whether the dispatcher is heard, and nothing keeps it from planning."""
+        health, silent_after_s = snapshot.dispatcher, self._limits.silent_after_s
+        if health is None or fault(health.time_ns, now_ns, stale_after_s=silent_after_s):
+            return False
+        return not any(t.level == "bad" and t.subject in ("bus", "dispatcher") for t in wrong)
+
+    def _unheard(self, snapshot: Snapshot, now_ns: int, down: Trouble | None) -> dict[str, bool]:
+        """RSUs of the settings that were never heard, and whether they should have been by now."""
+        if down is not None:
+            self._down_ns = now_ns
+        if down is not None or self._answers_ns is None:
+            self._answers_ns = now_ns
+        overdue = age_s(self._answers_ns, now_ns) > UNHEARD_AFTER_S
+        return {name: overdue for name in self._rsus if name not in snapshot.rsus}
+
     def _take(self, new: Moment, t: int) -> dict[str, Any] | None:
         old = self.moment
         changed: dict[str, Any] = {"set": {}, "del": {}}
         for table in TABLES:
             before, after = old[table], new[table]
             roads = self._roads
-            if table == "roads" and roads.changes is not None and before is roads.before:
+            as_told = before is roads.before and after is roads.rows
+            if table == "roads" and roads.changes is not None and as_told:
                 told, gone = roads.changes, []
             else:
                 told, gone = _changes(before, after), [n for n in before if n not in after]
@@ -165,8 +215,8 @@ class Tables:
             self._tours[van.vehicle] = tour, is_open, drawn
             saved_kwh = drafting_kwh.get((van.vehicle, van.plan.cycle))
             row = rows.vehicle_row(van, tour, drawn, self._scene, self._partners[2], saved_kwh)
-            if not heard and row["level"] == "ok" and row["source"] != "reported":
-                # What is shown by plan cannot be confirmed: it must not look well.
+            if not heard and row["level"] == "ok":
+                # Nobody plans for it any more, or its place cannot be confirmed.
                 row["level"] = "warn"
             made[van.vehicle] = row
         return made

@@ -139,7 +139,8 @@ def _ports(files: Sequence[Checked]) -> Iterator[InputError]:
         for key, port in _ports_of(file):
             if port in seen:
                 path, other = seen[port]
-                problem = f"port {port} is taken by {other} of {path}"
+                whose = other if path == file.path else f"{other} of {path}"
+                problem = f"port {port} is taken by {whose}"
                 yield InputError(file.path, problem, "give each its own", key=key)
             seen.setdefault(port, (file.path, key))
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Final, cast
 
 from dashboard.live import Snapshot
 from dashboard.view import VehicleView
 from dashboard.view.roads import open_roads
+from dashboard.view.troubles import Trouble, of_alarms
 from dashboard.view.vehicles import vehicle_views
 from dashboard.web import rows
+from dashboard.web.levels import raised, worst_by_row
 from dashboard.web.past import views
 from dashboard.web.past.facts import Facts
 from dashboard.web.rows import Moment, Row, Scene, Tour, ms
@@ -16,8 +19,7 @@ from slipstream.messages import Alarm, Severity
 from slipstream.orders import drafting_kwh
 from storage import Event
 
-_LEVEL: Final = {"critical": "bad", "warning": "warn", "info": "ok"}
-_RANK: Final = {"bad": 0, "warn": 1, "ok": 2}
+_RANK: Final = {"bad": 0, "warn": 1}
 
 
 def snapshot_at(facts: Facts) -> Snapshot:
@@ -42,7 +44,9 @@ def moment_at(facts: Facts, snapshot: Snapshot, scene: Scene) -> Moment:
     names = {*scene.vehicles, *(record.plan.vehicle for record in facts.plans)}
     vans = vehicle_views(snapshot, facts.time_ns, open_roads(roads), names, left_out_is_idle=False)
     partners = rows.platoons(van.plan for van in vans if not van.idle)
-    alarms = facts.alarms
+    alarms = {str(event.alarm): alarm_at(event, facts.time_ns) for event in facts.alarms}
+    wrong = list(of_alarms(alarms.values()))
+    worst = worst_by_row(wrong)
 
     def vehicle_row(van: VehicleView) -> Row:
         tour = Tour.of(van.plan, scene)
@@ -54,20 +58,21 @@ def moment_at(facts: Facts, snapshot: Snapshot, scene: Scene) -> Moment:
         "t": ms(facts.time_ns),
         "seq": 0,
         "live": False,
-        "vehicles": {van.vehicle: vehicle_row(van) for van in vans},
-        "roads": {road.segment: rows.road_row(road) for road in roads},
-        "rsus": views.rsu_rows(facts, scene.places),
-        "orders": {
-            order.order: rows.order_row(order, snapshot.plans.get(order.vehicle or ""), scene)
-            for order in facts.orders
-        },
+        "vehicles": raised({van.vehicle: vehicle_row(van) for van in vans}, worst.get("vehicles")),
+        "roads": raised({road.segment: rows.road_row(road) for road in roads}, worst.get("roads")),
+        "rsus": raised(views.rsu_rows(facts, scene.places), worst.get("rsus")),
+        "orders": raised(
+            {
+                order.order: rows.order_row(order, snapshot.plans.get(order.vehicle or ""), scene)
+                for order in facts.orders
+            },
+            worst.get("orders"),
+        ),
         "cycles": {
             str(report.cycle): rows.cycle_row(report) for report in facts.cycles[-rows.MAX_CYCLES :]
         },
-        "alarms": {
-            str(event.alarm): rows.alarm_row(alarm_at(event, facts.time_ns)) for event in alarms
-        },
-        "status": status([event for event in alarms if facts.in_force(event)]),
+        "alarms": {name: rows.alarm_row(alarm) for name, alarm in alarms.items()},
+        "status": status(wrong),
         "energy": facts.energy,
         "next_cycle": None,
         "paused": facts.paused,
@@ -92,19 +97,12 @@ def alarm_at(event: Event, time_ns: int) -> Alarm:
     )
 
 
-def status(alarms: list[Event]) -> dict[str, Any]:
+def status(wrong: Sequence[Trouble]) -> dict[str, Any]:
     """The banner of a moment: what its alarms told, the worst first."""
     items = [
-        {
-            "subject": event.subject,
-            "level": _LEVEL.get(event.severity, "warn"),
-            "text": event.text,
-            "since": ms(event.time_ns),
-        }
-        for event in alarms
-        if event.severity != "info"
+        {"subject": one.subject, "level": one.level, "text": one.text, "since": ms(one.since_ns)}
+        for one in sorted(wrong, key=lambda one: _RANK[one.level])
     ]
-    items.sort(key=lambda item: _RANK[str(item["level"])])
     return {
         "level": items[0]["level"] if items else "ok",
         "text": items[0]["text"] if items else "No alarm was in force",

@@ -74,22 +74,11 @@ def majority(rollup: RollUp) -> labels.Traffic:
 def rsu_rows(facts: Facts, places: Places) -> dict[str, dict[str, Any]]:
     """Roadside units: whether states of their roads had come. Their health is not stored."""
     came = {at.gate.segment: at.rollup for at in facts.segments if at.rollup is not None}
-    alarms = {event.subject: event.text for event in facts.alarms if facts.in_force(event)}
-    return {
-        rsu: _rsu_row(rsu, roads, came, alarms, places)
-        for rsu, roads in sorted(facts.watched.items())
-    }
+    return {rsu: _rsu_row(roads, came, places) for rsu, roads in sorted(facts.watched.items())}
 
 
-def _rsu_row(
-    rsu: str,
-    roads: Sequence[str],
-    came: Mapping[str, RollUp],
-    alarms: Mapping[str, str],
-    places: Places,
-) -> dict[str, Any]:
+def _rsu_row(roads: Sequence[str], came: Mapping[str, RollUp], places: Places) -> dict[str, Any]:
     heard = [came[road] for road in roads if road in came]
-    why = alarms.get(f"rsu/{rsu}")
     status, level = "ok", "ok"
     if not came:
         # Nothing of this minute is stored, of nobody.
@@ -98,21 +87,19 @@ def _rsu_row(
         status, level = "silent", "bad"
     elif not any(rollup.measured for rollup in heard):
         status, level = "measures nothing", "warn"
-    if why is not None:
-        level = "bad"
     middle = places.middle(tuple(roads))
     return {
         "x": None if middle is None else round(middle[0], 1),
         "y": None if middle is None else round(middle[1], 1),
         "status": status,
         "level": level,
-        "why": why if why is not None else None if level == "ok" else status,
+        "why": None if level == "ok" else status,
         "fps": None,
         "latency_ms": None,
         "skipped_share": None,
-        "faults": [],
+        "faults": None,
         "segments": list(roads),
-        "vehicles": round(sum(rollup.vehicles_mean for rollup in heard)),
+        "vehicles": round(sum(rollup.vehicles_mean for rollup in heard)) if heard else None,
         "seen": None,
         "picture": False,
     }

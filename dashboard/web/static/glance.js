@@ -21,6 +21,10 @@ export function counts(store, f) {
     const found = bad(table);
     return found ? [[["warn", `${number(found)} in trouble`, "trouble"]]] : [];
   };
+  const health = (table) => {
+    const idle = n(table, (row) => row.level === "idle");
+    return !table.size ? "none known" : idle ? `${number(idle)} not known` : "all well";
+  };
   const inForce = n(alarms, (row) => !row.ended);
   const waiting = n(alarms, (row) => !row.ended && !row.acknowledged);
   const today = store.energy?.today;
@@ -34,7 +38,7 @@ export function counts(store, f) {
       notes: ["stable", "turbulent", "unknown"].map((flag) => [flag, n(roads, (row) => row.flag === flag)])
         .map(([flag, found]) => [flag === "turbulent" && found ? "flag" : "", `${number(found)} ${flag}`, found ? flag : ""]),
     },
-    { tab: "rsus", name: "RSUs", value: number(rsus.size), notes: bad(rsus) ? trouble(rsus).flat() : [["", rsus.size ? "all well" : "none heard", ""]] },
+    { tab: "rsus", name: "RSUs", value: number(rsus.size), notes: bad(rsus) ? trouble(rsus).flat() : [["", health(rsus), ""]] },
     {
       tab: "orders", name: "Open orders", value: number(n(orders, (row) => ["open", "planned", "under_way"].includes(row.state))),
       notes: [["", `${number(n(orders, (row) => row.state === "served"))} served`, "served"], ...(n(orders, (row) => row.late_s > 0) ? [["warn", `${number(n(orders, (row) => row.late_s > 0))} late`, ""]] : [])],

@@ -36,12 +36,34 @@ def test_all_is_well(world, now_ns):
 
 def test_silence_is_named_in_time(world, now_ns):
     """Dispatcher and unit, each once its messages are overdue; texts have no running ages."""
-    told = _troubles(_well(world, now_ns), now_ns + 9 * S)
+    other = world.health("avenue_west", now_ns + 9 * S)
+    unit = world.health("avenue_east", now_ns)
+    silent = _well(world, now_ns, rsus={unit.rsu: unit, other.rsu: other})
+    told = _troubles(silent, now_ns + 9 * S)
     assert [one.subject for one in told] == ["dispatcher", "rsu/rsu-avenue_east"]
     assert {one.level for one in told} == {"bad"}
     assert {one.since_ns for one in told} == {now_ns}
-    later = _troubles(_well(world, now_ns), now_ns + 11 * S)
+    later = _troubles(silent, now_ns + 11 * S)
     assert [one.text for one in later] == [one.text for one in told]
+
+
+def test_if_all_fall_silent_at_once_it_is_the_bus(world, now_ns):
+    """Though its link stands, and before any of them is overdue; one that was silent before, or
+    is dated ahead, makes no two of one."""
+    unit, later = world.health("avenue_east", now_ns), world.health("avenue_west", now_ns + 9 * S)
+    both = _well(world, now_ns)
+    assert _troubles(both, now_ns + 3 * S) == ()
+    (told,) = _troubles(both, now_ns + 3 * S + 1)
+    assert (told.subject, told.since_ns) == ("bus", now_ns)
+    assert [one.subject for one in _troubles(both, now_ns + 60 * S)] == ["bus"]
+    for rsus in (
+        {},
+        {later.rsu: later},
+        {unit.rsu: world.health("avenue_east", now_ns + 3600 * S)},
+    ):
+        told = _troubles(_well(world, now_ns, rsus=rsus), now_ns + 14 * S)
+        assert "bus" not in [one.subject for one in told]
+        assert "dispatcher" in [one.subject for one in told]
 
 
 def test_a_dead_bus_is_named_alone(world, now_ns):

@@ -67,9 +67,9 @@ class RsuRow(TypedDict):
     fps: int | None
     latency_ms: int | None
     skipped_share: Number | None
-    faults: list[str]
+    faults: list[str] | None
     segments: list[str]
-    vehicles: int
+    vehicles: int | None
     seen: Ms | None
     picture: bool
 

@@ -227,6 +227,23 @@ def test_a_moment_of_the_past_is_shown_with_its_card_and_played(opened, page: Fa
     assert "t=" not in tab.url
 
 
+def test_nothing_looks_well_that_is_not_known(opened, page: FakePage):
+    """The badge behind a dead bus, RSUs at a glance, and the card of one that was never heard."""
+    tab = opened("#rsu/rsu-1")
+    unheard = {"status": "never heard", "why": "never heard", "level": "idle", "fps": None}
+    unheard |= {"seen": None, "faults": None, "vehicles": None, "picture": False}
+    well = {"level": "ok", "why": None}
+    names = [name for name in page.moment["rsus"] if name != "rsu-1"]
+    page.send(set={"rsus": {"rsu-1": unheard} | dict.fromkeys(names, well)})
+    until(tab, "document.getElementById('glance').innerText.includes('1 not known')")
+    until(tab, "/Last heard\\s+never/.test(document.getElementById('card-body').innerText)")
+    assert "not known" in tab.inner_text("#card-body")
+    item = {"subject": "bus", "level": "bad", "text": "The message bus", "since": None}
+    page.send(status={"level": "bad", "text": "The message bus", "count": 1, "items": [item]})
+    until(tab, "document.getElementById('badge').dataset.state === 'lost'")
+    assert tab.inner_text("#badge") == "Not up to date"
+
+
 @pytest.mark.slow(long=True)
 def test_a_finished_run_opens_at_its_last_moment(opened, page: FakePage):
     """There is no live stream to ask for."""

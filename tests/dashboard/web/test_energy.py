@@ -123,13 +123,14 @@ def test_sums_until_a_moment(database: storage.Database, reader: storage.Reader)
     }
     # The last cycle drove nothing: the figures of the one before stay.
     assert found["last_cycle"]["saved_kwh"] == 0.5
-    # The same book tells of earlier moments and later ones.
+    # The same book tells of earlier moments and later ones: of half an hour the half.
     early = book.at(at("2026-11-18T08:30"))
-    assert (early["today"]["plan_kwh"], early["total"]["plan_kwh"]) == (3.0, 6.0)
+    assert (early["today"]["plan_kwh"], early["total"]["plan_kwh"]) == (1.5, 4.5)
+    assert book.at(at("2026-11-18T09:00"))["today"]["plan_kwh"] == 3.0
     assert book.at(at("2026-11-19T12:00"))["total"]["plan_kwh"] == 9.0
     assert book.at(at("2026-11-25T12:00"))["today"]["plan_kwh"] == 0.0
     assert book.at(at("2026-11-25T12:00"))["total"]["plan_kwh"] == 9.0
-    assert book.at(at("2026-11-01T09:10"))["total"]["plan_kwh"] == 1.5
+    assert book.at(at("2026-11-01T09:10"))["total"]["plan_kwh"] == 0.25
     assert book.at(at("2026-11-01T08:10"))["total"] is None
 
 

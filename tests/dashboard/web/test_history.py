@@ -170,7 +170,11 @@ def test_alarms_are_those_of_the_moment(run: Run) -> None:
     alarm = begun["alarms"]["a-1"]
     assert (alarm["ended"], alarm["by"], alarm["acknowledged"]) == (None, None, None)
     assert begun["rsus"]["rsu-avenue_west"]["level"] == "bad"
-    assert run.at(370)["alarms"]["a-1"]["by"] == "anna"
+    acknowledged = run.at(370)
+    assert acknowledged["alarms"]["a-1"]["by"] == "anna"
+    # As live: an alarm that is seen to is a warning, in the banner and on its row.
+    assert acknowledged["status"]["level"] == "warn"
+    assert begun["status"]["level"] == "bad"
     over = run.at(450)
     assert over["alarms"]["a-1"]["ended"] == run.ms(420)
     assert over["status"]["count"] == 0
@@ -215,6 +219,11 @@ def test_cards_of_the_past(run: Run) -> None:
     road = run.get(f"/api/roads/avenue_east?t={t}")
     assert road["flag"] == "stable"
     assert len(road["hour"]["t"]) == 2
+    speed = next(one for one in road["features"] if one["name"] == "mean speed")
+    assert (speed["value"], speed["unit"], speed["threshold"]) == (54.0, "km/h", None)
+    assert run.get(f"/api/roads/avenue_east?t={run.ms(200)}")["features"] == []
+    rsu = run.get(f"/api/rsus/rsu-avenue_east?t={t}")
+    assert (rsu["faults"], rsu["frames"], rsu["level"]) == (None, None, "ok")
     assert run.get(f"/api/rsus/rsu-avenue_east?t={t}")["segments"] == ["avenue_east"]
     order = run.get(f"/api/orders/%3Dlate?t={run.ms(20)}")
     assert [step["state"] for step in order["history"]] == ["open", "planned"]
@@ -259,8 +268,13 @@ def test_energy_by_hour_and_day(run: Run) -> None:
     (day,) = run.get("/api/energy?by=day")["rows"]
     assert (day["saved_kwh"], day["km"], day["platoon_km"], day["co2_kg"]) == (2.0, 40.0, 16.0, 0.8)
     assert (run.begin_ns // MS - day["t"]) < 86_400_000
-    later = run.get(f"/api/energy?by=hour&from={hours[1]['t']}&until={hours[1]['t'] + 1}")["rows"]
+    later = run.get(f"/api/energy?by=hour&from={hours[1]['t']}")["rows"]
     assert later == hours[1:]
+    # The run takes ten minutes of the second hour: nothing counts before it is driven.
+    half = run.get(f"/api/energy?by=hour&from={hours[0]['t']}&until={run.ms(300)}")["rows"]
+    assert [row["plan_kwh"] for row in half] == [3.0, 1.5]
+    sums = [run.at(after_s)["energy"]["today"]["plan_kwh"] for after_s in (0, 300, 600)]
+    assert sums == [pytest.approx(kwh, abs=0.01) for kwh in (3.0, 4.5, 6.0)]
     assert run.served.get("/api/energy?by=year").status == 422
     assert run.served.get("/api/energy?by=hour&from=0").status == 422
 
@@ -324,6 +338,7 @@ def test_the_report_of_a_day(run: Run) -> None:
     assert "16.0 km in platoons, of 40.0 driven" in plain
     assert "Served 1 of them late 1 Failed 1" in plain
     assert "1 critical, 0 warnings" in plain
+    assert "Planned 3 of them better than the baseline 3" in plain
     assert "style=" not in first
     empty = run.served.get("/report?day=2020-02-29")
     assert "Nothing was driven" in empty.body.decode()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 import threading
@@ -170,5 +171,46 @@ def test_what_fails_is_named_within_five_seconds(tmp_path, world, make_sender, s
 
         browser.until(nothing_green)
     finally:
+        city.close()
+        browser.stream.connection.close()
+
+
+def test_a_router_that_hangs_is_named_alone(tmp_path, world, make_sender, started):
+    """Within five seconds, though its link stands; until it goes on nobody else is blamed."""
+    bus_port, port = free_port(), free_port()
+    router = started("-c", ROUTER, str(bus_port))
+    endpoint = f"tcp/127.0.0.1:{bus_port}"
+    settings = {
+        "bus": {"connect": [endpoint]},
+        "port": port,
+        "scene_port": None,
+        "database_url": f"sqlite:///{tmp_path}/none.db",
+    }
+    started("-c", START, json.dumps(settings))
+    city = City(world, make_sender, endpoint)
+
+    def subjects(moment: dict) -> list[str]:
+        return [item["subject"] for item in moment["status"]["items"]]
+
+    try:
+        browser = Browser(_follow(port))
+        browser.until(lambda moment: len(moment["rsus"]) == 2 and subjects(moment) == ["database"])
+        named: set[str] = set()
+
+        def told(moment: dict) -> bool:
+            named.update(subjects(moment))
+            return "bus" in named
+
+        router.send_signal(signal.SIGSTOP)
+        assert browser.until(told) < NAMED_WITHIN_S
+        begun = time.monotonic()
+        # Beyond the time after which each sender by itself is silent, and zenoh's own lease.
+        browser.until(lambda moment: told(moment) and time.monotonic() > begun + 9)
+        assert named == {"bus", "database"}
+        router.send_signal(signal.SIGCONT)
+        browser.until(lambda moment: told(moment) and subjects(moment) == ["database"])
+        assert named == {"bus", "database"}
+    finally:
+        router.send_signal(signal.SIGCONT)
         city.close()
         browser.stream.connection.close()

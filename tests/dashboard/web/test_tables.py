@@ -13,7 +13,15 @@ from dashboard.web.hub import Part, event
 from dashboard.web.rows import Scene
 from dashboard.web.tables import Limits, Tables
 from slipstream.errors import InputError
-from slipstream.messages import RsuHealth, StoppedVehicle, StoppedVehicles, Unserved
+from slipstream.messages import (
+    Alarm,
+    Alarms,
+    RsuHealth,
+    StoppedVehicle,
+    StoppedVehicles,
+    Unserved,
+    VehiclePosition,
+)
 
 from .. import city as of
 
@@ -135,6 +143,8 @@ def test_roads_moment_after_moment_are_those_of_one_look(tables, world, now_ns, 
         for name in gone:
             del followed[name]
         anew = Tables(tables._scene, Limits(5.0, 4.0))
+        # An outage of the bus is remembered for some seconds.
+        anew._down_ns = tables._down_ns
         anew.update(snapshot, now_ns)
         assert tables.moment["roads"] == followed == anew.moment["roads"]
         assert tables.moment["vehicles"] == anew.moment["vehicles"]
@@ -227,3 +237,117 @@ def test_a_cycle_keeps_the_number_of_its_unserved_stops(world, now_ns):
     tables = Tables(Scene(Places(world.network)), Limits(5.0, 4.0))
     tables.update(live.snapshot(), now_ns + S)
     assert [row["unserved"] for row in tables.moment["cycles"].values()] == [3, 0]
+
+
+def _alarm(subject, severity="critical", **more):
+    return Alarm(
+        id=f"{severity} of {subject}",
+        severity=severity,
+        kind="x",
+        subject=subject,
+        since_ns=more.pop("since_ns", 1),
+        ended_ns=more.pop("ended_ns", None),
+        text=f"what {subject} has",
+        mend=None,
+        **more,
+    )
+
+
+def test_a_row_is_at_the_level_of_what_is_told_of_it(tables, world, now_ns):
+    """Vehicles, roads, RSUs, orders by the dispatcher's alarms; not by those that ended."""
+    alarms = (
+        _alarm("rsu/rsu-avenue_east", "warning"),
+        _alarm("vehicle/van-a"),
+        _alarm("road/avenue_east", acknowledged_by="kim", acknowledged_ns=now_ns),
+        _alarm("vehicle/van-b", ended_ns=now_ns),
+        _alarm("rsu/of-no-row"),
+    )
+    tables.update(_snapshot(world, now_ns), now_ns)
+    before = tables.moment
+    levels = [before["vehicles"]["van-a"]["level"], before["rsus"]["rsu-avenue_east"]["level"]]
+    assert levels == ["ok", "ok"]
+    told = Alarms(time_ns=now_ns, alarms=alarms)
+    delta = tables.update(_snapshot(world, now_ns, alarms=told), now_ns)
+    assert delta is not None
+    assert delta["set"]["vehicles"] == {"van-a": {"level": "bad"}}
+    assert delta["set"]["roads"] == {
+        "avenue_east": {"level": "warn", "why": "what road/avenue_east has"}
+    }
+    assert delta["set"]["rsus"] == {
+        "rsu-avenue_east": {"level": "warn", "why": "what rsu/rsu-avenue_east has"}
+    }
+    assert set(tables.moment["rsus"]) == {"rsu-avenue_east"}
+    # Without them it is as before, and a road's later changes are told.
+    later = now_ns + S
+    delta = tables.update(_snapshot(world, later, y_e=0), later)
+    assert delta is not None
+    assert delta["set"]["roads"]["avenue_east"]["flag"] == "turbulent"
+    assert tables.moment["rsus"] == before["rsus"]
+
+
+def test_nothing_is_green_while_nobody_plans(tables, world, now_ns):
+    """A vehicle that reports where it is, behind a silent dispatcher; units behind a dead bus."""
+    position = VehiclePosition(
+        vehicle="van-a",
+        time_ns=now_ns,
+        segment="avenue_east",
+        share=0.5,
+        speed_mps=10.0,
+        cycle=3,
+        leg=0,
+        on_road=True,
+    )
+    plans = {van: world.plan(van, 3, now_ns) for van in ("van-a", "van-b")}
+    known = {"positions": {"van-a": position}, "followed": plans, "plans": plans}
+    tables.update(_snapshot(world, now_ns, **known), now_ns)
+    assert tables.moment["vehicles"]["van-a"]["source"] == "reported"
+    assert {row["level"] for row in tables.moment["vehicles"].values()} == {"ok"}
+    silent = world.dispatcher(now_ns - 5 * S)
+    tables.update(_snapshot(world, now_ns, **known, dispatcher=silent), now_ns)
+    assert {row["level"] for row in tables.moment["vehicles"].values()} == {"warn"}
+    assert tables.moment["rsus"]["rsu-avenue_east"]["level"] == "ok"
+    tables.update(_snapshot(world, now_ns, **known, connected=False), now_ns)
+    assert {row["level"] for row in tables.moment["vehicles"].values()} == {"warn"}
+    row = tables.moment["rsus"]["rsu-avenue_east"]
+    assert (row["level"], "does not answer" in row["why"]) == ("warn", True)
+
+
+def test_units_of_the_settings_are_listed_though_they_were_never_heard(world, now_ns):
+    """With their roads; named once they had time to start, not while the bus is down."""
+    rsus = {"rsu-avenue_east": ("avenue_east",), "rsu-9": ("avenue_west",)}
+    tables = Tables(Scene(Places(world.network)), Limits(5.0, 4.0), rsus=rsus)
+
+    def look(after_s, **changes):
+        at_ns = now_ns + after_s * S
+        tables.update(_snapshot(world, at_ns, **changes), at_ns)
+        told = [item["subject"] for item in tables.moment["status"]["items"]]
+        return tables.moment["rsus"]["rsu-9"], told
+
+    row, told = look(0)
+    assert (row["status"], row["level"], told) == ("not heard yet", "idle", [])
+    assert row["x"] is not None
+    road = tables.moment["roads"]["avenue_west"]
+    assert (road["rsu"], road["flag"], road["level"]) == ("rsu-9", "unknown", "warn")
+    row, told = look(11)
+    assert (row["status"], row["level"], told) == ("never heard", "bad", ["rsu/rsu-9"])
+    assert look(12, connected=False)[1] == ["bus"]
+    assert look(13)[1] == []
+    assert look(23)[1] == ["rsu/rsu-9"]
+    # One that was heard stays in the list for as long as it is silent.
+    old = world.health("avenue_east", now_ns)
+    look(3 * 86400, rsus={old.rsu: old})
+    assert tables.moment["rsus"]["rsu-avenue_east"]["status"] == "silent"
+
+
+def test_after_an_outage_of_the_bus_senders_have_time_to_come_back(tables, world, now_ns):
+    """Whoever is silent still some seconds later is named then."""
+    old = world.dispatcher(now_ns)
+
+    def told(after_s, **changes):
+        at_ns = now_ns + after_s * S
+        tables.update(_snapshot(world, at_ns, dispatcher=old, **changes), at_ns)
+        return [item["subject"] for item in tables.moment["status"]["items"]]
+
+    assert told(20, connected=False) == ["bus"]
+    assert told(22) == []
+    assert told(26) == ["dispatcher"]

@@ -112,6 +112,16 @@ def test_faults_between_files_are_all_told(site: Site, capsys: pytest.CaptureFix
     assert len(err) == 7
 
 
+def test_a_port_that_one_file_asks_for_twice_names_its_keys(
+    site: Site, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Both of them, not the file itself as another one."""
+    change(site["dashboard"], scene_port=9555, service={"metrics_port": 9555})
+    _, _, err = checked(capsys, site)
+    (told,) = [line for line in err if "9555" in line]
+    assert "service.metrics_port: port 9555 is taken by scene_port;" in told
+
+
 def test_boxes_that_share_no_machine_may_have_the_same_ports(
     site: Site, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -24,7 +24,7 @@ export function roadCard(id, row, detail, ctx) {
   const { f, now } = ctx;
   const road = row ?? {};
   return [
-    h("div.lead", {}, row ? flagChip(road.flag) : chip("idle", "not watched by any roadside unit"),
+    h("div.lead", {}, row ? flagChip(road.flag) : chip("idle", unknown(id, ctx)),
       road.gate ? chip(road.gate === "open" ? "ok" : "warn", `gate ${road.gate}`) : null),
     facts([
       ["ID", id],
@@ -47,6 +47,12 @@ export function roadCard(id, row, detail, ctx) {
       ]), "Stopped vehicles")) : null,
     ] : h("p.muted", {}, "Loading…"),
   ];
+}
+
+/** Of a road without a row: what is stored then may tell nothing of one that is watched. */
+function unknown(id, { tables, t }) {
+  const watched = [...(tables.rsus?.values() ?? [])].some((rsu) => rsu.segments?.includes(id));
+  return !watched ? "not watched by any roadside unit" : t === null ? "nothing known yet" : "nothing known then";
 }
 
 function features(all, f) {

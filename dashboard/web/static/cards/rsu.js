@@ -9,6 +9,8 @@ import { facts, links, section, tile } from "./parts.js";
 /** @param {string} id @param {any} row @param {any} detail @param {import("./parts.js").CardContext} ctx */
 export function rsuCard(id, row, detail, ctx) {
   const { f } = ctx;
+  const told = ctx.t !== null ? "not stored" : "not known";
+  const counted = detail?.frames !== null && detail?.frames !== undefined;
   return [
     h("div.lead", {}, chip(row.level, row.why || words(row.status))),
     picture(id, row, ctx),
@@ -18,18 +20,18 @@ export function rsuCard(id, row, detail, ctx) {
       tile("Skipped", f.share(row.skipped_share)),
       tile("Vehicles", f.number(row.vehicles))),
     facts([
-      ["Faults", row.faults?.length ? row.faults.map(words).join(", ") : "none"],
+      ["Faults", !row.faults ? told : row.faults.length ? row.faults.map(words).join(", ") : "none"],
       ["Watches", h("span", {}, links("road", row.segments, ctx.roadName))],
-      ["Last heard", row.seen === null ? "now, as each second" : f.moment(row.seen)],
+      ["Last heard", heard(row, ctx)],
       ...(detail ? [
         ["Source", detail.source],
-        ["Running since", f.moment(detail.started)],
-        ["Frames", `${f.number(detail.frames)}, ${f.number(detail.repeated)} repeated, ${count(detail.decode_errors ?? 0, "decode error")}`],
-        ["Reconnects", f.number(detail.reconnects)],
+        ["Running since", detail.started === null ? told : f.moment(detail.started)],
+        ["Frames", !counted ? told : `${f.number(detail.frames)}, ${f.number(detail.repeated)} repeated, ${count(detail.decode_errors ?? 0, "decode error")}`],
+        ["Reconnects", counted ? f.number(detail.reconnects) : told],
         ["Memory", detail.rss_mb === null ? null : `${f.number(detail.rss_mb)}\u00a0MB`],
       ] : []),
     ]),
-    detail ? section("Calibration", detail.calibration ? calibration(detail.calibration, f) : h("p.muted", {}, ctx.t === null ? "This unit's version does not tell it." : "It is not stored.")) : null,
+    detail ? section("Calibration", detail.calibration ? calibration(detail.calibration, f) : h("p.muted", {}, ctx.t !== null ? "It is not stored." : counted ? "This unit's version does not tell it." : "It is not known: the unit was never heard.")) : null,
     detail?.reception ? section("Reception", facts([
       ["Messages", f.number(detail.reception.received)],
       ["Missed", f.number(detail.reception.missed)],
@@ -38,6 +40,15 @@ export function rsuCard(id, row, detail, ctx) {
       ["Delay", detail.reception.delay_s === null ? null : `${f.number(detail.reception.delay_s, 2)}\u00a0s`],
     ])) : null,
   ];
+}
+
+/** Of a past moment only the states of its minute are stored. */
+const IN_ITS_MINUTE = { silent: "not in this minute", "not known": "not stored" };
+
+function heard(row, ctx) {
+  if (ctx.t !== null) return IN_ITS_MINUTE[row.status] ?? "in this minute";
+  if (row.seen !== null) return ctx.f.moment(row.seen);
+  return row.fps === null ? "never" : "now, as each second";
 }
 
 /** Beyond this relative error of speed `slipstream calibrate` warns too. */
