@@ -20,6 +20,7 @@ NEAREST: Final = 6
 """Tours that a stop is tried in: those with the shortest detours in a straight line."""
 MAX_STOPS: Final = 20
 """Stops that are put in at once: more of them are for a cycle."""
+_ROUNDING_S: Final = 1e-6
 _WAITS: Final = "it waits for the next cycle"
 _COUNTED: Final[Mapping[TourObstacle, str]] = {
     "carrier": "of another carrier",
@@ -182,7 +183,7 @@ def _no_time(planner: Planner, old: Itinerary, stop: str) -> tuple[TourObstacle,
         legs = planner.legs(number, tried)
         if legs is None or not planner.lasts(number, legs):
             continue
-        begins_s = planner.window_s(number)[0]
+        begins_s = planner.ready_after_charging_s(number, legs)
         route = timed(problem, legs, vehicle, planner.reference_s, begins_s)
         late_s = lateness_s(problem, vehicle, route, planner.reference_s)
         if nearest is None or late_s < nearest[0]:
@@ -193,6 +194,9 @@ def _no_time(planner: Planner, old: Itinerary, stop: str) -> tuple[TourObstacle,
         return "charge", "its battery does not last, with no charging stop in reach"
     late_s, route = nearest
     reference_s = planner.reference_s
+    behind_s = route.visits[0].departure_s - planner.window_s(number)[1]
+    if behind_s > _ROUNDING_S:
+        return "charge", f"it would leave {behind_s:.0f} s too late, as it has to charge before"
     for visit in route.visits[1:-1]:
         served = problem.fleet.stop_by_id.get(visit.place)
         latest_s = None if served is None else served.latest_s

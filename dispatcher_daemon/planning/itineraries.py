@@ -213,9 +213,9 @@ class Planner:
 
     def lasts(self, number: int, legs: Sequence[Leg]) -> bool:
         """Whether a vehicle's battery lasts for a route, charged at its depot if need be."""
-        return math.isfinite(self._ready_after_charging_s(number, legs))
+        return math.isfinite(self.ready_after_charging_s(number, legs))
 
-    def _ready_after_charging_s(self, number: int, legs: Sequence[Leg]) -> float:
+    def ready_after_charging_s(self, number: int, legs: Sequence[Leg]) -> float:
         """When a vehicle can leave at the earliest, s; inf: its battery does not last."""
         return self.window_s(number)[0] + S_PER_H * self.batteries.needed_h(number, legs)
 
@@ -261,7 +261,7 @@ class Planner:
         if bound:
             return self._bound_itinerary(number, stops, legs, depart_s, waits_s)
         vehicle = self.problem.fleet.vehicles[number]
-        earliest_s = self._ready_after_charging_s(number, legs)
+        earliest_s = self.ready_after_charging_s(number, legs)
         if math.isinf(earliest_s) or (depart_s is not None and depart_s < earliest_s - _ROUNDING_S):
             return None
         depart_s = earliest_s if depart_s is None else depart_s

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import sqlite3
+import time
 import zlib
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from dispatcher_daemon.dispatcher import Dispatcher
+from dispatcher_daemon.dispatcher.reports import failed_report
 from dispatcher_daemon.fleet import load_fleet
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
@@ -145,3 +147,32 @@ def test_what_is_missing_is_told(run: Run, path: Path) -> None:
     assert status == 2
     assert "inputs of cycle 1 are not stored" in errors
     assert run("explain", "1")[0] == 0
+
+
+@pytest.mark.parametrize("command", ["explain", "replay"])
+@pytest.mark.parametrize("cycle", ["latest", "1"])
+def test_a_database_without_a_cycle_says_so(
+    run: Run, tmp_path: Path, command: str, cycle: str
+) -> None:
+    """It is no number that is wrong."""
+    url = f"sqlite:///{tmp_path / 'new.db'}"
+    with open_database(url):
+        pass
+    status, text, errors = run(command, cycle, url=url)
+    assert (status, text, errors.count("\n")) == (2, "", 1)
+    assert "no cycle is stored yet" in errors
+
+
+def test_a_cycle_that_made_no_plan_cannot_be_made_again(run: Run, path: Path) -> None:
+    """Its reason is told by both commands; inputs that were deleted are another matter."""
+    report = failed_report(3, time.time_ns(), 0.1, "no open order, or no free vehicle")
+    with open_database(f"sqlite:///{path}") as database:
+        database.record_cycle(report, (), ())
+    status, text, errors = run("replay", "latest")
+    assert (status, text, errors.count("\n")) == (2, "", 1)
+    assert "cycle 3 made no plan: no open order, or no free vehicle" in errors
+    status, text, errors = run("explain", "latest")
+    assert (status, text, errors) == (0, f"cycle 3: failed, {report.reason}\n", "")
+    status, _, errors = run("explain", "3", "--vehicle", "van-a")
+    assert (status, errors.count("\n")) == (2, 1)
+    assert "it has none" in errors

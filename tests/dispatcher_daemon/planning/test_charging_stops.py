@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from dispatcher_daemon.cycle import CycleResult, run_cycle
 from dispatcher_daemon.fleet import Fleet
+from dispatcher_daemon.planning import insert_stops
 from dispatcher_daemon.planning.charging_stops import with_charging_stops
 from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.plans.verify import verify_plans
@@ -137,6 +138,27 @@ def test_a_vehicle_charges_at_its_depot_before_it_leaves(town: Town) -> None:
         if served:
             assert result.plans[0].depart_ns * 1e-9 == pytest.approx(REFERENCE_S + 300.0, abs=1.0)
             assert result.plans[0].stops[0].charge_kwh == pytest.approx(need, rel=1e-3)
+
+
+def test_a_stop_that_charging_leaves_no_time_for_is_not_inserted(town: Town) -> None:
+    """A vehicle whose tour has to begin before it has charged enough says by how much it fails;
+    where its window is longer the stop is put in, and no battery is enough without a charger.
+    """
+    plain, snapshot = electric(town, 100.0, ("33",))
+    need = need_kwh(plain, snapshot, "depot-0", "s0", "depot-0")
+    half = {"charge_kwh": 0.5 * need, "depart_by_s": 100.0}
+    for depot_kw, changes, said in (
+        (0.5 * need * 12, half, "it would leave 200 s too late, as it has to charge before"),
+        (0.5 * need * 12, half | {"depart_by_s": 400.0}, None),
+        (None, half, "its battery does not last, with no charging stop in reach"),
+    ):
+        problem, snapshot = electric(town, 2 * need, ("33",), depot_kw=depot_kw, **changes)
+        cycle = Cycle(problem, snapshot, DispatcherSettings(), 1, 0, 1, REFERENCE_S)
+        result = insert_stops(cycle, {"v": ()}, ["s0"])
+        (offer,) = result.tried[0].tours
+        assert offer.detail == said
+        assert offer.obstacle == (None if said is None else "charge")
+        assert (result.found is not None) == (said is None)
 
 
 @pytest.mark.parametrize(
