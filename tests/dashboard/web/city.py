@@ -492,6 +492,7 @@ def cycle_details(t: int) -> Row:
                 {"id": f"van-{n}", "lines": ["serves stop-1, as in the baseline"]}
                 for n in range(1, 12)
             ],
+            "orders": [],
             "refused": ["van-1 and van-2 on River Road: traffic there was turbulent; 0.0300 kWh"],
             "notes": [],
         },
