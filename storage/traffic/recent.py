@@ -15,7 +15,7 @@ from storage.models import CycleRow
 from storage.traffic.models import cycle_traffic
 
 CYCLES_A_STEP: Final = 10
-"""Cycles whose states are deleted in one transaction."""
+"""Cycles whose states are deleted in one transaction, at most."""
 _GATES: Final = TypeAdapter(tuple[Gate, ...])
 _STATES: Final = TypeAdapter(tuple[SegmentState, ...])
 _T = cycle_traffic.c
@@ -53,10 +53,10 @@ def has(session: Session, cycle: int) -> bool:
     return session.scalar(select(_T.cycle).where(_T.cycle == cycle)) is not None
 
 
-def prune(session: Session, before_ns: int) -> bool:
+def prune(session: Session, before_ns: int, number: int) -> bool:
     """Delete what is kept of the oldest cycles if they began before; False if there is none.
 
-    That of the latest cycle stays.
+    Of ``number`` cycles at most. That of the latest cycle stays.
     """
     query = (
         select(_T.cycle)
@@ -66,7 +66,7 @@ def prune(session: Session, before_ns: int) -> bool:
             CycleRow.cycle < select(func.max(CycleRow.cycle)).scalar_subquery(),
         )
         .order_by(_T.cycle)
-        .limit(CYCLES_A_STEP)
+        .limit(number)
     )
     cycles = session.scalars(query).all()
     if cycles:
