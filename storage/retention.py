@@ -7,7 +7,7 @@ import shutil
 import sqlite3
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -46,7 +46,7 @@ class UntrustedClockError(InputError):
 
 
 def note_time(session: Session, started_ns: int) -> None:
-    """Move the trusted time on to a new cycle's, unless the clock has jumped ahead or back."""
+    """Move the trusted time on to a cycle's, unless the clock has jumped ahead or back."""
     trusted_ns = _trusted_ns(session)
     if trusted_ns is None or 0 < started_ns - trusted_ns <= MAX_CLOCK_GAP_DAYS * _DAY_NS:
         set_time(session, started_ns)
@@ -97,7 +97,8 @@ def check_clock(session: Session, now_ns: int, source: str) -> None:
             source,
             f"the clock is {gap_days:.0f} days ahead of the newest cycle with a trusted time, so "
             "none is deleted for its age",
-            "set the clock, or if it is right, say so: slipstream db prune --trust-clock",
+            "set the clock; if it is right, let the dispatcher run for a day, or say so: "
+            "slipstream db prune --trust-clock",
         )
 
 
@@ -162,6 +163,10 @@ class Pages:
         """Number of pages that fit into ``keep_mb`` with what is beside them; at least 1."""
         return max(1, int((keep_mb * 1e6 - self.beside) // self.size))
 
+    def wanted(self, keep_mb: float) -> int:
+        """Number of pages in use above which cycles are deleted: `limit` less `FREE_SHARE`."""
+        return int(self.limit(keep_mb) * (1 - FREE_SHARE))
+
 
 def read_pages(cursor: sqlite3.Cursor) -> Pages:
     """Pages of the SQLite file that a cursor reads, beside its log and its reserve."""
@@ -170,17 +175,18 @@ def read_pages(cursor: sqlite3.Cursor) -> Pages:
     return Pages(size, count, free, LOG_BYTES + RESERVE_BYTES)
 
 
-def read_server_pages(session: Session, enough_bytes: float) -> Pages:
+def read_server_pages(session: Session, keep_mb: float) -> Pages:
     """Pages of a PostgreSQL database's files; free is what holds no live row.
 
     Files never shrink, but rows that come take the place of deleted ones. The live rows of each
-    table are estimated from `SAMPLED_PAGES` pages: their part of it, its indexes included. Files of
-    ``enough_bytes`` count whole.
+    table are estimated from `SAMPLED_PAGES` pages: their part of it, its indexes included. Files
+    that fit into ``keep_mb`` anyway count whole.
     """
     page = int(session.scalar(text("SELECT current_setting('block_size')")))
     whole = int(session.scalar(text("SELECT pg_database_size(current_database())")))
-    if whole <= enough_bytes:
-        return Pages(page, whole // page, 0)
+    files = Pages(page, whole // page, 0)
+    if files.used <= files.wanted(keep_mb):
+        return files
     tables = Base.metadata.tables
     listing = text(
         "SELECT relname, pg_relation_size(oid), pg_table_size(oid), pg_total_relation_size(oid) "
@@ -207,7 +213,7 @@ def read_server_pages(session: Session, enough_bytes: float) -> Pages:
         places = {"pages": own // page, "sampled": sampled, "places": page // _ROW_BYTES}
         live = (session.scalar(query, places) or 0) * (own / page / sampled)
         used += total * min(1.0, float(live) / table)
-    return Pages(page, whole // page, (whole - int(used)) // page)
+    return replace(files, free=(whole - int(used)) // page)
 
 
 @dataclass(frozen=True)

@@ -48,6 +48,15 @@ class Upkeep(Writer):
         with self._write_session() as session:
             retention.set_time(session, now_ns)
 
+    def note_time(self, now_ns: int) -> None:
+        """Move the trusted time on to ``now_ns``, UTC, as a cycle does, where none is recorded.
+
+        Raises:
+            StorageError: the database cannot be written.
+        """
+        with self._write_session() as session:
+            retention.note_time(session, now_ns)
+
     def prune(
         self,
         keep_days: float,
@@ -136,11 +145,9 @@ class Upkeep(Writer):
                 "give a number of MB, 0 or more",
                 key="keep_mb",
             )
-        enough_bytes = keep_mb * 1e6 * (1 - retention.FREE_SHARE)
-        pages = began = self._pages(enough_bytes)
+        pages = began = self._pages(keep_mb)
         grown = 0 if self._used_pages is None else began.used - self._used_pages
-        wanted = int(began.limit(keep_mb) * (1 - retention.FREE_SHARE))
-        trimmed, periods, batch = 0, 0, 0.0
+        wanted, trimmed, periods, batch = began.wanted(keep_mb), 0, 0, 0.0
         while pages.used > wanted:
             enough = limit is not None and max(trimmed, periods) >= limit
             if enough and began.used - pages.used >= 2 * grown:
@@ -158,7 +165,7 @@ class Upkeep(Writer):
                 trimmed += count
             if limit is None:
                 self._give_all_back()
-            pages = self._pages(enough_bytes)
+            pages = self._pages(keep_mb)
         if not self._is_sqlite:
             # What has come since is told by no estimate.
             return trimmed

@@ -189,14 +189,14 @@ class Writer:
             except UnicodeDecodeError as error:
                 raise self._fault(sqlite3.DatabaseError(DAMAGED)) from error
 
-    def _pages(self, enough_bytes: float = 0.0) -> retention.Pages:
+    def _pages(self, keep_mb: float = 0.0) -> retention.Pages:
         if self._is_sqlite:
             with self._raw() as cursor:
                 return retention.read_pages(cursor)
         try:
             # Without the lock that writers take turns by: the estimate takes some 20 ms.
             with Session(self._engine) as session:
-                return retention.read_server_pages(session, enough_bytes)
+                return retention.read_server_pages(session, keep_mb)
         except DBAPIError as error:
             raise self._fault(error.orig) from error
 
