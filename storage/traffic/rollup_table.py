@@ -12,10 +12,12 @@ from sqlalchemy import (
     Insert,
     Row,
     Select,
+    TextClause,
     delete,
     func,
     literal,
     select,
+    text,
 )
 from sqlalchemy.orm import Session
 
@@ -155,15 +157,26 @@ def of_segment(
     # Begins of periods are known, so that each row is found by its whole key.
     first = max(least, begin(begin_ns + period_s * 10**9 - 1, period_s))
     begins = range(first, min(largest + 1, end_ns), period_s * 10**9)
-    for place in range(0, len(begins), _MAX_VALUES):
-        some = begins[place : place + _MAX_VALUES]
+    for wanted in _each_of(session, begins):
         query = (
             select(segment_rollups)
-            .where(_T.period_s == period_s, _T.began_ns.in_(some), _T.segment_id == number)
+            .where(_T.period_s == period_s, wanted, _T.segment_id == number)
             .order_by(_T.began_ns)
         )
         for row in session.execute(query):
             yield _read(row, segment)
+
+
+def _each_of(session: Session, begins: range) -> Iterator[ColumnElement[bool] | TextClause]:
+    """That a period begins at one of some times, for one statement or for several."""
+    if begins and session.get_bind().dialect.name == "postgresql":
+        # Times that the server counts: to send them costs more than to read their rows.
+        yield text(
+            "began_ns = ANY (ARRAY(SELECT generate_series(:first, :last, :step)))"
+        ).bindparams(first=begins[0], last=begins[-1], step=begins.step)
+        return
+    for place in range(0, len(begins), _MAX_VALUES):
+        yield _T.began_ns.in_(begins[place : place + _MAX_VALUES])
 
 
 def counts(session: Session, begin_ns: int, end_ns: int) -> dict[str, tuple[int, int]]:
