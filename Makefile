@@ -133,9 +133,10 @@ bench-world: setup
 bench-agents: setup
 	$(BIN)/python -m benchmarks.agents $(if $(SHORT),--short)
 
-# 10,000 segment states a second into the real dispatcher, then more until some are lost or late.
+# 10,000 segment states a second into the real dispatcher, then more until some are lost or late;
+# orders between and during cycles; a cycle on a cluster with 0, 1 and 2 workers. `ONLY=orders`: one.
 bench-service: setup
-	$(BIN)/python -m benchmarks.service $(if $(SHORT),--short)
+	$(BIN)/python -m benchmarks.service $(if $(SHORT),--short) $(if $(ONLY),--only $(ONLY))
 
 # The operator's page: 1,000 roads with two browsers for an hour, then 10,000. `SHORT=1`: 20 s.
 bench-dashboard: setup

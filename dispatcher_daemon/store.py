@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import logging
+import math
 import os
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Protocol
 
 from dispatcher_daemon import metrics
@@ -37,6 +38,11 @@ CATCH_UP_S = 1.0
 """Time after which no further call begins after a cycle, s. What is new in a cycle goes in one or
 two; a machine on which a step takes long needs more, or old traffic piles up. Others write between
 steps."""
+STEADY_S = 20 * 3600.0
+"""A clock that was not set for so long while the dispatcher ran is trusted, s: less than a day, so
+that one that is started anew each night gets there."""
+CLOCK_SET_S = 60.0
+"""A wall clock that goes this far from the monotonic one was set, s: more than slewing in a day."""
 CHECK_LIMIT_S = 3600.0
 """How long the check of the database may hold up the start, s; it takes some seconds a GB."""
 TURN_PERIOD_S = 1.0
@@ -84,6 +90,14 @@ class CycleStore(Protocol):
         """Number of the next cycle; opens the database anew where it was replaced."""
         ...
 
+    def note_time(self, now_ns: int) -> None:
+        """Move the trusted time on, unless the clock has jumped."""
+        ...
+
+    def trust_clock(self, now_ns: int) -> None:
+        """Take this for the time, whatever was trusted before."""
+        ...
+
     def prune(self, keep_days: float, now_ns: int, *, limit: int, budget_s: float) -> int:
         """Delete old cycles, at most ``limit``, and begin no deletion after a time."""
         ...
@@ -128,54 +142,102 @@ def delete_old_traffic(store: TrafficStore, now_ns: int) -> None:
         pass
 
 
+class SteadyClock:
+    """Tells how long the wall clock has run with the monotonic one, without having been set."""
+
+    def __init__(self) -> None:
+        self._since: tuple[float, float] | None = None
+
+    def steady_s(self, now_ns: int, monotonic_s: float) -> float:
+        """Since the first call, or since the clock was set, s.
+
+        Args:
+            now_ns: UTC by this machine's clock.
+            monotonic_s: at the same moment.
+        """
+        apart_s = now_ns / 1e9 - monotonic_s
+        if self._since is None or abs(apart_s - self._since[0]) > CLOCK_SET_S:
+            self._since = apart_s, monotonic_s
+        return monotonic_s - self._since[1]
+
+
 class CyclePruner:
     """Deletes while the dispatcher runs: after each cycle what is too much and traffic that is too
     old, once an hour cycles that are too old. A fault is logged and does not stop the dispatcher.
+
+    A clock that is far ahead of the cycles stored deletes nothing for its age until it has run
+    steadily for `STEADY_S`.
 
     Args:
         store: the database.
         keep_days: age limit, days.
         keep_mb: limit of the database's size, MB.
+        monotonic: s.
+
+    Attributes:
+        clock_fault: why nothing is deleted for its age, and until when; None: it is.
     """
 
-    def __init__(self, store: CycleStore, keep_days: float, keep_mb: float) -> None:
+    def __init__(
+        self,
+        store: CycleStore,
+        keep_days: float,
+        keep_mb: float,
+        monotonic: Callable[[], float] = time.monotonic,
+    ) -> None:
         self._store = store
         self._keep_days = keep_days
         self._keep_mb = keep_mb
+        self._monotonic = monotonic
+        self._clock = SteadyClock()
         self._limiter = LogLimiter()
-        self._pruned_at = -PRUNE_EVERY_S
-        self._clock_trusted = True
+        self._pruned_at = self._noted_at = -math.inf
+        self.clock_fault: str | None = None
 
     def after_cycle(self, now_ns: int) -> None:
         """Delete what is due after this cycle."""
+        steady_s = self._clock.steady_s(now_ns, self._monotonic())
         try:
             trimmed = self._store.trim(self._keep_mb, limit=PRUNE_BATCH)
             if trimmed and self._limiter.allow("trim"):
                 log.info("keep_mb reached: %d of the oldest cycles deleted", trimmed)
+            self._note_time(now_ns, steady_s)
             # Before what is tidied: a row that cannot be read would keep all cycles for ever.
             self._prune(now_ns)
             delete_old_traffic(self._store, now_ns)
-            self._clock_trusted = True
+            self.clock_fault = None
             metrics.CLOCK_UNTRUSTED.set(0)
         except UntrustedClockError as error:
-            if self._clock_trusted:
+            if self.clock_fault is None:
                 log.warning("%s", error)
-            self._clock_trusted = False
+            hours = math.ceil(max(0.0, STEADY_S - steady_s) / 3600)
+            self.clock_fault = f"{error.problem}; it is believed in {hours} h unless it is set"
             metrics.CLOCK_UNTRUSTED.set(1)
-            self._pruned_at = -PRUNE_EVERY_S
+            self._pruned_at = -math.inf
         except Exception as error:
             if self._limiter.allow("prune"):
                 log.warning("old cycles could not be deleted: %s", error)
 
+    def _note_time(self, now_ns: int, steady_s: float) -> None:
+        """Once an hour: cycles move the trusted time on, but not in a pause, nor after a jump."""
+        is_steady = steady_s >= STEADY_S
+        recovers = is_steady and self.clock_fault is not None
+        if self._monotonic() - self._noted_at < PRUNE_EVERY_S and not recovers:
+            return
+        (self._store.trust_clock if is_steady else self._store.note_time)(now_ns)
+        self._noted_at = self._monotonic()
+        if recovers:
+            log.warning("the clock has run steadily for %.0f h and is trusted", steady_s / 3600)
+
     def _prune(self, now_ns: int) -> None:
         """Delete old cycles once an hour, and after each cycle while there are more."""
-        if time.monotonic() - self._pruned_at < PRUNE_EVERY_S:
+        if self._monotonic() - self._pruned_at < PRUNE_EVERY_S:
             return
-        self._pruned_at = time.monotonic()
+        self._pruned_at = self._monotonic()
         pruned = self._store.prune(self._keep_days, now_ns, limit=PRUNE_BATCH, budget_s=TIDY_S)
         if pruned:
             log.info("%d old cycles deleted", pruned)
-            self._pruned_at = -PRUNE_EVERY_S
+            self._pruned_at = -math.inf
 
 
 def open_checked_database(url: str) -> Database:

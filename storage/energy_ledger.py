@@ -15,7 +15,7 @@ from storage.sums import add_sums
 SumBy = Literal["hour", "day", "all"]
 DAY_NS: Final = 24 * HOUR_NS
 ROWS_A_STEP: Final = 3000
-"""Rows that are deleted in one transaction, about."""
+"""Rows that are deleted in one transaction, about, at most."""
 
 # Ordered by time first, as roll-ups are.
 energy_ledger: Final = Table(
@@ -67,13 +67,13 @@ def sums(
         yield EnergySum(*row)
 
 
-def delete_oldest(session: Session, before_ns: int) -> bool:
+def delete_oldest(session: Session, before_ns: int, rows: int) -> bool:
     """Delete the rows of the oldest hours that ended before; False if there are none.
 
-    Some `ROWS_A_STEP` rows, and one hour at least.
+    Some ``rows``, and one hour at least.
     """
     oldest = select(_T.hour_ns).where(_T.hour_ns + HOUR_NS <= before_ns)
-    upto_ns = session.scalars(oldest.order_by(_T.hour_ns).limit(ROWS_A_STEP)).all()
+    upto_ns = session.scalars(oldest.order_by(_T.hour_ns).limit(rows)).all()
     if not upto_ns:
         return False
     session.execute(delete(energy_ledger).where(_T.hour_ns <= upto_ns[-1]))

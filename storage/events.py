@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 from storage.models import EventRow
 
 BATCH: Final = 1000
-"""Events deleted in one transaction."""
+"""Events deleted in one transaction, at most."""
 _MAX_NAMES: Final = 500
 
 
@@ -98,11 +98,11 @@ def last(session: Session, kinds: Collection[str]) -> Event | None:
     return None if row is None else _event(row)
 
 
-def delete_before(session: Session, before_ns: int) -> bool:
+def delete_before(session: Session, before_ns: int, number: int) -> bool:
     """Delete some events of before a time, alarms in force not; False if there are none."""
     over = or_(EventRow.alarm.is_(None), EventRow.ended_ns.is_not(None))
     query = select(EventRow.number).where(EventRow.time_ns < before_ns, over)
-    numbers = session.scalars(query.order_by(EventRow.time_ns).limit(BATCH)).all()
+    numbers = session.scalars(query.order_by(EventRow.time_ns).limit(number)).all()
     if numbers:
         session.execute(delete(EventRow).where(EventRow.number.in_(numbers)))
     return bool(numbers)

@@ -41,6 +41,8 @@ REMEMBERED_S: Final = 86_400.0
 LAPSED_S: Final = 3600.0
 """For so long a dispatcher knows a plan that lapsed: its vehicle may follow it all the same, s."""
 
+ORDERS_A_STEP: Final = 1000
+"""Orders that are deleted in one transaction, at most."""
 _MAX_NAMES: Final = 500
 """Values in one statement; SQLite takes 32,766."""
 
@@ -220,15 +222,17 @@ def plan_changes(session: Session, vehicle: str, cycles: Collection[int]) -> lis
     return [PlanChange(**_values(row, PlanChange)) for row in session.scalars(query)]
 
 
-def prune(session: Session, before_ns: int) -> None:
-    """Delete the orders that ended before, if the fleet's file no longer has them: one that it has
-    would be planned anew.
+def prune(session: Session, before_ns: int, number: int) -> bool:
+    """Delete so many of the orders that ended before, if the fleet's file no longer has them: one
+    that it has would be planned anew; False after the last ones.
     """
-    session.execute(
-        delete(OrderRow).where(
-            OrderRow.state.in_(ENDED), ~OrderRow.listed, OrderRow.since_ns < before_ns
-        )
+    query = select(OrderRow.order).where(
+        OrderRow.state.in_(ENDED), ~OrderRow.listed, OrderRow.since_ns < before_ns
     )
+    names = session.scalars(query.limit(number)).all()
+    for some in _chunks(names):
+        session.execute(delete(OrderRow).where(OrderRow.order.in_(some)))
+    return len(names) == number
 
 
 def as_order(row: OrderRow, **changes: Any) -> OrderRecord:

@@ -18,7 +18,7 @@ from storage.models import CycleRow, InputPartRow, InputRow, InputUseRow
 KEEP_DAYS: Final = 7.0
 """Age from which the inputs of cycles are deleted, days; the cycles stay."""
 BATCH: Final = 20
-"""Maximum number of cycles whose inputs are deleted in one transaction."""
+"""Cycles whose inputs are deleted in one transaction, at most."""
 
 
 @dataclass(frozen=True)
@@ -115,14 +115,14 @@ def record(session: Session, cycle: int) -> bytes | None:
         raise ValueError(f"the inputs of cycle {cycle} are damaged: {error}") from None
 
 
-def prune(session: Session, before_ns: int) -> int:
-    """Delete the inputs of at most `BATCH` cycles, the oldest, that began before; of how many."""
+def prune(session: Session, before_ns: int, number: int) -> int:
+    """Delete the inputs of at most so many cycles, the oldest, that began before; of how many."""
     query = (
         select(InputRow.cycle)
         .join(CycleRow, CycleRow.cycle == InputRow.cycle)
         .where(CycleRow.started_ns < before_ns)
         .order_by(InputRow.cycle)
-        .limit(BATCH)
+        .limit(number)
     )
     old = session.scalars(query).all()
     if old:

@@ -7,17 +7,17 @@ import shutil
 import sqlite3
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from sqlalchemy import delete, func, select
+from sqlalchemy import ColumnElement, delete, func, literal, select, text
 from sqlalchemy.orm import Session
 
 from slipstream.errors import InputError
 from storage import inputs
 from storage.engine import is_sqlite, parse_url, sqlite_path
-from storage.models import ClockRow, CycleRow
+from storage.models import Base, ClockRow, CycleRow
 
 MAX_CLOCK_GAP_DAYS: Final = 7.0
 """A clock further ahead of the trusted time than this is not trusted, days."""
@@ -27,10 +27,18 @@ LOG_BYTES: Final = 8 * 2**20
 """Room for the write-ahead log in a limit of size: SQLite empties it when it reaches 4 MB."""
 BATCH_BYTES: Final = 2 * 2**20
 """Data deleted in one transaction, and pages given back in one; the log grows by some more."""
+MAX_STEP_S: Final = 0.03
+"""Time of one transaction that deletes, s, from which the next ones are smaller."""
+MIN_SHARE: Final = 1 / 16
+"""Least share of its full size that a step has: what comes in with cycles still goes."""
+SAMPLED_PAGES: Final = 64
+"""Pages of each table of a PostgreSQL database from which its live rows are estimated."""
 FREE_SHARE: Final = 0.05
 """Share of a limit of size that is kept free in the file, for cycles to come."""
 
 _DAY_NS: Final = 86_400e9
+_ROW_BYTES: Final = 32
+"""What PostgreSQL stores of each row beside its columns, about."""
 
 
 class UntrustedClockError(InputError):
@@ -38,7 +46,7 @@ class UntrustedClockError(InputError):
 
 
 def note_time(session: Session, started_ns: int) -> None:
-    """Move the trusted time on to a new cycle's, unless the clock has jumped ahead or back."""
+    """Move the trusted time on to a cycle's, unless the clock has jumped ahead or back."""
     trusted_ns = _trusted_ns(session)
     if trusted_ns is None or 0 < started_ns - trusted_ns <= MAX_CLOCK_GAP_DAYS * _DAY_NS:
         set_time(session, started_ns)
@@ -47,6 +55,28 @@ def note_time(session: Session, started_ns: int) -> None:
 def set_time(session: Session, now_ns: int) -> None:
     """Make ``now_ns`` the trusted time."""
     session.merge(ClockRow(id=1, trusted_ns=now_ns))
+
+
+class Pace:
+    """How much is deleted in a transaction, so that others who write never wait for long.
+
+    A step that took longer than `MAX_STEP_S` halves the next ones, down to `MIN_SHARE`: a disk on
+    which each commit takes long is no faster with less. One that took a third of that doubles them.
+    """
+
+    def __init__(self) -> None:
+        self.share = 1.0
+
+    def of(self, most: int) -> int:
+        """What the next step may delete, of ``most`` at full size; at least 1."""
+        return max(1, int(most * self.share))
+
+    def note(self, seconds: float) -> None:
+        """Learn how long a step took, its commit included, s."""
+        if seconds > MAX_STEP_S:
+            self.share = max(MIN_SHARE, self.share / 2)
+        elif seconds < MAX_STEP_S / 3:
+            self.share = min(1.0, self.share * 2)
 
 
 def check_clock(session: Session, now_ns: int, source: str) -> None:
@@ -67,7 +97,8 @@ def check_clock(session: Session, now_ns: int, source: str) -> None:
             source,
             f"the clock is {gap_days:.0f} days ahead of the newest cycle with a trusted time, so "
             "none is deleted for its age",
-            "set the clock, or if it is right, say so: slipstream db prune --trust-clock",
+            "set the clock; if it is right, let the dispatcher run for a day, or say so: "
+            "slipstream db prune --trust-clock",
         )
 
 
@@ -109,17 +140,19 @@ def delete_cycles(session: Session, limit: int, below: int, before_ns: int | Non
 
 @dataclass(frozen=True)
 class Pages:
-    """Pages of an SQLite file.
+    """Pages of a database's files.
 
     Attributes:
         size: bytes of a page.
         count: number of pages.
         free: number of pages that hold nothing.
+        beside: bytes of the files beside them that a limit of size is for, too.
     """
 
     size: int
     count: int
     free: int
+    beside: int = 0
 
     @property
     def used(self) -> int:
@@ -127,14 +160,60 @@ class Pages:
         return self.count - self.free
 
     def limit(self, keep_mb: float) -> int:
-        """Number of pages that fit into ``keep_mb`` beside the log and the reserve; at least 1."""
-        return max(1, int((keep_mb * 1e6 - LOG_BYTES - RESERVE_BYTES) // self.size))
+        """Number of pages that fit into ``keep_mb`` with what is beside them; at least 1."""
+        return max(1, int((keep_mb * 1e6 - self.beside) // self.size))
+
+    def wanted(self, keep_mb: float) -> int:
+        """Number of pages in use above which cycles are deleted: `limit` less `FREE_SHARE`."""
+        return int(self.limit(keep_mb) * (1 - FREE_SHARE))
 
 
 def read_pages(cursor: sqlite3.Cursor) -> Pages:
-    """Pages of the file that a cursor reads."""
+    """Pages of the SQLite file that a cursor reads, beside its log and its reserve."""
     names = ("page_size", "page_count", "freelist_count")
-    return Pages(*(cursor.execute(f"PRAGMA {name}").fetchone()[0] for name in names))
+    size, count, free = (cursor.execute(f"PRAGMA {name}").fetchone()[0] for name in names)
+    return Pages(size, count, free, LOG_BYTES + RESERVE_BYTES)
+
+
+def read_server_pages(session: Session, keep_mb: float) -> Pages:
+    """Pages of a PostgreSQL database's files; free is what holds no live row.
+
+    Files never shrink, but rows that come take the place of deleted ones. The live rows of each
+    table are estimated from `SAMPLED_PAGES` pages: their part of it, its indexes included. Files
+    that fit into ``keep_mb`` anyway count whole.
+    """
+    page = int(session.scalar(text("SELECT current_setting('block_size')")))
+    whole = int(session.scalar(text("SELECT pg_database_size(current_database())")))
+    files = Pages(page, whole // page, 0)
+    if files.used <= files.wanted(keep_mb):
+        return files
+    tables = Base.metadata.tables
+    listing = text(
+        "SELECT relname, pg_relation_size(oid), pg_table_size(oid), pg_total_relation_size(oid) "
+        "FROM pg_class WHERE relkind = 'r' AND relname = ANY(:names) AND pg_table_is_visible(oid)"
+    )
+    sizes = {
+        name: found
+        for name, *found in session.execute(listing, {"names": list(tables)})
+        if found[0]
+    }
+    used = float(whole - sum(total for _, _, total in sizes.values()))
+    for name, (own, table, total) in sizes.items():
+        sampled = min(SAMPLED_PAGES, own // page)
+        row: ColumnElement[int] = literal(_ROW_BYTES)
+        for column in tables[name].c:
+            row = row + func.coalesce(func.pg_column_size(column), 0)
+        # By the places that rows can have on them, as the server draws no fixed number of pages.
+        query = select(func.sum(row)).where(
+            text(
+                "ctid = ANY (ARRAY(SELECT format('(%s,%s)', number * :pages / :sampled, place)::tid"
+                " FROM generate_series(0, :sampled - 1) number, generate_series(1, :places) place))"
+            )
+        )
+        places = {"pages": own // page, "sampled": sampled, "places": page // _ROW_BYTES}
+        live = (session.scalar(query, places) or 0) * (own / page / sampled)
+        used += total * min(1.0, float(live) / table)
+    return replace(files, free=(whole - int(used)) // page)
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from sqlalchemy.orm import Session
 from slipstream.errors import InputError
 from storage import energy_ledger, events, fleet, inputs, jobs, retention
 from storage.models import CycleRow
+from storage.retention import Pace
 from storage.traffic import conversion, gates, recent, rollup_table
 from storage.writer import Writer
 
@@ -46,6 +47,15 @@ class Upkeep(Writer):
         """
         with self._write_session() as session:
             retention.set_time(session, now_ns)
+
+    def note_time(self, now_ns: int) -> None:
+        """Move the trusted time on to ``now_ns``, UTC, as a cycle does, where none is recorded.
+
+        Raises:
+            StorageError: the database cannot be written.
+        """
+        with self._write_session() as session:
+            retention.note_time(session, now_ns)
 
     def prune(
         self,
@@ -89,13 +99,17 @@ class Upkeep(Writer):
         with self._write_session() as session:
             retention.check_clock(session, now_ns, self._source)
             jobs.prune(session, jobs_before_ns)
-            fleet.prune(session, before_ns)
             below = retention.first_kept(session, before_ns, now_ns)
-        pruned, batch = 0, self._batch()
+        more = True
+        while more:
+            with self._deletion("orders") as (session, pace):
+                more = fleet.prune(session, before_ns, pace.of(fleet.ORDERS_A_STEP))
+            more = more and time.monotonic() < ends
+        pruned, batch = 0, self._batch(self._pages() if self._is_sqlite else None)
         # One batch at least, so that none deleted means none left.
         while below is not None and pruned != limit and (not pruned or time.monotonic() < ends):
-            wanted = batch if limit is None else min(batch, limit - pruned)
-            with self._write_session() as session:
+            with self._deletion("cycles") as (session, pace):
+                wanted = pace.of(batch) if limit is None else min(pace.of(batch), limit - pruned)
                 count = retention.delete_cycles(session, wanted, below, before_ns)
             pruned += count
             if limit is None:
@@ -105,16 +119,17 @@ class Upkeep(Writer):
         return pruned
 
     def trim(self, keep_mb: float, *, limit: int | None = None) -> int:
-        """Delete the oldest cycles until an SQLite database fits into ``keep_mb``.
+        """Delete the oldest cycles until the database fits into ``keep_mb``.
 
-        What counts is the file, a full write-ahead log and the reserve file. The latest cycle
-        always stays. The file itself shrinks in a few small steps a call if ``limit`` is given,
-        else by `shrink`. A PostgreSQL database is left as it is.
+        What counts of SQLite is the file, a full write-ahead log and the reserve file; of
+        PostgreSQL what the rows that are left take, about. The latest cycle always stays. An SQLite
+        file itself shrinks in a few small steps a call if ``limit`` is given, else by `shrink`;
+        PostgreSQL keeps the room of deleted rows for new ones.
 
         Args:
             keep_mb: limit of size, MB (10^6 bytes).
-            limit: maximum number of cycles to delete; None: no maximum. More are deleted where that
-                is less than twice of what was added since the last call.
+            limit: maximum number of cycles to delete; None: no maximum. Of an SQLite database more
+                are deleted where that is less than twice of what was added since the last call.
 
         Returns:
             Number of cycles deleted.
@@ -130,30 +145,30 @@ class Upkeep(Writer):
                 "give a number of MB, 0 or more",
                 key="keep_mb",
             )
-        if not self._is_sqlite:
-            return 0
-        pages = began = self._pages()
+        pages = began = self._pages(keep_mb)
         grown = 0 if self._used_pages is None else began.used - self._used_pages
-        wanted = int(began.limit(keep_mb) * (1 - retention.FREE_SHARE))
-        trimmed, periods, batch = 0, 0, 0.0
+        wanted, trimmed, periods, batch = began.wanted(keep_mb), 0, 0, 0.0
         while pages.used > wanted:
             enough = limit is not None and max(trimmed, periods) >= limit
             if enough and began.used - pages.used >= 2 * grown:
                 break
-            with self._write_session() as session:
-                outlived = _delete_before_first_cycle(session)
+            with self._deletion("outlived") as (session, pace):
+                outlived = _delete_before_first_cycle(session, pace)
             periods += outlived
             if not outlived:
-                batch = batch or min(self._batch(), math.inf if limit is None else limit)
-                with self._write_session() as session:
+                batch = batch or min(self._batch(pages), math.inf if limit is None else limit)
+                with self._deletion("cycles") as (session, pace):
                     latest = session.scalar(select(func.max(CycleRow.cycle))) or 0
-                    count = retention.delete_cycles(session, int(batch), latest)
+                    count = retention.delete_cycles(session, pace.of(int(batch)), latest)
                 if count == 0:
                     break
                 trimmed += count
             if limit is None:
                 self._give_all_back()
-            pages = self._pages()
+            pages = self._pages(keep_mb)
+        if not self._is_sqlite:
+            # What has come since is told by no estimate.
+            return trimmed
         self._used_pages = pages.used
         if limit is not None:
             for _ in range(MAX_STEPS):
@@ -209,13 +224,25 @@ class Upkeep(Writer):
         states_ns = max(0, now_ns - round(STATES_KEPT_H * _HOUR_NS))
         minutes_ns = max(0, now_ns - round(MINUTES_KEPT_H * _HOUR_NS))
         inputs_ns = max(0, now_ns - round(inputs.KEEP_DAYS * 24 * _HOUR_NS))
-        steps: tuple[Callable[[Session], bool], ...] = (
-            lambda session: rollup_table.delete_oldest_minute(session, minutes_ns),
-            _delete_before_first_cycle,
-            lambda session: self._prune_gates(session) and budget_s is None,
-            lambda session: recent.prune(session, states_ns),
-            lambda session: inputs.prune(session, inputs_ns) == inputs.BATCH,
-            lambda session: conversion.convert_oldest(session, states_ns),
+
+        def delete_minutes(session: Session, pace: Pace) -> bool:
+            rows = pace.of(rollup_table.ROWS_A_STEP)
+            return rollup_table.delete_oldest_minute(session, minutes_ns, rows)
+
+        def delete_states(session: Session, pace: Pace) -> bool:
+            return recent.prune(session, states_ns, pace.of(recent.CYCLES_A_STEP))
+
+        def delete_inputs(session: Session, pace: Pace) -> bool:
+            wanted = pace.of(inputs.BATCH)
+            return inputs.prune(session, inputs_ns, wanted) == wanted
+
+        steps: tuple[tuple[str, Callable[[Session, Pace], bool]], ...] = (
+            ("minutes", delete_minutes),
+            ("outlived", _delete_before_first_cycle),
+            ("gates", lambda session, pace: self._prune_gates(session, pace) and budget_s is None),
+            ("states", delete_states),
+            ("inputs", delete_inputs),
+            ("conversion", lambda session, _: conversion.convert_oldest(session, states_ns)),
         )
         first, began, unfinished = self._step, False, False
         for place in range(first, first + len(steps)):
@@ -224,19 +251,21 @@ class Upkeep(Writer):
                 began = True
                 # Before it is done: one that fails, or takes all the time, keeps no other from it.
                 self._step = (place + 1) % len(steps)
-                with self._write_session() as session:
-                    more = steps[place % len(steps)](session)
+                kind, delete = steps[place % len(steps)]
+                with self._deletion(kind) as (session, pace):
+                    more = delete(session, pace)
             unfinished = unfinished or more
         return unfinished
 
-    def _prune_gates(self, session: Session) -> bool:
+    def _prune_gates(self, session: Session, pace: Pace) -> bool:
         """Delete what is too old of some segments; False after the last ones.
 
         The running dispatcher does so for some segments after each cycle.
         """
         first = session.scalar(select(func.min(CycleRow.cycle)))
         if first is not None:
-            self._segment = gates.prune(session, first, self._segment)
+            number = pace.of(gates.SEGMENTS_A_STEP)
+            self._segment = gates.prune(session, first, self._segment, number)
         return self._segment != 0 and first is not None
 
     def _forget(self) -> None:
@@ -244,7 +273,7 @@ class Upkeep(Writer):
         self._segment = 0
 
 
-def _delete_before_first_cycle(session: Session) -> bool:
+def _delete_before_first_cycle(session: Session, pace: Pace) -> bool:
     """Delete the oldest roll-ups, hours of the energy ledger and events before all cycles, some of
     each; False if there are none.
     """
@@ -252,11 +281,11 @@ def _delete_before_first_cycle(session: Session) -> bool:
     if first_ns is None:
         return False
     deleted = [
-        delete(session, first_ns)
-        for delete in (
-            rollup_table.delete_all_oldest,
-            energy_ledger.delete_oldest,
-            events.delete_before,
+        delete(session, first_ns, pace.of(most))
+        for delete, most in (
+            (rollup_table.delete_all_oldest, rollup_table.ROWS_A_STEP),
+            (energy_ledger.delete_oldest, energy_ledger.ROWS_A_STEP),
+            (events.delete_before, events.BATCH),
         )
     ]
     return any(deleted)

@@ -6,6 +6,8 @@ import logging
 import shutil
 import sqlite3
 import threading
+import time
+from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager
 from typing import Final, Self
@@ -23,7 +25,7 @@ from storage.ownership import WRITE_LOCK, FileOwner, OwnedError, Owner
 log = logging.getLogger(__name__)
 
 PRUNE_BATCH: Final = 200
-"""Maximum number of cycles deleted in one transaction; a cycle to be recorded waits for one."""
+"""Cycles deleted in one transaction, at most; a cycle to be recorded waits for one."""
 WRITE_WITHIN_S: Final = 30.0
 """What any other writer waits for its turn, s: longer than a step of those before it takes."""
 MAX_CONVERSION_BYTES: Final = 10**9
@@ -46,6 +48,7 @@ class Writer:
         self._reopen = reopen
         self._lock = threading.RLock()
         self._lost: str | None = None
+        self._paces: defaultdict[str, retention.Pace] = defaultdict(retention.Pace)
         self._engine, self._owner = reopen()
         self._prepare_files()
 
@@ -108,6 +111,17 @@ class Writer:
                 raise self._fault(error.orig) from error
             # Once more: what was committed to a file that was deleted meanwhile is lost.
             self._check_place()
+
+    @contextmanager
+    def _deletion(self, kind: str) -> Iterator[tuple[Session, retention.Pace]]:
+        """A transaction that deletes, and how much of its kind it may; the next one learns from how
+        long it took.
+        """
+        pace = self._paces[kind]
+        with self._write_session() as session:
+            began = time.monotonic()
+            yield session, pace
+        pace.note(time.monotonic() - began)
 
     @contextmanager
     def _turn(self, within_s: float) -> Iterator[None]:
@@ -175,15 +189,21 @@ class Writer:
             except UnicodeDecodeError as error:
                 raise self._fault(sqlite3.DatabaseError(DAMAGED)) from error
 
-    def _pages(self) -> retention.Pages:
-        with self._raw() as cursor:
-            return retention.read_pages(cursor)
+    def _pages(self, keep_mb: float = 0.0) -> retention.Pages:
+        if self._is_sqlite:
+            with self._raw() as cursor:
+                return retention.read_pages(cursor)
+        try:
+            # Without the lock that writers take turns by: the estimate takes some 20 ms.
+            with Session(self._engine) as session:
+                return retention.read_server_pages(session, keep_mb)
+        except DBAPIError as error:
+            raise self._fault(error.orig) from error
 
-    def _batch(self) -> int:
-        """Number of cycles to delete in one transaction."""
-        if not self._is_sqlite:
+    def _batch(self, pages: retention.Pages | None) -> int:
+        """Number of cycles to delete in one transaction, at most; None: whatever they take."""
+        if pages is None:
             return PRUNE_BATCH
-        pages = self._pages()
         with self._write_session() as session:
             cycles = session.scalar(select(func.count()).select_from(CycleRow)) or 0
         mean_bytes = pages.used * pages.size / max(1, cycles)
@@ -191,11 +211,12 @@ class Writer:
 
     def _give_back(self) -> bool:
         """Give one step of free pages back to the file system; False if there was none."""
-        pages = self._pages()
+        pages, pace = self._pages(), self._paces["free pages"]
         with self._raw() as cursor:
-            number = retention.BATCH_BYTES // pages.size
+            number, began = pace.of(retention.BATCH_BYTES // pages.size), time.monotonic()
             # `execute` would do its first step only, which is one page.
             cursor.executescript(f"PRAGMA incremental_vacuum({number})")
+            pace.note(time.monotonic() - began)
         return self._pages().free < pages.free
 
     def _give_all_back(self) -> None:

@@ -43,6 +43,23 @@ class _Bus:
                 self.placed.setdefault(stop.stop, now)
 
 
+@dataclass(frozen=True)
+class Figures:
+    """What was measured, s of each order.
+
+    Attributes:
+        during: until it is acknowledged, of those submitted while a cycle runs.
+        between: likewise, of those submitted after it.
+        placed: until it is in a plan, of the latter ones that are in one.
+        ran: whether the cycle still ran after the last order of `during`.
+    """
+
+    during: Sequence[float]
+    between: Sequence[float]
+    placed: Sequence[float]
+    ran: bool
+
+
 def main() -> None:
     """Print the percentiles."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -51,8 +68,18 @@ def main() -> None:
     parser.add_argument("--orders", type=int, default=100, help="of each part")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
-    city = generate_city(options.seed, vehicles=options.vehicles, stops=options.stops)
-    problem, rng = city.problem, np.random.default_rng(options.seed)
+    found = measure(options.vehicles, options.stops, options.orders, options.seed)
+    print(f"cycle still running after the last of them: {found.ran}")
+    _print("acknowledged during a cycle", found.during)
+    _print("acknowledged between cycles", found.between)
+    what = f"in a plan between cycles ({len(found.placed)} of {len(found.between)} placed)"
+    _print(what, found.placed)
+
+
+def measure(vehicles: int, stops: int, orders: int, seed: int) -> Figures:
+    """Submit so many orders during a cycle of a generated city, and as many after it."""
+    city = generate_city(seed, vehicles=vehicles, stops=stops)
+    problem, rng = city.problem, np.random.default_rng(seed)
     nodes = sorted({stop.node for stop in problem.fleet.stops})
 
     def request(name: str) -> OrderRequest:
@@ -90,16 +117,14 @@ def main() -> None:
             sent: dict[str, float] = {}
             cycle = threading.Thread(target=dispatcher.run_cycle)
             cycle.start()
-            names = [f"in-{n}" for n in range(options.orders)]
-            during = acknowledged(names, 10.0 / options.orders, False)
-            print(f"cycle still running after the last of them: {cycle.is_alive()}")
+            names = [f"in-{n}" for n in range(orders)]
+            during = acknowledged(names, 10.0 / orders, False)
+            ran = cycle.is_alive()
             cycle.join()
-            names = [f"between-{n}" for n in range(options.orders)]
+            names = [f"between-{n}" for n in range(orders)]
             between = acknowledged(names, 0.0, True)
             placed = [bus.placed[name] - sent[name] for name in names if name in bus.placed]
-    _print("acknowledged during a cycle", during)
-    _print("acknowledged between cycles", between)
-    _print(f"in a plan between cycles ({len(placed)} of {len(names)} placed)", placed)
+    return Figures(during, between, placed, ran)
 
 
 def _print(what: str, seconds: Sequence[float]) -> None:

@@ -101,30 +101,55 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--processes", type=int, default=1, help="of each worker")
     parser.add_argument("--cycles", type=int, default=1, help="repetitions of the same cycle")
     options = parser.parse_args(arguments)
-    city = generate_city(
-        options.seed, vehicles=options.vehicles, stops=options.stops, segments=options.segments
-    )
-    settings = unguarded(options.deadline)
+    size = {name: getattr(options, name) for name in ("vehicles", "stops", "segments")}
+    for run in runs(
+        options.seed, options.deadline, options.workers, options.processes, options.cycles, **size
+    ):
+        print(json.dumps(run), flush=True)
+    return 0
+
+
+def runs(
+    seed: int,
+    deadline_s: float,
+    all_workers: Sequence[int],
+    processes: int,
+    cycles: int,
+    *,
+    vehicles: int,
+    stops: int,
+    segments: int,
+) -> Iterator[dict[str, object]]:
+    """The same cycle of a generated city, so many times for each number of workers.
+
+    Args:
+        seed: of the city and of the cycle.
+        deadline_s: of the cycle, s.
+        all_workers: numbers of workers.
+        processes: of each worker.
+        cycles: repetitions.
+        vehicles, stops, segments: of the city.
+    """
+    city = generate_city(seed, vehicles=vehicles, stops=stops, segments=segments)
+    settings = unguarded(deadline_s)
     cycle = instance_cycle(
         city,
-        options.seed,
+        seed,
         DispatcherSettings(
             city=settings,
             solvers=settings.solvers,
-            deadline_s=options.deadline,
-            interval_s=2 * options.deadline,
+            deadline_s=deadline_s,
+            interval_s=2 * deadline_s,
         ),
     )
-    for workers in options.workers:
-        with solving(settings, workers, options.processes) as (executor, solve):
-            for number in range(options.cycles):
+    for workers in all_workers:
+        with solving(settings, workers, processes) as (executor, solve):
+            for number in range(cycles):
                 before, began = _metrics(), time.monotonic()
                 made = plan_fleet(cycle, executor, solve)
                 wall_s = time.monotonic() - began
                 used = {name: value - before[name] for name, value in _metrics().items()}
-                run = {"workers": workers, "cycle": number, **figures(made, wall_s), **used}
-                print(json.dumps(run), flush=True)
-    return 0
+                yield {"workers": workers, "cycle": number, **figures(made, wall_s), **used}
 
 
 def _metrics() -> dict[str, float]:

@@ -81,6 +81,12 @@ KINDS: Final[Mapping[str, AlarmKind]] = {
     "database_set_aside": AlarmKind(
         "warning", "restore a backup, or acknowledge this if the new database shall stay"
     ),
+    "clock_untrusted": AlarmKind(
+        "warning",
+        "set the clock; if it is right, wait, or say so: slipstream db prune --trust-clock",
+        0.0,
+        0.0,
+    ),
     "database_nearly_full": AlarmKind(
         "info", "raise keep_mb, or lower keep_days, if older cycles shall stay", 0.0, 600.0
     ),

@@ -27,6 +27,7 @@ class ServiceFacts:
         running_s: how long the cycle that runs now has been; None: none runs.
         paused: by whom, and UTC ns since when; None: it is not.
         storage_fault: why the last cycle could not be stored; None: it could.
+        clock_fault: why nothing is deleted for its age; None: it is.
         bus_connected: whether a router answers.
         set_aside: file that a damaged database became.
         keep_mb: as in the settings.
@@ -40,6 +41,7 @@ class ServiceFacts:
     running_s: float | None = None
     paused: tuple[str, int] | None = None
     storage_fault: str | None = None
+    clock_fault: str | None = None
     bus_connected: bool = True
     set_aside: str | None = None
     keep_mb: float = 10_000.0
@@ -98,6 +100,8 @@ def _of_database(facts: ServiceFacts) -> Iterator[Condition]:
     if facts.set_aside is not None:
         text = f"it was damaged and set aside as {facts.set_aside}; a new one began"
         yield Condition("database_set_aside", "database", text)
+    if facts.clock_fault is not None:
+        yield Condition("clock_untrusted", "database", facts.clock_fault)
     if facts.room is None:
         return
     if facts.room.size_bytes > NEARLY_FULL * facts.keep_mb * 1e6:

@@ -64,6 +64,7 @@ class Dispatcher:
         delivery: stores and sends plans, and counts cycles.
         health: what the dispatcher says of itself.
         feeds: for road authorities.
+        pruner: deletes what is old or too much.
         cycle_began: monotonic time at which the cycle that runs began; None: none runs.
     """
 
@@ -89,7 +90,7 @@ class Dispatcher:
         self._problem: RoutingProblem | None = None
         self._stops: Mapping[str, tuple[str, ...]] = {}
         self._inputs = InputEncoder()
-        self._pruner = CyclePruner(store, settings.keep_days, settings.keep_mb)
+        self.pruner = CyclePruner(store, settings.keep_days, settings.keep_mb)
         self._limiter = LogLimiter()
         self._turn = threading.Lock()
         self.cycle_began: float | None = None
@@ -142,7 +143,7 @@ class Dispatcher:
         now_ns = time.time_ns()
         self.delivery.store_fleet(now_ns)
         self.receiver.store_rollups(self._store, now_ns)
-        self._pruner.after_cycle(now_ns)
+        self.pruner.after_cycle(now_ns)
         self._recover()
 
     def _recover(self) -> None:
@@ -224,7 +225,7 @@ class Dispatcher:
         self.receiver.store_rollups(self._store, now_ns)
         if stored is not None:
             self.delivery.count(stored)
-            self._pruner.after_cycle(now_ns)
+            self.pruner.after_cycle(now_ns)
 
     def _situation(self, number: int, now_ns: int, reference_s: float) -> Situation:
         """What the cycle may plan, by the fleet's file as it is now."""

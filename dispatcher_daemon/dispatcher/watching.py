@@ -130,6 +130,7 @@ class AlarmSource:
             running_s=None if began is None else time.monotonic() - began,
             paused=None if paused is None else (paused.by, paused.since_ns),
             storage_fault=dispatcher.delivery.unstored,
+            clock_fault=dispatcher.pruner.clock_fault,
             bus_connected=self._bus_connected(),
             set_aside=dispatcher.health.database_set_aside,
             keep_mb=self._settings.keep_mb,

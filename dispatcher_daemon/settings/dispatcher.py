@@ -133,8 +133,8 @@ class DispatcherSettings(Settings):
         default=10_000.0,
         ge=100,
         allow_inf_nan=False,
-        description="Size of an SQLite database with its log and reserve, MB (10^6 bytes), above "
-        "which the oldest cycles are deleted.",
+        description="Size of the database, MB (10^6 bytes), above which the oldest cycles are "
+        "deleted: SQLite's file with its log and reserve, PostgreSQL's rows without deleted ones.",
     )
     interval_s: float = Field(
         default=30.0,

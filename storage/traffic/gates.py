@@ -15,7 +15,7 @@ from storage.traffic.models import gate_changes
 from storage.traffic.models import segments as segments_table
 
 SEGMENTS_A_STEP = 100
-"""Segments whose old changes are deleted in one transaction."""
+"""Segments whose old changes are deleted in one transaction, at most."""
 _T = gate_changes.c
 
 
@@ -132,13 +132,14 @@ def as_gates(states: Mapping[str, GateState]) -> tuple[Gate, ...]:
     )
 
 
-def prune(session: Session, first: int, after: int) -> int:
+def prune(session: Session, first: int, after: int, number: int) -> int:
     """Delete changes that no cycle from ``first`` on needs, of the next segments.
 
     Args:
         session: of the transaction.
         first: number of the first cycle that is kept.
         after: number of the segment after which to begin.
+        number: of segments, at most.
 
     Returns:
         Number of the last segment that was looked at; 0 after the last one.
@@ -147,7 +148,7 @@ def prune(session: Session, first: int, after: int) -> int:
         select(segments_table.c.id)
         .where(segments_table.c.id > after)
         .order_by(segments_table.c.id)
-        .limit(SEGMENTS_A_STEP)
+        .limit(number)
     ).all()
     if not numbers:
         return 0

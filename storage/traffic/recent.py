@@ -15,7 +15,7 @@ from storage.models import CycleRow
 from storage.traffic.models import cycle_traffic
 
 CYCLES_A_STEP: Final = 10
-"""Cycles whose states are deleted in one transaction."""
+"""Cycles whose states are deleted in one transaction, at most."""
 _GATES: Final = TypeAdapter(tuple[Gate, ...])
 _STATES: Final = TypeAdapter(tuple[SegmentState, ...])
 _T = cycle_traffic.c
@@ -48,10 +48,10 @@ def states(session: Session, cycle: int) -> tuple[SegmentState, ...]:
     return () if packed is None else _STATES.validate_json(_unpack(packed))
 
 
-def prune(session: Session, before_ns: int) -> bool:
+def prune(session: Session, before_ns: int, number: int) -> bool:
     """Delete what is kept of the oldest cycles if they began before; False if there is none.
 
-    That of the latest cycle stays.
+    Of ``number`` cycles at most. That of the latest cycle stays.
     """
     query = (
         select(_T.cycle)
@@ -61,7 +61,7 @@ def prune(session: Session, before_ns: int) -> bool:
             CycleRow.cycle < select(func.max(CycleRow.cycle)).scalar_subquery(),
         )
         .order_by(_T.cycle)
-        .limit(CYCLES_A_STEP)
+        .limit(number)
     )
     cycles = session.scalars(query).all()
     if cycles:

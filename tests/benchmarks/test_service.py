@@ -7,8 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.orders.__main__ import Figures as OrderFigures
+from benchmarks.service.__main__ import main
 from benchmarks.service.costs import message_costs
 from benchmarks.service.loaded import Cost
+from benchmarks.service.parts import cluster_checks, cluster_table, order_checks
 from benchmarks.service.telemetry import Figures, checks, measure, write
 
 GOOD = Figures(
@@ -59,3 +62,32 @@ def test_a_message_has_a_cost_in_each_process(tmp_path: Path) -> None:
         assert cost.lost == 0
         assert 100 < cost.bytes < 2000
         assert 1e-6 < cost.dispatcher_s < 5e-3
+
+
+def test_orders_are_held_to_their_aims() -> None:
+    """One late percentile or one order that is in no plan misses its aim, and no other one."""
+    good = OrderFigures([0.01] * 20, [0.005] * 20, [0.3] * 20, ran=True)
+    assert [check.reached for check in order_checks(good)] == [True] * 4
+    late = replace(good, during=[0.2] * 20)
+    assert [check.reached for check in order_checks(late)] == [False, True, True, True]
+    lost = replace(good, placed=[0.3] * 19)
+    assert [check.reached for check in order_checks(lost)] == [True, True, True, False]
+    assert not order_checks(replace(good, placed=[]))[2].reached
+
+
+def test_every_number_of_workers_has_to_give_the_same_plan() -> None:
+    """Another plan misses the aim; where the deadline ended a cycle nothing is said."""
+    run: dict[str, object] = {"wall_s": 3.0, "timed_out": False, "objective_kwh": 5.9, "bytes": 7.0}
+    runs = [{**run, "workers": workers, "plan": "a"} for workers in (0, 1, 2)]
+    assert [check.reached for check in cluster_checks(runs)] == [True]
+    assert "| 2 | 3.0 | 5.9 | a | 7 | no |" in cluster_table(runs)
+    other = [*runs[:2], {**runs[2], "plan": "b"}]
+    assert [check.reached for check in cluster_checks(other)] == [False]
+    ended = [*other[:2], {**other[2], "timed_out": True}]
+    assert [check.reached for check in cluster_checks(ended)] == [None]
+
+
+def test_an_unknown_part_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """By the names of those there are, before anything is measured."""
+    assert main(["--only", "states,order", "--out", str(tmp_path)]) == 2
+    assert "states, orders, cluster" in capsys.readouterr().err

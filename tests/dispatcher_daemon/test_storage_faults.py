@@ -27,7 +27,7 @@ from dispatcher_daemon.schedule import CycleScheduler
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.execution.pool import solve_in_process
-from dispatcher_daemon.store import open_checked_database
+from dispatcher_daemon.store import CyclePruner, open_checked_database
 from slipstream.bus import Router
 from slipstream.config import ServiceSettings
 from slipstream.messages import CycleReport, Message, VehiclePlan
@@ -121,6 +121,68 @@ def test_a_start_with_the_clock_ahead_deletes_nothing(
         database.trust_clock(time.time_ns())
         make(demo, Sent(), database).run_cycle()
     assert stored(path)[0] == 51
+
+
+def fill(database: Database, real_ns: int) -> None:
+    """Cycles of 12 days, two a day."""
+    for number in range(1, 25):
+        started_ns = real_ns - (24 - number) * DAY_NS // 2
+        database.record_cycle(failed_report(number, started_ns, 0.1, "of before"), [], [])
+
+
+@pytest.mark.attack
+def test_a_clock_that_runs_steadily_for_a_day_is_trusted(tmp_path: Path) -> None:
+    """After a stop of 100 days deletion waits for it and then goes on by itself; a clock that is
+    set meanwhile begins anew.
+    """
+    path, real_ns, running_s = tmp_path / "cycles.db", 1_800_000_000 * 10**9, 5.0
+    ahead_ns = 100 * DAY_NS
+    with open_database(f"sqlite:///{path}") as database:
+        fill(database, real_ns)
+        pruner = CyclePruner(database, 90.0, 1e6, lambda: running_s)
+
+        def run_for(hours: float) -> None:
+            nonlocal running_s
+            for _ in range(round(4 * hours)):
+                running_s += 900.0
+                pruner.after_cycle(real_ns + ahead_ns + round(running_s * 1e9))
+
+        run_for(19)
+        assert stored(path) == list(range(1, 25))
+        assert pruner.clock_fault is not None
+        assert "101 days ahead" in pruner.clock_fault
+        assert "in 2 h" in pruner.clock_fault
+        assert metric("clock_untrusted") == 1
+        # It jumps: the day begins anew.
+        ahead_ns += 300 * DAY_NS
+        run_for(19)
+        assert stored(path) == list(range(1, 25))
+        ahead_ns -= 300 * DAY_NS
+        run_for(22)
+        # Of 100 days ago and older all but the last cycle.
+        assert stored(path) == [24]
+        assert pruner.clock_fault is None
+        assert metric("clock_untrusted") == 0
+
+
+@pytest.mark.attack
+def test_a_pause_moves_the_trusted_time_on(tmp_path: Path) -> None:
+    """A pause of nine days with a restart each eighteen hours is no jump for the first cycle."""
+    path, now_ns = tmp_path / "cycles.db", 1_800_000_000 * 10**9
+
+    def monotonic() -> float:
+        return now_ns / 1e9
+
+    with open_database(f"sqlite:///{path}") as database:
+        fill(database, now_ns)
+        for _ in range(12):
+            # A restart: what the process before knew of the clock is gone.
+            pruner = CyclePruner(database, 90.0, 1e6, monotonic)
+            for _ in range(18):
+                now_ns += 3600 * 10**9
+                pruner.after_cycle(now_ns)
+        assert pruner.clock_fault is None
+        assert database.prune(10.0, now_ns) == 21
 
 
 def _overwrite(path: Path) -> None:

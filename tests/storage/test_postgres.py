@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 
 import pytest
 from sqlalchemy import event
@@ -27,7 +28,7 @@ def test_one_dispatcher_owns_a_database_of_a_server(postgres, postgres_url, make
             storage.open_database(postgres_url, create=False) as command,
         ):
             assert command.prune(0.0, make_cycle(5)[0].started_ns) == 4
-            assert (command.trim(0.0), command.shrink()) == (0, None)
+            assert (command.trim(1000.0), command.shrink()) == (0, None)
         with pytest.raises(storage.UntrustedClockError):
             database.prune(90.0, make_cycle(10)[0].started_ns + 400 * DAY_NS)
         postgres.cut_sessions(postgres_url)
@@ -108,6 +109,40 @@ def test_a_session_cut_in_the_middle_of_a_cycle(postgres, postgres_url, make_cyc
         database.record_cycle(*make_cycle(2))
     with storage.open_reader(postgres_url) as reader:
         assert reader.cycles(limit=9) == (make_cycle(1)[0], make_cycle(2)[0])
+
+
+@pytest.mark.attack
+def test_a_limit_of_size_is_held_on_a_server(postgres_url, make_cycle, figure):
+    """The oldest cycles go until the rest fits, and no more, though files of a server never shrink;
+    once deleted rows are cleared away, new cycles take their room.
+    """
+    keep_mb, added, deleted, largest = 16.0, 80, 0, 0.0
+    with storage.open_database(postgres_url, owned=True) as database:
+        for number in range(1, added + 1):
+            # Random bytes, which the server cannot make smaller: 0.2 MB a cycle.
+            made_from = storage.CycleInputs(os.urandom(200_000), {})
+            database.record_cycle(*make_cycle(number), made_from=made_from)
+            gone = database.trim(keep_mb, limit=5)
+            assert not gone or database._pages().count * 8192 > 0.95 * keep_mb * 1e6
+            deleted += gone
+            if number % 10 == 0:
+                with database._engine.connect() as connection:
+                    connection.execution_options(isolation_level="AUTOCOMMIT")
+                    connection.exec_driver_sql("VACUUM")
+                pages = database._pages()
+                largest = max(largest, pages.count * 8192 / 1e6)
+                assert pages.used * 8192 <= keep_mb * 1e6
+        assert [database.trim(keep_mb, limit=5) for _ in range(3)] == [0, 0, 0]
+        with storage.open_reader(postgres_url) as reader:
+            stored = [report.cycle for report in reader.cycles(limit=999)]
+        assert stored == list(range(deleted + 1, added + 1))
+        # Some 8 MB are the server's own tables.
+        assert 20 <= len(stored) <= 45
+        assert largest < 1.4 * keep_mb
+        assert database.trim(0.0) == len(stored) - 1
+    figure(
+        f"keep_mb = {keep_mb:g}: {len(stored)} of {added} cycles, files {largest:.1f} MB at most"
+    )
 
 
 def test_a_password_is_never_shown():

@@ -60,6 +60,7 @@ def test_where_all_is_well_there_is_no_alarm() -> None:
         ),
         ({"storage_fault": "disk full"}, "database_fault", "disk full"),
         ({"set_aside": "x.db-corrupt-1"}, "database_set_aside", "x.db-corrupt-1"),
+        ({"clock_fault": "the clock is 400 days ahead"}, "clock_untrusted", "400 days ahead"),
         ({"room": Room(9_100_000_000, 10**12)}, "database_nearly_full", "10000 MB"),
         ({"room": Room(10**6, 999_000_000)}, "disk_nearly_full", "999 MB"),
         ({"cycle": cycle(solvers=(run("failed"), run("optimal")))}, "solver_broken", "tabu: boom"),
