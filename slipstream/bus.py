@@ -17,7 +17,7 @@ from slipstream.answers import Answerer, Answers
 from slipstream.config import BusSettings
 from slipstream.errors import InputError
 from slipstream.inbox import Handler, Inbox
-from slipstream.messages import Message
+from slipstream.messages import ENCODING, Message
 from slipstream.subscriptions import Listener, Subscription
 from slipstream.zenoh_config import client_config, router_config
 
@@ -27,6 +27,8 @@ KEPT: Final[Mapping[str, int]] = MappingProxyType({"plan": 2, "acknowledgement":
 Each answer to a plan and each cycle is news of its own. Of plans the one before the last is kept
 too, which others may wait for. All else, as progress, repeats or replaces what came before: one.
 """
+
+_ENCODING: Final = zenoh.Encoding(ENCODING)
 
 MAX_EXPECTED: Final = 40_000
 _HEARTBEAT_S = 1.0
@@ -79,7 +81,7 @@ class Bus:
             history: samples kept for subscribers that come late or were cut off; None: as `KEPT`
                 says for the key. 0 for what is published each second anyway: a router needs minutes
                 to learn of 10,000 caches.
-            best_effort: no cache, no repair, low priority: for pictures.
+            best_effort: no cache, no repair, low priority, no schema version: for pictures.
         """
         if best_effort:
             return Publisher(
@@ -96,6 +98,7 @@ class Bus:
             return Publisher(
                 self._session.declare_publisher(
                     key,
+                    encoding=_ENCODING,
                     congestion_control=zenoh.CongestionControl.DROP,
                     reliability=zenoh.Reliability.RELIABLE,
                 )
@@ -104,6 +107,7 @@ class Bus:
             zenoh.ext.declare_advanced_publisher(
                 self._session,
                 key,
+                encoding=_ENCODING,
                 congestion_control=zenoh.CongestionControl.DROP,
                 reliability=zenoh.Reliability.RELIABLE,
                 cache=zenoh.ext.CacheConfig(max_samples=history),
@@ -164,7 +168,12 @@ class Bus:
 
     def put(self, key: str, message: Message) -> None:
         """Publish once on a key that changes too often to be declared; not cached, not repaired."""
-        self._session.put(key, message.to_bytes(), congestion_control=zenoh.CongestionControl.DROP)
+        self._session.put(
+            key,
+            message.to_bytes(),
+            encoding=_ENCODING,
+            congestion_control=zenoh.CongestionControl.DROP,
+        )
 
     @property
     def is_connected(self) -> bool:
@@ -191,7 +200,7 @@ class Bus:
         Args:
             within_s: time for the answer, s.
         """
-        for reply in self._session.get(key, payload=payload, timeout=within_s):
+        for reply in self._session.get(key, payload=payload, encoding=_ENCODING, timeout=within_s):
             if reply.ok is not None:
                 return True, reply.ok.payload.to_bytes()
             assert reply.err is not None

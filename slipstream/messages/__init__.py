@@ -14,6 +14,7 @@ from slipstream.messages.alarms import (
     Severity,
 )
 from slipstream.messages.base import (
+    ENCODING,
     ROOT,
     SCHEMA,
     Count,
@@ -23,6 +24,7 @@ from slipstream.messages.base import (
     TimeNs,
     decode,
     take_minor,
+    versioned,
 )
 from slipstream.messages.dispatch import (
     CYCLE_KEY,
@@ -144,6 +146,7 @@ __all__ = [
     "CAMERA_FAULTS",
     "CYCLE_KEY",
     "DISPATCHER_HEALTH_KEY",
+    "ENCODING",
     "MAX_ALARMS",
     "MAY_GO",
     "ROOT",
@@ -231,4 +234,5 @@ __all__ = [
     "state_key",
     "stopped_key",
     "take_minor",
+    "versioned",
 ]
