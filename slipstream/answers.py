@@ -1,4 +1,4 @@
-"""Questions that have arrived on a key expression and wait for their answers: bounded."""
+"""Questions that have arrived on a key expression, and their answers."""
 
 from __future__ import annotations
 
@@ -26,6 +26,44 @@ _BUSY: Final = b'{"problem":"too many questions wait","mend":"ask again later"}'
 _OVERSIZED: Final = b'{"problem":"the question is larger than 1 MiB","mend":"send less at once"}'
 _VERSION: Final = b'{"problem":"another major schema version","mend":"ask in that of the keys"}'
 _PATTERN: Final = b'{"problem":"a pattern of keys","mend":"ask for one key"}'
+
+
+class Question:
+    """One zenoh query: what is asked, and its answer, which may be given by any thread.
+
+    Args:
+        query: zenoh's.
+
+    Attributes:
+        key: asked on; a pattern of keys where the one who asked gave one.
+        parameters: of the selector, as ``a=1;b=2``.
+    """
+
+    def __init__(self, query: Any) -> None:
+        self._query = query
+        self.key = str(query.key_expr)
+        self.parameters = str(query.parameters)
+
+    @property
+    def size(self) -> int:
+        """Of the payload, bytes."""
+        return 0 if self._query.payload is None else len(self._query.payload)
+
+    def payload(self) -> bytes:
+        """What was sent with it; empty: nothing."""
+        return b"" if self._query.payload is None else bytes(self._query.payload.to_bytes())
+
+    def answer(self, payload: bytes, encoding: str, attachment: bytes) -> None:
+        """Answer it; it then ends, and so after `refuse`. Blocks while the link is full."""
+        self._query.reply(
+            self.key, payload, encoding=zenoh.Encoding(encoding), attachment=attachment
+        )
+        self._query.drop()
+
+    def refuse(self, payload: bytes, encoding: str) -> None:
+        """Answer it with an error."""
+        self._query.reply_err(payload, encoding=zenoh.Encoding(encoding))
+        self._query.drop()
 
 
 class Answers:

@@ -27,6 +27,7 @@ from slipstream.messages.base import (
     versioned,
 )
 from slipstream.messages.dispatch import (
+    ALL_API,
     CYCLE_KEY,
     DISPATCHER_HEALTH_KEY,
     CarrierSummary,
@@ -39,6 +40,7 @@ from slipstream.messages.dispatch import (
     RsuReception,
     SolverReport,
     Unserved,
+    api_key,
 )
 from slipstream.messages.fleet import (
     ALL_ACKNOWLEDGEMENTS,
@@ -133,6 +135,7 @@ from slipstream.messages.vehicle import (
 __all__ = [
     "ALARMS_KEY",
     "ALL_ACKNOWLEDGEMENTS",
+    "ALL_API",
     "ALL_ORDERS",
     "ALL_PLANS",
     "ALL_POSITIONS",
@@ -213,6 +216,7 @@ __all__ = [
     "Visit",
     "acknowledgement_key",
     "advice_key",
+    "api_key",
     "bare_preview_key",
     "decode",
     "driver_key",
