@@ -1,4 +1,4 @@
-"""Questions that have arrived on a key expression and wait for their answers: bounded."""
+"""Questions that have arrived on a key expression, and their answers."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ import threading
 from collections.abc import Callable
 from typing import Any, Final
 
+import zenoh
+
+from slipstream.messages import ENCODING, versioned
 from slipstream.service import LogLimiter
 
 log = logging.getLogger(__name__)
@@ -15,11 +18,52 @@ log = logging.getLogger(__name__)
 Answerer = Callable[[str, bytes], tuple[bool, bytes]]
 """(key, payload) → (whether it is an answer, or else an error; payload)."""
 
+_OURS: Final = zenoh.Encoding(ENCODING)
+
 MAX_WAITING: Final = 256
 MAX_QUESTION_BYTES: Final = 2**20
 _BUSY: Final = b'{"problem":"too many questions wait","mend":"ask again later"}'
 _OVERSIZED: Final = b'{"problem":"the question is larger than 1 MiB","mend":"send less at once"}'
+_VERSION: Final = b'{"problem":"another major schema version","mend":"ask in that of the keys"}'
 _PATTERN: Final = b'{"problem":"a pattern of keys","mend":"ask for one key"}'
+
+
+class Question:
+    """One zenoh query: what is asked, and its answer, which may be given by any thread.
+
+    Args:
+        query: zenoh's.
+
+    Attributes:
+        key: asked on; a pattern of keys where the one who asked gave one.
+        parameters: of the selector, as ``a=1;b=2``.
+    """
+
+    def __init__(self, query: Any) -> None:
+        self._query = query
+        self.key = str(query.key_expr)
+        self.parameters = str(query.parameters)
+
+    @property
+    def size(self) -> int:
+        """Of the payload, bytes."""
+        return 0 if self._query.payload is None else len(self._query.payload)
+
+    def payload(self) -> bytes:
+        """What was sent with it; empty: nothing."""
+        return b"" if self._query.payload is None else bytes(self._query.payload.to_bytes())
+
+    def answer(self, payload: bytes, encoding: str, attachment: bytes) -> None:
+        """Answer it; it then ends, and so after `refuse`. Blocks while the link is full."""
+        self._query.reply(
+            self.key, payload, encoding=zenoh.Encoding(encoding), attachment=attachment
+        )
+        self._query.drop()
+
+    def refuse(self, payload: bytes, encoding: str) -> None:
+        """Answer it with an error."""
+        self._query.reply_err(payload, encoding=zenoh.Encoding(encoding))
+        self._query.drop()
 
 
 class Answers:
@@ -50,7 +94,12 @@ class Answers:
         elif self._closed or self._waiting.qsize() >= MAX_WAITING:
             query.reply_err(_BUSY)
         else:
-            self._waiting.put((query, key, b"" if payload is None else payload.to_bytes()))
+            try:
+                question = _question(query)
+            except ValueError:
+                query.reply_err(_VERSION)
+            else:
+                self._waiting.put((query, key, question))
 
     def close(self) -> None:
         """Let go of what waits; the answerer does not run once it has returned."""
@@ -67,11 +116,18 @@ class Answers:
             try:
                 is_answer, text = self._answerer(key, payload)
                 if is_answer:
-                    query.reply(key, text)
+                    query.reply(key, text, encoding=_OURS)
                 else:
-                    query.reply_err(text)
+                    query.reply_err(text, encoding=_OURS)
             except Exception:
                 if self._limiter.allow(""):
                     log.exception("a question on %s has no answer", key)
             # zenoh ends a question when its last reference is gone.
             del item, query
+
+
+def _question(query: Any) -> bytes:
+    """The payload. Raises ValueError: it is of another major version."""
+    if query.payload is None:
+        return b""
+    return versioned(str(query.encoding), query.payload.to_bytes())

@@ -7,17 +7,17 @@ the router does; late subscribers get the last samples from the publishers' cach
 from __future__ import annotations
 
 import socket
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
 from typing import Any, Final, Self
 
 import zenoh
 
-from slipstream.answers import Answerer, Answers
+from slipstream.answers import Answerer, Answers, Question
 from slipstream.config import BusSettings
 from slipstream.errors import InputError
 from slipstream.inbox import Handler, Inbox
-from slipstream.messages import Message
+from slipstream.messages import ENCODING, Message
 from slipstream.subscriptions import Listener, Subscription
 from slipstream.zenoh_config import client_config, router_config
 
@@ -27,6 +27,8 @@ KEPT: Final[Mapping[str, int]] = MappingProxyType({"plan": 2, "acknowledgement":
 Each answer to a plan and each cycle is news of its own. Of plans the one before the last is kept
 too, which others may wait for. All else, as progress, repeats or replaces what came before: one.
 """
+
+_ENCODING: Final = zenoh.Encoding(ENCODING)
 
 MAX_EXPECTED: Final = 40_000
 _HEARTBEAT_S = 1.0
@@ -79,7 +81,7 @@ class Bus:
             history: samples kept for subscribers that come late or were cut off; None: as `KEPT`
                 says for the key. 0 for what is published each second anyway: a router needs minutes
                 to learn of 10,000 caches.
-            best_effort: no cache, no repair, low priority: for pictures.
+            best_effort: no cache, no repair, low priority, no schema version: for pictures.
         """
         if best_effort:
             return Publisher(
@@ -96,6 +98,7 @@ class Bus:
             return Publisher(
                 self._session.declare_publisher(
                     key,
+                    encoding=_ENCODING,
                     congestion_control=zenoh.CongestionControl.DROP,
                     reliability=zenoh.Reliability.RELIABLE,
                 )
@@ -104,6 +107,7 @@ class Bus:
             zenoh.ext.declare_advanced_publisher(
                 self._session,
                 key,
+                encoding=_ENCODING,
                 congestion_control=zenoh.CongestionControl.DROP,
                 reliability=zenoh.Reliability.RELIABLE,
                 cache=zenoh.ext.CacheConfig(max_samples=history),
@@ -164,7 +168,12 @@ class Bus:
 
     def put(self, key: str, message: Message) -> None:
         """Publish once on a key that changes too often to be declared; not cached, not repaired."""
-        self._session.put(key, message.to_bytes(), congestion_control=zenoh.CongestionControl.DROP)
+        self._session.put(
+            key,
+            message.to_bytes(),
+            encoding=_ENCODING,
+            congestion_control=zenoh.CongestionControl.DROP,
+        )
 
     @property
     def is_connected(self) -> bool:
@@ -189,13 +198,22 @@ class Bus:
         self._answers.append(answers)
         self._session.declare_queryable(key_expression, answers.accept)
 
+    def take_questions(self, key_expression: str, take: Callable[[Question], None]) -> None:
+        """Hand questions on as they come, several at once; patterns of keys too.
+
+        Args:
+            key_expression: of the questions.
+            take: called on a thread of zenoh's: it returns at once, and answers on another one.
+        """
+        self._session.declare_queryable(key_expression, lambda query: take(Question(query)))
+
     def ask(self, key: str, payload: bytes, within_s: float) -> tuple[bool, bytes] | None:
         """Ask on a key: (whether it is an answer, or else an error; payload), or None.
 
         Args:
             within_s: time for the answer, s.
         """
-        for reply in self._session.get(key, payload=payload, timeout=within_s):
+        for reply in self._session.get(key, payload=payload, encoding=_ENCODING, timeout=within_s):
             if reply.ok is not None:
                 return True, reply.ok.payload.to_bytes()
             assert reply.err is not None

@@ -1,6 +1,7 @@
 """What has arrived on a subscription and waits for its handler: bounded and counted.
 
-The newest sample of a key is dropped only where nothing else waits.
+The newest sample of a key is dropped only where all that waits are such: then the one goes whose
+key has been silent for longest.
 """
 
 from __future__ import annotations
@@ -12,8 +13,10 @@ from collections import OrderedDict, deque
 from collections.abc import Callable, Iterable
 from typing import Any, Final, Literal, get_args
 
+import zenoh
 from prometheus_client import Counter
 
+from slipstream.messages import ENCODING, versioned
 from slipstream.service import LogLimiter
 
 log = logging.getLogger(__name__)
@@ -25,18 +28,22 @@ MAX_MESSAGE_BYTES: Final = 4 * 2**20
 INBOX_BYTES: Final = 16 * 2**20
 INBOX_SAMPLES: Final = 16_384
 """Limits of what waits for one handler. Beyond them the oldest sample that another one of its key
-has followed is dropped; if each is the newest of its key, the oldest of all."""
+has followed is dropped; if each is the newest of its key, the oldest of all. A sample that takes
+the place of an earlier one of its key counts from its own arrival."""
 BUSY_BATCH: Final = 16
 PAUSE_S: Final = 0.01
 """After so many samples at once the handler pauses where callbacks bring them: zenoh's thread needs
 the interpreter's lock for each, and a handler that never waits lets go of it 200 times a second."""
 
-Outcome = Literal["taken", "superseded", "dropped", "oversized"]
+_OURS: Final = zenoh.Encoding(ENCODING)
+
+Outcome = Literal["taken", "superseded", "dropped", "oversized", "version"]
 OUTCOMES: Final[tuple[Outcome, ...]] = get_args(Outcome)
 SAMPLES = Counter(
     "slipstream_bus_samples",
     "Samples received, by what became of them: taken by the handler, superseded by a later one of "
-    "their key before that, dropped as too many waited, or refused as oversized.",
+    "their key before that, dropped as too many waited, refused as oversized, or as of another "
+    "major schema version.",
     ["subscription", "outcome"],
 )
 
@@ -100,12 +107,20 @@ class Inbox:
                 if size > MAX_MESSAGE_BYTES:
                     lines.append(("oversized", f"{key}: a message of {size} bytes is refused"))
                     continue
-                previous = None if self._every else self._waiting.get(key)
+                payload = content.to_bytes()
+                if sample.encoding != _OURS:
+                    try:
+                        payload = versioned(str(sample.encoding), payload)
+                    except ValueError as error:
+                        lines.append(("version", f"{key}: a message of {error}, is refused"))
+                        continue
+                # Taken out and put in again: the newest states are the last to be dropped.
+                previous = None if self._every else self._waiting.pop(key, None)
                 if previous is not None:
                     superseded += 1
                     self._bytes -= len(previous[1])
-                self._waiting[self._name_of_next(key)] = (key, content.to_bytes())
-                self._bytes += size
+                self._waiting[self._name_of_next(key)] = (key, payload)
+                self._bytes += len(payload)
                 while len(self._waiting) > INBOX_SAMPLES or self._bytes > INBOX_BYTES:
                     self._drop()
                     text = f"messages on {self._name} arrive faster than they are handled"

@@ -16,6 +16,7 @@ from dispatcher_daemon.settings.dispatcher import (
     FeedSettings,
     OrderSettings,
     PriceSettings,
+    Scope,
 )
 from dispatcher_daemon.settings.hardware import (
     HardwareSettings,
@@ -48,6 +49,7 @@ __all__ = [
     "PriceSettings",
     "QaoaSettings",
     "SchedulerSettings",
+    "Scope",
     "SearchSettings",
     "SolverName",
     "WorkerSettings",

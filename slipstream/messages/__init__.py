@@ -14,6 +14,7 @@ from slipstream.messages.alarms import (
     Severity,
 )
 from slipstream.messages.base import (
+    ENCODING,
     ROOT,
     SCHEMA,
     Count,
@@ -23,8 +24,10 @@ from slipstream.messages.base import (
     TimeNs,
     decode,
     take_minor,
+    versioned,
 )
 from slipstream.messages.dispatch import (
+    ALL_API,
     CYCLE_KEY,
     DISPATCHER_HEALTH_KEY,
     CarrierSummary,
@@ -37,6 +40,7 @@ from slipstream.messages.dispatch import (
     RsuReception,
     SolverReport,
     Unserved,
+    api_key,
 )
 from slipstream.messages.fleet import (
     ALL_ACKNOWLEDGEMENTS,
@@ -131,6 +135,7 @@ from slipstream.messages.vehicle import (
 __all__ = [
     "ALARMS_KEY",
     "ALL_ACKNOWLEDGEMENTS",
+    "ALL_API",
     "ALL_ORDERS",
     "ALL_PLANS",
     "ALL_POSITIONS",
@@ -144,6 +149,7 @@ __all__ = [
     "CAMERA_FAULTS",
     "CYCLE_KEY",
     "DISPATCHER_HEALTH_KEY",
+    "ENCODING",
     "MAX_ALARMS",
     "MAY_GO",
     "ROOT",
@@ -210,6 +216,7 @@ __all__ = [
     "Visit",
     "acknowledgement_key",
     "advice_key",
+    "api_key",
     "bare_preview_key",
     "decode",
     "driver_key",
@@ -231,4 +238,5 @@ __all__ = [
     "state_key",
     "stopped_key",
     "take_minor",
+    "versioned",
 ]

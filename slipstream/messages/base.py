@@ -15,16 +15,22 @@ from slipstream.errors import InputError
 
 ROOT: Final = "slipstream/v1"
 SCHEMA: Final = "1.0"
-"""Version of all messages, MAJOR.MINOR; a message without one is of 1.0, which is sent without.
+"""Version of all messages, MAJOR.MINOR; a message without one is of 1.0.
 
 From the next release on a new field with a default makes a new minor version, which older receivers
 read as far as they know it; anything else makes a new major version, and a new `ROOT`.
 """
+ENCODING: Final = f"application/json;version={SCHEMA}"
+"""zenoh's encoding of each message: its format and, as the suffix, its version. Receivers of 0.1.0
+do not look at it; a field in the payload they would refuse.
+"""
 
 _MAJOR, _MINOR = (int(part) for part in SCHEMA.split("."))
+_MARK: Final = "application/json;version="
 _VERSION: Final = re.compile(r"(0|[1-9][0-9]{0,5})\.(0|[1-9][0-9]{0,5})")
 _OPENING: Final = b'{"schema":"%b",' % SCHEMA.encode()
-# Receivers of 0.1.0 refuse the field, so only minor versions that they cannot read anyway have it.
+# Receivers of 0.1.0 refuse the field, so only minor versions that they cannot read anyway have it:
+# what is stored or handed on without its encoding is still read as far as it is known.
 _SENT: Final = b"{" if _MINOR == 0 else _OPENING
 _MAX_UNKNOWN_FIELDS: Final = 1000
 
@@ -126,6 +132,27 @@ def take_minor(content: dict[str, Any], model: type[Message], source: str) -> in
             key="schema",
         )
     return int(parts[2])
+
+
+def versioned(encoding: str, payload: bytes) -> bytes:
+    """A payload as `decode` reads it: a newer minor version of its encoding stands in it too.
+
+    Args:
+        encoding: zenoh's, of the sample; without a version it says nothing of the payload.
+        payload: of the sample.
+
+    Raises:
+        ValueError: the encoding has another major version, or one that is none.
+    """
+    if not encoding.startswith(_MARK):
+        return payload
+    version = encoding[len(_MARK) :]
+    parts = _VERSION.fullmatch(version)
+    if parts is None or int(parts[1]) != _MAJOR:
+        raise ValueError(f"schema {version[:20]!r}, where {SCHEMA} is read")
+    if int(parts[2]) <= _MINOR or not payload.startswith(b"{") or b'"schema"' in payload:
+        return payload
+    return b'{"schema":"%b",' % version.encode() + payload[1:]
 
 
 def _validated(model: type[M], content: object) -> M:

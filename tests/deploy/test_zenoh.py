@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -18,6 +19,7 @@ from slipstream.bus import Bus, free_port
 from slipstream.config import BusSettings
 from slipstream.messages import (
     ALL_ACKNOWLEDGEMENTS,
+    ALL_API,
     ALL_ORDERS,
     ALL_PLANS,
     ALL_POSITIONS,
@@ -28,6 +30,7 @@ from slipstream.messages import (
     DISPATCHER_HEALTH_KEY,
     acknowledgement_key,
     advice_key,
+    api_key,
     bare_preview_key,
     driver_key,
     order_key,
@@ -74,7 +77,7 @@ class Seen:
 USERS = (
     *("dispatcher", "dashboard", "fleet", "signals", "edge-rsu-1", "box-1", "box-2", "van-1"),
     *("agent-depot-1", "vehicle-depot-1", "agent-van-1", "vehicle-van-1"),
-    *("orders", "control"),
+    *("orders", "control", "reader", "planner-1"),
 )
 CREDENTIALS = "/run/credentials/slipstream-router.service"
 
@@ -326,6 +329,52 @@ def test_who_may_not_order_is_not_heard_by_the_dispatcher(machine: int, users: P
         assert set(asked) == expected
 
 
+OPERATIONS = {
+    "read": api_key("read", "get", "vehicles"),
+    "orders": api_key("orders", "post", "orders"),
+    "control": api_key("control", "post", "control/pause"),
+}
+"""A key of each scope of the API."""
+
+
+@pytest.mark.attack
+@pytest.mark.slow
+@pytest.mark.process
+def test_each_scope_of_the_api_is_a_users_own(machine: int, users: Path) -> None:
+    """Who has none is not heard by the dispatcher, nor by a pattern, and nobody else answers."""
+    may = {"reader": "read", "orders": "orders", "control": "control"}
+    others = ("dashboard", "fleet", "signals", "agent-depot-1", "edge-rsu-1")
+    asked: list[str] = []
+
+    def answer(key: str, payload: bytes) -> tuple[bool, bytes]:
+        asked.append(f"{payload.decode()} {key}")
+        return True, b"answered"
+
+    with ExitStack() as stack:
+        buses = {
+            user: stack.enter_context(open_bus(machine, users / user))
+            for user in ("dispatcher", *may, *others)
+        }
+        for user in others:
+            buses[user].answer(ALL_API, lambda _key, _payload: (True, b"forged"))
+        buses["dispatcher"].answer(ALL_API, answer)
+        ends = time.monotonic() + 20.0
+        for user, scope in may.items():
+            while buses[user].ask(OPERATIONS[scope], user.encode(), 5.0) != (True, b"answered"):
+                assert time.monotonic() < ends, user
+        for user in (*may, *others):
+            for scope, key in OPERATIONS.items():
+                if may.get(user) != scope:
+                    found = buses[user].ask(key, user.encode(), 1.0)
+                    # What answers in its own session is no matter of the router.
+                    own = found == (True, b"forged") and user in others
+                    assert found is None or own, (user, scope)
+        for user in others:
+            for pattern in ("slipstream/v1/dispatcher/**", "slipstream/v1/**"):
+                assert buses[user].ask(pattern, user.encode(), 1.0) != (True, b"answered")
+    assert set(asked) == {f"{user} {OPERATIONS[scope]}" for user, scope in may.items()}
+
+
 BEFORE = Path(__file__).with_name("router-before-agents.json5")
 """The router.json5 of the version before agents."""
 
@@ -523,7 +572,7 @@ def certificates(tool: Callable[[str], str], tmp_path: Path) -> Path:
         subprocess.run([openssl, *arguments], cwd=folder, check=True, capture_output=True)
 
     run("req", "-x509", *key, "ca.key", "-out", "ca.pem", "-days", "2", "-subj", "/CN=test ca")
-    for name in ("server", *BOXES):
+    for name in ("server", "planner-1", *BOXES):
         host = "localhost" if name == "server" else name
         (folder / "extensions").write_text(
             f"subjectAltName=DNS:{host}\nextendedKeyUsage=serverAuth,clientAuth\n"
@@ -572,7 +621,57 @@ def sites(certificates: Path, users: Path, tmp_path: Path) -> Iterator[dict[str,
                 },
             )
             stack.callback(router.close)
-        yield ports
+        yield {**ports, "tls": tls}
+
+
+@pytest.mark.attack
+@pytest.mark.slow(long=True)
+@pytest.mark.process
+def test_a_certificate_reads_the_api_only_with_the_right(
+    sites: dict[str, int], users: Path, certificates: Path
+) -> None:
+    """A client over TLS that may read reads and does no more; one without the right is denied."""
+    asked: list[str] = []
+
+    def answer(key: str, payload: bytes) -> tuple[bool, bytes]:
+        asked.append(f"{payload.decode()} {key}")
+        return True, b"answered"
+
+    def client(name: str) -> zenoh.Session:
+        config = zenoh.Config()
+        for key, value in {
+            "mode": "client",
+            "connect/endpoints": [f"tls/localhost:{sites['tls']}"],
+            "scouting/multicast/enabled": False,
+            "transport/link/tls/root_ca_certificate": str(certificates / "ca.pem"),
+            "transport/link/tls/enable_mtls": True,
+            "transport/link/tls/connect_certificate": str(certificates / f"{name}.pem"),
+            "transport/link/tls/connect_private_key": str(certificates / f"{name}.key"),
+            "transport/auth/usrpwd/user": name,
+            "transport/auth/usrpwd/password": f"secret of {name}",
+        }.items():
+            config.insert_json5(key, json.dumps(value))
+        return zenoh.open(config)
+
+    def ask(name: str, scope: str) -> bytes | None:
+        replies = list(sessions[name].get(OPERATIONS[scope], payload=name, timeout=3.0))
+        found = [reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None]
+        return found[0] if found else None
+
+    with ExitStack() as stack:
+        dispatcher = stack.enter_context(open_bus(sites["server"], users / "dispatcher"))
+        dispatcher.answer(ALL_API, answer)
+        sessions = {
+            name: stack.enter_context(client(name)) for name in ("planner-1", "box-1", "van-1")
+        }
+        ends = time.monotonic() + 20.0
+        while ask("planner-1", "read") != b"answered":
+            assert time.monotonic() < ends
+        denied = [("planner-1", "orders"), ("planner-1", "control")]
+        denied += [(name, scope) for name in ("box-1", "van-1") for scope in OPERATIONS]
+        for name, scope in denied:
+            assert ask(name, scope) is None, (name, scope)
+    assert set(asked) == {f"planner-1 {OPERATIONS['read']}"}
 
 
 @pytest.mark.attack

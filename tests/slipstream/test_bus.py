@@ -6,10 +6,15 @@ import threading
 import time
 
 import pytest
+import zenoh
 
 from slipstream.bus import Bus, Publisher, Router, free_port
 from slipstream.config import BusSettings
 from slipstream.errors import InputError
+from slipstream.inbox import SAMPLES
+from slipstream.messages import ENCODING, SCHEMA, SegmentState, decode
+from slipstream.zenoh_config import client_config
+from tests.slipstream.test_messages import a_state
 
 
 class Inbox:
@@ -186,3 +191,100 @@ def test_close_ends_all_threads(router: Router) -> None:
     session.subscribe("slipstream/v1/x", lambda *_: None)
     session.close()
     assert not [t for t in threading.enumerate() if t.name.startswith("bus ")]
+
+
+@pytest.mark.slow
+def test_each_message_says_its_schema_version(router: Router, bus: Bus) -> None:
+    """As the suffix of its encoding, early and live, declared or not; pictures say nothing."""
+    seen: dict[str, str] = {}
+    key = "slipstream/v1/{}/state".format
+    early = bus.publisher(key("early"))
+    early.put(a_state())
+    with zenoh.open(client_config(BusSettings(connect=(router.endpoint,)))) as session:
+        subscriber = zenoh.ext.declare_advanced_subscriber(
+            session,
+            key("*"),
+            lambda sample: seen.update({str(sample.key_expr): str(sample.encoding)}),
+            history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
+        )
+        live = bus.publisher(key("live"), history=0)
+        picture = bus.publisher(key("picture"), best_effort=True)
+        deadline = time.monotonic() + 20
+        while len(seen) < 4 and time.monotonic() < deadline:
+            live.put(a_state())
+            picture.put(b"picture")
+            bus.put(key("once"), a_state())
+            time.sleep(0.02)
+        subscriber.undeclare()
+    ours = {key(name): f"application/json;version={SCHEMA}" for name in ("early", "live", "once")}
+    assert seen == ours | {key("picture"): "zenoh/bytes"}
+
+
+@pytest.mark.slow
+def test_other_schema_versions_over_the_bus(router: Router, bus: Bus) -> None:
+    """Newer minor ones and senders of before are read; another major one is refused, counted."""
+    key, taken = "slipstream/v1/versions/state", list[SegmentState]()
+    changed = threading.Condition()
+
+    def take(_: str, payload: bytes) -> None:
+        with changed:
+            taken.append(decode(SegmentState, payload, key))
+            changed.notify_all()
+
+    def refused() -> int:
+        return int(SAMPLES.labels(key, "version")._value.get())
+
+    plain = a_state().to_bytes()
+    newer = plain[:-1] + b',"of_a_later_version":1}'
+    major, minor = (int(part) for part in SCHEMA.split("."))
+    marked = ENCODING.removesuffix(SCHEMA) + "{}.{}"
+    bus.subscribe(key, take, history=False, every=True)
+    with zenoh.open(client_config(BusSettings(connect=(router.endpoint,)))) as old:
+        deadline = time.monotonic() + 20
+        while not taken and time.monotonic() < deadline:
+            old.put(key, plain)
+            time.sleep(0.02)
+        before = refused()
+        old.put(key, plain, encoding=marked.format(major + 1, 0))
+        old.put(key, newer, encoding=marked.format(major, minor + 1))
+        with changed:
+            count = len(taken)
+            assert changed.wait_for(lambda: refused() > before and len(taken) > count, 20)
+    assert refused() == before + 1
+    assert set(map(type, taken)) == {SegmentState}
+    assert all(state == a_state() for state in taken)
+
+
+@pytest.mark.slow
+def test_questions_of_another_major_version_are_refused(router: Router, bus: Bus) -> None:
+    """By an answer that says so; answers say their version too."""
+    asked = list[bytes]()
+
+    def answer(_: str, payload: bytes) -> tuple[bool, bytes]:
+        asked.append(payload)
+        return payload != b"bad", b"{}"
+
+    bus.answer("slipstream/v1/x/ask", answer)
+    major = int(SCHEMA.split(".")[0])
+    foreign = ENCODING.removesuffix(SCHEMA) + f"{major + 1}.0"
+    with zenoh.open(client_config(BusSettings(connect=(router.endpoint,)))) as session:
+
+        def ask(payload: bytes, encoding: str) -> zenoh.Reply | None:
+            found = list(
+                session.get("slipstream/v1/x/ask", payload=payload, encoding=encoding, timeout=5.0)
+            )
+            return found[0] if found else None
+
+        deadline = time.monotonic() + 20
+        while (first := ask(b"{}", "zenoh/bytes")) is None or first.ok is None:
+            assert time.monotonic() < deadline
+        assert str(first.ok.encoding) == ENCODING
+        bad = ask(b"bad", ENCODING)
+        assert bad is not None
+        assert bad.err is not None
+        assert str(bad.err.encoding) == ENCODING
+        other = ask(b"other", foreign)
+        assert other is not None
+        assert other.err is not None
+        assert b"another major schema version" in other.err.payload.to_bytes()
+    assert b"other" not in asked
