@@ -112,7 +112,7 @@ class ApiSettings(Settings):
     )
     bus: tuple[Scope, ...] = Field(
         default=(),
-        description="Scopes that are served over the bus too, of `read`, `orders` and `control`. "
+        description="Scopes that are served over the bus too. "
         "Who may ask there is a matter of the router's access rules; a router without any lets "
         "everybody ask.",
     )
