@@ -12,9 +12,10 @@ import viser
 from dashboard import metrics, selection
 from dashboard.browser import PLACES, Browser
 from dashboard.live import LiveData
-from dashboard.panels import PanelLayout
+from dashboard.panels import PanelLayout, frame_html
 from dashboard.panels.layout import VIEW_ORDER
 from dashboard.scene import RoadMap
+from dashboard.scene.canvas import Canvas
 from dashboard.server import start_server, stop_server
 from dashboard.settings import DashboardSettings
 from dashboard.view import build_view
@@ -115,7 +116,8 @@ class Page:
         self._updates = 0
         self._browsers = {}
         settings = self._settings
-        self._server = start_server(settings.host, self._port, settings.allowed_hosts)
+        head = frame_html(Canvas(self._network).scale)
+        self._server = start_server(settings.host, self._port, settings.allowed_hosts, head)
         try:
             self._map = RoadMap(self._server, self._network, self._depots, self._trucks)
             self._panels = PanelLayout(self._server)

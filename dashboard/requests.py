@@ -107,8 +107,11 @@ def _is_own(name: str, names: frozenset[str], local_address: str) -> bool:
 class Guard:
     """Examines the requests of one server, before viser does."""
 
-    def __init__(self, served: str, allowed: frozenset[str], logger: logging.Logger) -> None:
+    def __init__(
+        self, served: str, allowed: frozenset[str], logger: logging.Logger, head: str = ""
+    ) -> None:
         self.serving = False
+        self._head = head.encode()
         self._served = served
         self._allowed = allowed
         self._logger = logger
@@ -133,7 +136,7 @@ class Guard:
                 if answer is None and selection.of_path(request.path) is not None:
                     # The page is the same one; its websocket says what is selected.
                     request = Request("/", request.headers)
-                return answer or _own_page(process_request(connection, request))
+                return answer or _own_page(process_request(connection, request), self._head)
 
             async def handle(connection: ServerConnection) -> None:
                 if not await self._reject_other_version(connection):
@@ -201,16 +204,18 @@ _OWN_ICON: Final = (
 )
 
 
-def _own_page(answer: Any) -> Any:
-    """viser's answer; its page gets the title and the icon of this one.
+def _own_page(answer: Any, head: bytes) -> Any:
+    """viser's answer; its page gets the title, the icon and the head of this one.
 
-    viser has no setting for either. A page that has neither mark is passed on as it is.
+    viser has no setting for them. A page that has neither mark is passed on as it is.
     """
     if not isinstance(answer, Response) or not answer.headers.get("Content-Type", "").startswith(
         "text/html"
     ):
         return answer
-    answer.body = _rewritten(bytes(answer.body), answer.headers.get("Content-Encoding") == "gzip")
+    answer.body = _rewritten(
+        bytes(answer.body), answer.headers.get("Content-Encoding") == "gzip", head
+    )
     if "Content-Length" in answer.headers:
         del answer.headers["Content-Length"]
         answer.headers["Content-Length"] = str(len(answer.body))
@@ -219,9 +224,11 @@ def _own_page(answer: Any) -> Any:
 
 # viser keeps the page, plain and compressed: each is rewritten once.
 @functools.lru_cache(maxsize=2)
-def _rewritten(page: bytes, packed: bool) -> bytes:
+def _rewritten(page: bytes, packed: bool, head: bytes) -> bytes:
     plain = gzip.decompress(page) if packed else page
-    plain = _ICON.sub(rb"\g<1>" + _OWN_ICON + rb"\g<2>", plain.replace(*_TITLE, 1), count=1)
+    # After the title, so before viser's own script.
+    plain = plain.replace(_TITLE[0], _TITLE[1] + head, 1)
+    plain = _ICON.sub(rb"\g<1>" + _OWN_ICON + rb"\g<2>", plain, count=1)
     return gzip.compress(plain, 6, mtime=0) if packed else plain
 
 

@@ -22,7 +22,9 @@ log = logging.getLogger(__name__)
 STOP_TIMEOUT_S: Final = 3.0
 
 
-def start_server(host: str, port: int, allowed_hosts: Iterable[str] = ()) -> viser.ViserServer:
+def start_server(
+    host: str, port: int, allowed_hosts: Iterable[str] = (), head: str = ""
+) -> viser.ViserServer:
     """Start viser on exactly this address, without viser's public share URLs.
 
     A request whose Host is not a name of the page, or that another site's page sent, gets HTTP 403.
@@ -31,6 +33,7 @@ def start_server(host: str, port: int, allowed_hosts: Iterable[str] = ()) -> vis
         host: address or name to serve on.
         port: TCP port.
         allowed_hosts: names of the page beside the served address and the loopback names.
+        head: HTML to add to the page's head.
 
     Raises:
         InputError: the address cannot be bound, as when the port is taken.
@@ -41,7 +44,7 @@ def start_server(host: str, port: int, allowed_hosts: Iterable[str] = ()) -> vis
     connections.setLevel(logging.WARNING)
     for logger in (connections, logging.getLogger("asyncio")):
         logger.addFilter(ONE_LINE)
-    guard = Guard(host.lower(), frozenset(map(str.lower, allowed_hosts)), connections)
+    guard = Guard(host.lower(), frozenset(map(str.lower, allowed_hosts)), connections, head)
     # viser prints a banner to standard output, which is the caller's.
     with contextlib.redirect_stdout(io.StringIO()), guard.installed():
         server = viser.ViserServer(host=host, port=port, verbose=False)

@@ -5,7 +5,7 @@ To add a panel: a field of `dashboard.view.DashboardView`, what fills it in `bui
 """
 
 from dashboard.panels.card import card_html
-from dashboard.panels.layout import PanelLayout
+from dashboard.panels.layout import PanelLayout, frame_html
 from dashboard.panels.registry import PANELS, Panel
 
-__all__ = ["PANELS", "Panel", "PanelLayout", "card_html"]
+__all__ = ["PANELS", "Panel", "PanelLayout", "card_html", "frame_html"]

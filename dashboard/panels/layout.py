@@ -20,7 +20,7 @@ CARD_ORDER: Final = 3.0
 """Places in the panel of the buttons for the view, and of a browser's card."""
 FIRST_BLOCK: Final = 4
 _BASELINE = "#8a929d"
-_COOPERATIVE = "#005ab5"
+_COOPERATIVE = "#2f7fd1"
 
 
 class PanelLayout:
@@ -82,6 +82,17 @@ class PanelLayout:
             visible=False,
             order=order,
         )
+
+
+def frame_html(units_per_m: float) -> str:
+    """What the page's head needs beside viser's: colour scheme, layout, north arrow and scale.
+
+    The browser follows its own camera, as the panels can be collapsed, with all that is in them.
+
+    Args:
+        units_per_m: units of the scene that 1 m is long.
+    """
+    return render("frame.html.j2", units_per_m=units_per_m)
 
 
 def _chart_data(history: HistoryView) -> tuple[npt.NDArray[np.float64], ...]:

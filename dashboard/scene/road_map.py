@@ -36,7 +36,6 @@ _GAP_RGB: Final[dict[Traffic, Rgb]] = {
     "unknown": (228, 231, 235),
 }
 _DARK: Final[Rgb] = (29, 39, 51)
-_SCALES_M: Final = tuple(step * 10**power for power in range(1, 6) for step in (1, 2, 5))
 
 
 @dataclass(frozen=True)
@@ -87,7 +86,7 @@ class RoadMap:
         self._stands: dict[tuple[str, ...], tuple[Array, float] | None] = {}
         self._prepare_scene()
         self._draw_roads()
-        self._fixed = (*self._draw_depots(depots), *self._draw_scale())
+        self._fixed = tuple(self._draw_depots(depots))
 
     def update(self, view: DashboardView) -> Drawn:
         """Show a view."""
@@ -172,31 +171,6 @@ class RoadMap:
         return [
             Mark("depot", node, "Depot", (float(x), float(y), float(z)))
             for node, (x, y, z) in zip(known, tops, strict=True)
-        ]
-
-    def _draw_scale(self) -> list[Mark]:
-        """A north arrow and a scale bar on the ground, beside the south-western corner."""
-        canvas, scene = self.canvas, self._server.scene
-        west, south = canvas.centre_m - np.array(canvas.size_m) / 2
-        size_m = max(*canvas.size_m)
-        length_m = max((step for step in _SCALES_M if step <= size_m / 6), default=_SCALES_M[0])
-        y, high = south - 3.5 * canvas.unit_m, 0.5 * canvas.unit_m
-        ends = [
-            ((west, y), (west + length_m, y)),
-            *(((x, y - high), (x, y + high)) for x in (west, west + length_m)),
-        ]
-        bar = canvas.strips(np.array(ends), _DARK, np.array([0.22, 0.22, 0.22]), 0.05)
-        Batch(scene, "/scale", shapes.QUAD, "toon3").show(bar)
-        arrow_m = (west - 4 * canvas.unit_m, south)
-        arrow = canvas.bodies(np.array([arrow_m]), np.zeros(1), _DARK, 4.0, 0.05)
-        Batch(scene, "/north", shapes.ARROW, "toon3").show(arrow)
-        text = f"{length_m / 1000:g} km" if length_m >= 1000 else f"{length_m} m"
-        tip = (arrow_m[0], arrow_m[1] + 4.4 * canvas.unit_m)
-        places = np.array([(west + length_m / 2, y), tip])
-        names = ("scale", text), ("north", "N")
-        return [
-            Mark("depot", name, word, (float(a), float(b), float(c)))
-            for (name, word), (a, b, c) in zip(names, canvas.positions(places, 0.1), strict=True)
         ]
 
     def _update_watched(self, roads: Sequence[RoadView]) -> None:

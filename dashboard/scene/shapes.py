@@ -1,4 +1,4 @@
-"""Small bodies of the scene as triangles: vehicles, poles, depots, stops, the north arrow.
+"""Small bodies of the scene as triangles: vehicles, poles, depots and stops.
 
 Each is made once, about its own origin, x ahead, z up, and drawn many times at other places and
 scales. Corners of two faces are two vertices, so that viser shades each face flat.
@@ -147,13 +147,6 @@ RING: Final = joined(
     )
 )
 """A flat ring of radius 1, around what is selected."""
-ARROW: Final = _shape(
-    [
-        ((0.0, 1.0, 0.0), (-0.34, 0.0, 0.0), (0.0, 0.2, 0.0)),
-        ((0.0, 1.0, 0.0), (0.0, 0.2, 0.0), (0.34, 0.0, 0.0)),
-    ]
-)
-"""A flat arrow 1 long that points along y."""
 QUAD: Final = Shape(
     np.array([(0, -0.5, 0), (1, -0.5, 0), (1, 0.5, 0), (0, 0.5, 0)], dtype=np.float32),
     np.array([(0, 1, 2), (0, 2, 3)], dtype=np.uint32),

@@ -101,8 +101,8 @@ def view(world) -> Iterator[View]:
     shown.page.close()
 
 
-def _open(browser: Any, view: View, width: int, query: str = "") -> Any:
-    page = browser.new_page(viewport={"width": width, "height": 800})
+def _open(browser: Any, view: View, width: int, query: str = "", scheme: str = "light") -> Any:
+    page = browser.new_page(viewport={"width": width, "height": 800}, color_scheme=scheme)
     page.goto(f"{view.address}/{query}")
     page.wait_for_function(DRAWN, timeout=90_000)
     page.get_by_text("Traffic is calm on 1 of 2").wait_for(timeout=30_000)
@@ -153,7 +153,7 @@ def test_no_two_labels_overlap_in_the_browser(browser, view, width):
 
     def labelled() -> bool:
         shown[:] = page.evaluate(LABELS)
-        return {"van-a", "Depot", "N"} <= {label["text"] for label in shown}
+        return {"van-a", "Depot"} <= {label["text"] for label in shown}
 
     assert _until(labelled), shown
     # Two looks, so that what was about to move has moved.
@@ -228,4 +228,67 @@ def test_buttons_lead_the_camera(browser, view):
     one.viewer.select(Selection("rsu", "rsu-avenue_east"))
     page.get_by_role("button", name="Selection").click()
     assert _until(lambda: one.viewer.eye().position[2] < far / 1.5)
+    page.close()
+
+
+def _compass(page: Any) -> tuple[float, float]:
+    """Degrees that the arrow is turned clockwise, and the metres a pixel by the bar."""
+    return tuple(
+        page.evaluate("""() => {
+          const [arrow, bar] = document.getElementById("sl-scale").children;
+          const [number, unit] = bar.textContent.split(" ");
+          return [Number(arrow.style.transform.match(/-?[0-9.]+/)[0]),
+                  number * (unit === "km" ? 1000 : 1) / bar.offsetWidth];
+        }""")
+    )
+
+
+def test_north_and_scale_follow_the_camera(browser, view):
+    """Arrow and bar stay in the map's corner; both agree with the server's view of the camera."""
+    page = _open(browser, view, 1440)
+    (one,) = view.page._browsers.values()
+    page.get_by_role("button", name="From above").click()
+    assert _until(lambda: one.viewer.eye().turn[2, 2] < -0.99)
+
+    def agrees() -> bool:
+        eye, canvas = one.viewer.eye(), view.page._map.canvas
+        metres_a_pixel = eye.position[2] / eye.focal_px / canvas.scale
+        turn, shown = _compass(page)
+        right = eye.turn[:, 0]
+        away = turn - np.degrees(np.arctan2(right[1], right[0]))
+        return abs((away + 180) % 360 - 180) < 2 and abs(shown / metres_a_pixel - 1) < 0.05
+
+    assert _until(agrees), (_compass(page), one.viewer.eye())
+    before = _compass(page)
+    client = one._client
+    # The point that it looks at moves with the position: set after it.
+    client.camera.position = (3.0, 2.0, 3.0)
+    client.camera.look_at = (0.0, 0.0, 0.0)
+    assert _until(lambda: abs(_compass(page)[0] - before[0]) > 20)
+    box = page.locator("#sl-scale").bounding_box()
+    canvas = page.locator("canvas[data-engine]").bounding_box()
+    assert canvas["x"] < box["x"]
+    assert box["x"] + box["width"] < canvas["x"] + 250
+    assert canvas["height"] - 80 < box["y"] < canvas["height"] - box["height"]
+    page.close()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_phone_sees_map_and_panel(browser, view, scheme):
+    """The panel is below the map, in the scheme of the browser; collapsed it makes room."""
+    page = _open(browser, view, 390, scheme=scheme)
+    root = "getComputedStyle(document.documentElement).colorScheme"
+    assert page.evaluate(root) == scheme
+    canvas = page.locator("canvas[data-engine]")
+    head = page.locator(".sl .head")
+
+    def apart() -> bool:
+        box = canvas.bounding_box()
+        return box["height"] > 250 and head.bounding_box()["y"] >= box["y"] + box["height"]
+
+    assert _until(apart), (canvas.bounding_box(), head.bounding_box())
+    assert head.bounding_box()["x"] < 40
+    page.get_by_text("Slipstream in 3D", exact=True).click()
+    assert _until(lambda: canvas.bounding_box()["height"] > 700)
+    assert page.locator("#sl-scale").is_visible()
     page.close()

@@ -160,12 +160,12 @@ class _Refusals:
         self.tries = 0
 
     def __call__(
-        self, host: str, port: int, allowed_hosts: tuple[str, ...] = ()
+        self, host: str, port: int, allowed_hosts: tuple[str, ...] = (), head: str = ""
     ) -> viser.ViserServer:
         self.tries += 1
         if self.tries <= self.left:
             raise InputError(f"{host}:{port}", "the port is taken", "stop what listens there")
-        return start_server(host, port, allowed_hosts)
+        return start_server(host, port, allowed_hosts, head)
 
 
 def test_a_port_that_comes_free_late_is_waited_for(page_due_for_restart, now_ns, monkeypatch):

@@ -128,7 +128,7 @@ def test_each_template_has_its_panel():
     """Panels have unique names, and no template lies unused beside theirs and the shared ones."""
     assert len({panel.name for panel in PANELS}) == len(PANELS)
     folder = Path(dashboard.panels.__file__).parent / "templates"
-    shared = {"macros.html.j2", "style.html.j2", "card.html.j2"}
+    shared = {"macros.html.j2", "style.html.j2", "card.html.j2", "frame.html.j2"}
     assert {path.name for path in folder.iterdir()} == {p.template for p in PANELS} | shared
 
 
