@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 from collections.abc import Iterable
 from itertools import islice
@@ -14,7 +15,7 @@ from slipstream.config import DEMO_NETWORK
 from slipstream.errors import InputError
 from slipstream.logs import complain
 from slipstream_cli.checks.across import faults_between, nets_of
-from slipstream_cli.checks.kinds import CHECKS, Checked, kind_of
+from slipstream_cli.checks.kinds import CHECKS, Checked, kind_of, part_of
 
 _MAX_FAULTS: Final = 200
 """Of all files together that are told."""
@@ -50,9 +51,11 @@ def run(options: argparse.Namespace) -> int:
     faults: list[InputError] = []
     files: list[Checked] = []
     fleets: list[Path] = []
+    parts: list[Checked | None] = []
     for path in options.config:
+        kind = options.kind
         try:
-            kind = options.kind or kind_of(path)
+            kind = kind or kind_of(path)
             if kind == "fleet":
                 # On the roads of the dispatcher's settings, which may come later.
                 fleets.append(path)
@@ -60,20 +63,29 @@ def run(options: argparse.Namespace) -> int:
                 files.append(CHECKS[kind](path, options.network or DEMO_NETWORK))
         except InputError as error:
             faults += (error, *error.others)
-    owners = {kind: [f for f in files if f.kind == kind] for kind in ("dispatcher", "dashboard")}
+            parts.append(part_of(path, kind) if kind else None)
+    found = [*files, *filter(None, parts)]
+    owners = {kind: [f for f in found if f.kind == kind] for kind in ("dispatcher", "dashboard")}
     roads = next(iter(nets_of(owners, options.network)), DEMO_NETWORK)
     for path in fleets:
         try:
             files.append(CHECKS["fleet"](path, roads))
         except InputError as error:
             faults += (error, *error.others)
-    faults += faults_between(files, options.network)
+            parts.append(part_of(path, "fleet"))
+    together = sorted(
+        [*files, *filter(None, parts)], key=lambda file: options.config.index(file.path)
+    )
+    faults += faults_between(together, options.network)
     return _report(options, files, _once(faults))
 
 
 def _once(faults: Iterable[InputError]) -> list[InputError]:
-    """A fleet that the dispatcher's settings name is found faulty twice."""
-    return list(islice({str(fault): fault for fault in faults}.values(), _MAX_FAULTS))
+    """A fleet that the dispatcher's settings name is found faulty twice, by either path."""
+    found: dict[tuple[str, str | None, str], InputError] = {}
+    for fault in faults:
+        found.setdefault((os.path.abspath(fault.source), fault.key, fault.problem), fault)
+    return list(islice(found.values(), _MAX_FAULTS))
 
 
 def _report(options: argparse.Namespace, files: list[Checked], faults: list[InputError]) -> int:

@@ -1,4 +1,4 @@
-"""`slipstream db`: upgrade, check, prune, back up and restore the dispatcher's database."""
+"""`slipstream db`: upgrade, check, prune, back up, restore and export the dispatcher's database."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from slipstream.errors import InputError
 from slipstream.orders import utc
+from slipstream_cli import export
 
 if TYPE_CHECKING:
     from storage import CheckReport
@@ -51,6 +52,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
             )
         action.add_argument("--json", action="store_true", help="report as JSON")
         action.set_defaults(run=function)
+    export.add_to(actions)
 
 
 def upgrade(options: argparse.Namespace) -> int:

@@ -1,4 +1,4 @@
-"""`slipstream export`: tables of the database as CSV or Parquet, also while a dispatcher writes.
+"""`slipstream export` or `db export`: tables of the database as CSV or Parquet, at any time.
 
 After the word `instance`: instances in the formats of benchmark libraries.
 """
@@ -25,7 +25,7 @@ _INSTANCE: Final = "instance"
 
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the sub-command."""
+    """Add the sub-command, to the top or to `slipstream db`."""
     command = commands.add_parser("export", help="tables of the database, or instances, as files")
     command.add_argument("table", help="its name, or 'all'; or 'instance', with names or files")
     command.add_argument(

@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from slipstream.errors import InputError
-from slipstream_cli.checks.kinds import Checked, network_of
+from slipstream_cli.checks.kinds import Checked, network_of, part_of
 
 
 def faults_between(files: Sequence[Checked], network: str | None) -> Iterator[InputError]:
     """What does not fit together.
 
     Args:
-        files: each valid by itself.
+        files: each valid by itself, or its valid keys; what has no key to compare is passed over.
         network: roads that are given beside them; None: those of the dispatchers, or else of the
             dashboards.
     """
@@ -33,24 +33,40 @@ def nets_of(files: Mapping[str, Sequence[Checked]], network: str | None) -> dict
     if network is not None:
         return {network: "--network"}
     owners = files.get("dispatcher") or files.get("dashboard") or ()
-    return {owner.content.network: str(owner.path) for owner in owners}
+    return {
+        owner.content.network: str(owner.path)
+        for owner in owners
+        if hasattr(owner.content, "network")
+    }
+
+
+def _with(files: Mapping[str, Sequence[Checked]], kind: str, *keys: str) -> list[Checked]:
+    """Files of a kind of which these keys are known."""
+    return [f for f in files.get(kind, ()) if all(hasattr(f.content, key) for key in keys)]
+
+
+def _camera(path: Path) -> tuple[Checked | None, Sequence[InputError]]:
+    """(a camera that an edge's settings name, or its valid keys; what is wrong with it)."""
+    from edge_daemon.camera import load_camera
+
+    try:
+        return Checked(path, "camera", load_camera(path)), ()
+    except InputError as error:
+        return part_of(path, "camera"), (error, *error.others)
 
 
 def _rsus(files: Mapping[str, Sequence[Checked]]) -> Iterator[InputError]:
     """RSUs named twice, and those that the dispatcher does not admit."""
-    if not files.get("edge"):
-        return
-    from edge_daemon.camera import load_camera
-
     seen: dict[str, Path] = {}
-    for edge in files.get("edge", ()):
+    for edge in _with(files, "edge", "rsu"):
         rsu = edge.content.rsu
         if rsu in seen:
             problem = f"{rsu!r} is also the name in {seen[rsu]}"
             yield InputError(edge.path, problem, "give each its own", key="rsu")
         seen.setdefault(rsu, edge.path)
-        watched = [segment.id for segment in load_camera(edge.content.camera).segments]
-        for dispatcher in files.get("dispatcher", ()):
+        camera = _camera(Path(edge.content.camera))[0] if hasattr(edge.content, "camera") else None
+        watched = [s.id for s in getattr(camera and camera.content, "segments", ())]
+        for dispatcher in _with(files, "dispatcher", "rsus"):
             listed: Mapping[str, Sequence[str]] | None = dispatcher.content.rsus
             if listed is None:
                 continue
@@ -70,19 +86,26 @@ def _rsus(files: Mapping[str, Sequence[Checked]]) -> Iterator[InputError]:
 
 def _segments(files: Mapping[str, Sequence[Checked]], network: str | None) -> Iterator[InputError]:
     """Segments of cameras that the roads lack."""
-    if not (files.get("edge") or files.get("camera")):
-        return
-    from edge_daemon.camera import load_camera
-
-    cameras = {camera.path.absolute(): camera.content for camera in files.get("camera", ())}
-    for edge in files.get("edge", ()):
+    cameras = {
+        camera.path.absolute(): camera.content for camera in _with(files, "camera", "segments")
+    }
+    for edge in _with(files, "edge", "camera"):
         path = Path(edge.content.camera).absolute()
         if path not in cameras:
-            cameras[path] = load_camera(edge.content.camera)
+            camera, faults = _camera(path)
+            yield from faults
+            if camera is not None and hasattr(camera.content, "segments"):
+                cameras[path] = camera.content
+    if not cameras:
+        return
     for reference, owner in nets_of(files, network).items():
-        roads = network_of(reference)
-        for path, camera in cameras.items():
-            for segment in camera.segments:
+        try:
+            roads = network_of(reference)
+        except InputError as error:
+            yield error
+            continue
+        for path, content in cameras.items():
+            for segment in content.segments:
                 if segment.id not in roads.segments:
                     yield InputError(
                         path,
@@ -97,6 +120,8 @@ def _dashboards(files: Mapping[str, Sequence[Checked]]) -> Iterator[InputError]:
     for dashboard in files.get("dashboard", ()):
         for dispatcher in files.get("dispatcher", ()):
             for key in ("network", "rsus", "database_url", "fleet"):
+                if not (hasattr(dashboard.content, key) and hasattr(dispatcher.content, key)):
+                    continue
                 if key == "fleet" and dashboard.content.fleet is None:
                     continue
                 if _plain(dashboard, key) != _plain(dispatcher, key):
@@ -117,10 +142,13 @@ def _plain(file: Checked, key: str) -> Any:
 
 def _vehicles(files: Mapping[str, Sequence[Checked]]) -> Iterator[InputError]:
     """Vehicles with two agents, and those that no fleet has."""
-    fleets = [f.fleet for f in (*files.get("fleet", ()), *files.get("dispatcher", ())) if f.fleet]
-    known = {vehicle.id for fleet in fleets for vehicle in fleet.vehicles}
+    owners = (*files.get("fleet", ()), *files.get("dispatcher", ()))
+    known = {vehicle.id for f in owners if f.fleet is not None for vehicle in f.fleet.vehicles}
+    if any(f.fleet is None and not f.whole for f in owners):
+        # Vehicles that cannot be read may be anybody.
+        known = set()
     seen: dict[str, Path] = {}
-    for agent in files.get("agent", ()):
+    for agent in _with(files, "agent", "vehicles"):
         for vehicle in agent.content.vehicles:
             key = f"vehicles.{vehicle.id}"
             if vehicle.id in seen:

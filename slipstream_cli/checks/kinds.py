@@ -7,15 +7,17 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Final
 
-from slipstream.config import load, read_data
+from pydantic import create_model
+
+from slipstream.config import check, load, read_data
 from slipstream.errors import InputError
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
-    from dispatcher_daemon.fleet import Fleet
     from slipstream.roads import RoadNetwork
 
 _BOXES: Final = (
@@ -28,15 +30,17 @@ _BOXES: Final = (
 
 @dataclass(frozen=True)
 class Checked:
-    """A file that is valid by itself.
+    """A file that is valid by itself, or the valid keys of one that is not.
 
     Attributes:
         path: the file.
         kind: what it is.
-        content: settings or camera.
+        content: settings or camera; of a file that is not valid, what `part_of` found.
         notes: what else is worth knowing of it.
         unserved: stops that cannot be served, with the reason.
-        fleet: of a fleet file, or the one that a dispatcher's settings name; None: no vehicle.
+        fleet: of a fleet file, or the one that a dispatcher's settings name; None: no vehicle, or
+            not to be read.
+        whole: it is valid.
     """
 
     path: Path
@@ -44,7 +48,8 @@ class Checked:
     content: Any = None
     notes: Sequence[str] = ()
     unserved: Mapping[str, str] = field(default_factory=dict)
-    fleet: Fleet | None = None
+    fleet: Any = None
+    whole: bool = True
 
     @property
     def title(self) -> str:
@@ -79,6 +84,46 @@ def kind_of(path: Path) -> str:
         "cannot tell what it is",
         f"say so with --as, or put {', '.join(CHECKS)} into its name",
     )
+
+
+def part_of(path: Path, kind: str) -> Checked | None:
+    """What can be read of a file that is not valid; None: nothing.
+
+    Its content has each key of the model that is valid by itself, or not given and has a default.
+    Keys that are not valid, or missing, are no attributes of it.
+    """
+    try:
+        data = read_data(path)
+    except InputError:
+        return None
+    models = {name: getattr(import_module(module), model) for name, module, model in _BOXES}
+    # A box has the packages of its own daemon alone.
+    model = models.get(kind) or _models().get(kind)
+    if model is None or not isinstance(data, dict):
+        return None
+    renamed = getattr(model, "renamed", {})
+    given = {renamed.get(key, key): value for key, value in data.items()}
+    content = SimpleNamespace()
+    for name, info in model.model_fields.items():
+        key = info.alias or name
+        if key not in given:
+            if not info.is_required():
+                setattr(content, name, info.get_default(call_default_factory=True))
+            continue
+        # A field's own model: validators of the whole one need all keys.
+        fields: dict[str, Any] = {name: (info.annotation, info)}
+        part = create_model("Part", **fields)
+        try:
+            setattr(content, name, getattr(check({key: given[key]}, part, path), name))
+        except InputError:
+            continue
+    fleet: Any = None
+    if kind == "fleet":
+        fleet = content if hasattr(content, "vehicles") else None
+    elif kind == "dispatcher" and getattr(content, "fleet", None):
+        named = part_of(Path(content.fleet), "fleet")
+        fleet = None if named is None else named.fleet
+    return Checked(path, kind, content, fleet=fleet, whole=False)
 
 
 def _models() -> Mapping[str, type[BaseModel]]:

@@ -1,4 +1,4 @@
-"""`slipstream net`: which segments and junctions a street has, or lie near a place."""
+"""`slipstream net`: which segments and junctions a street has, have an id, or lie near a place."""
 
 from __future__ import annotations
 
@@ -9,12 +9,16 @@ from typing import TYPE_CHECKING, Any, Final
 
 from slipstream.config import DEMO_NETWORK
 from slipstream.errors import InputError
+from slipstream.logs import complain
 from slipstream_cli.place.streets import matching, place_of, streets_of
 
 if TYPE_CHECKING:
     from slipstream.roads import RoadNetwork, Segment
 
 _MPS_TO_KMH: Final = 3.6
+_KM_M: Final = 1000.0
+_FAR_M: Final = 300.0
+"""From the nearest segment: further away a place is perhaps not one of this net."""
 _COMPASS: Final = (
     *("east", "north-east", "north", "north-west"),
     *("west", "south-west", "south", "south-east"),
@@ -23,19 +27,20 @@ _COMPASS: Final = (
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the sub-command."""
-    command = commands.add_parser("net", help="segments and junctions by street name or place")
+    command = commands.add_parser("net", help="segments and junctions by street, id or place")
     kinds = command.add_subparsers(dest="action", required=True, metavar="ACTION")
     find = kinds.add_parser(
         "find",
-        help="the segments and junctions of a street, or near a place",
+        help="the segments and junctions of a street, of an id, or near a place",
         description="Lists segments with id, length, allowed speed, direction and junctions: those "
-        "of a street, by a name that need not be exact, or those nearest to a place.",
+        "of a street, by a name that need not be exact; or else those whose ids hold what is "
+        "given; or those nearest to a place.",
     )
     find.add_argument(
         "query",
-        metavar="NAME|LAT,LON",
-        help="a street's name; or latitude and longitude, where the net has no projection x and y "
-        "in m; write -- before a place that begins with a minus",
+        metavar="NAME|ID|LAT,LON",
+        help="a street's name; a segment's id or a part of it; or latitude and longitude, where "
+        "the net has no projection x and y in m; write -- before a place that begins with a minus",
     )
     find.add_argument("--limit", type=int, default=20, help="segments to list at most")
     find.set_defaults(run=run_find)
@@ -56,17 +61,24 @@ def run_find(options: argparse.Namespace) -> int:
         raise InputError("--limit", f"{options.limit} is too few", "give 1 or more")
     network = load_network(options.net)
     place = place_of(options.query, network)
-    names = () if place is not None else matching(options.query, network)
+    names: tuple[str, ...] = ()
+    away_m = None
     if place is not None:
         found = _near(network, place, options.limit)
         total = len(found)
+        away_m = min((row["distance_m"] for row in found), default=None)
     else:
-        chosen = [s for name in names for s in streets_of(network)[name]]
+        names, chosen = matching(options.query, network)
         found, total = [_facts(network, s) for s in chosen[: options.limit]], len(chosen)
+    if far := away_m is not None and away_m > _FAR_M:
+        away = _length(away_m or 0.0)
+        complain(f"slipstream: {options.query}: {away} from the nearest segment of {options.net}")
     junctions = _junctions(network, found)
     if options.json:
-        counts = {"query": options.query, "streets": list(names), "found": total}
-        print(json.dumps({**counts, "segments": found, "junctions": junctions}))
+        answer = {"query": options.query, "streets": list(names), "found": total}
+        if place is not None:
+            answer |= {"distance_m": away_m, "far": far}
+        print(json.dumps({**answer, "segments": found, "junctions": junctions}))
         return 0
     for row in found:
         away = f", {row['distance_m']:g} m away" if "distance_m" in row else ""
@@ -135,6 +147,10 @@ def _facts(network: RoadNetwork, segment: Segment) -> dict[str, Any]:
         "start": segment.start,
         "end": segment.end,
     }
+
+
+def _length(metres: float) -> str:
+    return f"{metres:.0f} m" if metres < _KM_M else f"{metres / _KM_M:.1f} km"
 
 
 def _junctions(network: RoadNetwork, rows: list[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -28,29 +28,40 @@ def streets_of(network: RoadNetwork) -> Mapping[str, tuple[Segment, ...]]:
     return {name: tuple(segments) for name, segments in found.items()}
 
 
-def matching(query: str, network: RoadNetwork) -> tuple[str, ...]:
-    """Names of the streets that are meant, the best first: those that hold what was written, or
-    else those most like it.
+def matching(query: str, network: RoadNetwork) -> tuple[tuple[str, ...], tuple[Segment, ...]]:
+    """(names of the streets that are meant, the best first; segments, the best first).
+
+    The segment whose id this is comes first, then those of streets that hold what was written; or
+    else those whose ids hold it, or else those of the streets most like it.
 
     Raises:
-        InputError: the net has no street names, or none is like it.
+        InputError: there is none.
     """
-    named = [name for name in streets_of(network) if name]
+    streets = streets_of(network)
+    named = [name for name in streets if name]
     wanted = _plain(query)
     words = set(wanted.split())
     held = [n for n in named if wanted and (wanted in _plain(n) or words <= {*_plain(n).split()})]
-    if held:
-        return tuple(sorted(held, key=lambda name: (len(_plain(name)), name)))
+    names = tuple(sorted(held, key=lambda name: (len(_plain(name)), name)))
+    exact = [network.segments[query]] if query in network.segments else []
+    if names or exact:
+        segments = (*exact, *(segment for name in names for segment in streets[name]))
+        return names, tuple({segment.id: segment for segment in segments}.values())
+    part = query.strip().casefold()
+    ids = [identifier for identifier in network.segments if part and part in identifier.casefold()]
+    if ids:
+        return (), tuple(network.segments[i] for i in sorted(ids, key=lambda i: (len(i), i)))
     like = sorted(((_likeness(wanted, _plain(name)), name) for name in named), reverse=True)
     best = like[0][0] if like else 0.0
     if best >= _NEAR:
         # As good as the best one, not all that are barely like it.
-        return tuple(name for value, name in like if value >= max(_NEAR, best - 0.1))
+        names = tuple(name for value, name in like if value >= max(_NEAR, best - 0.1))
+        return names, tuple(segment for name in names for segment in streets[name])
+    missing = "no segment's id has it, and"
     if not named:
-        raise InputError(
-            query, "the net has no street names", "give a place, or import the net with names"
-        )
-    raise InputError(query, "no street is called so", f"the nearest is {like[0][1]!r}")
+        mend = "give a place, or import the net with names"
+        raise InputError(query, f"{missing} the net has no street names", mend)
+    raise InputError(query, f"{missing} no street is called so", f"the nearest is {like[0][1]!r}")
 
 
 def place_of(query: str, network: RoadNetwork) -> tuple[float, float] | None:

@@ -51,6 +51,17 @@ def test_what_was_stored_is_what_the_csv_holds(url: str, tmp_path: Path) -> None
     assert {row["repaired"] for row in rows_of(out / "solver_runs.csv")} == {"true", "false"}
 
 
+def test_the_database_s_commands_have_the_same_export(url: str, tmp_path: Path) -> None:
+    """`db export` takes the options of `export`, and writes the same files."""
+    begin = datetime.fromtimestamp((START_NS + 3 * PERIOD_NS) / 1e9, UTC).isoformat()
+    for words in (["export"], ["db", "export"]):
+        out = str(tmp_path / words[0])
+        assert main([*words, "cycles", "--database", url, "--from", begin, "--out", out]) == 0
+    assert [row["cycle"] for row in rows_of(tmp_path / "db/cycles.csv")] == ["3", "4", "5"]
+    written = [(tmp_path / folder / "cycles.csv").read_bytes() for folder in ("export", "db")]
+    assert written[0] == written[1]
+
+
 def test_parquet_holds_the_same_rows(url: str, tmp_path: Path) -> None:
     """With the columns' types, and times as timestamps in UTC."""
     parquet = pytest.importorskip("pyarrow.parquet")

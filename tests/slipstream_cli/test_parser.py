@@ -65,6 +65,7 @@ def test_the_help_of_all_fits_one_screen(capsys: pytest.CaptureFixture[str]) -> 
     [
         (["dispatchr"], "no such command: dispatchr; did you mean dispatcher?"),
         (["net", "fnd", "x"], "no such command: fnd; did you mean find?"),
+        (["db", "exprt", "all"], "no such command: exprt; did you mean export?"),
         (["edge", "--confg", "x"], "unknown option --confg; did you mean --config?"),
         (["run", "--intervall=3"], "unknown option --intervall; did you mean --interval?"),
         (["export", "all", "--out", "x", "--format", "parquett"], "did you mean parquet?"),

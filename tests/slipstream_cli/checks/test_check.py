@@ -165,6 +165,58 @@ def test_all_faults_of_one_file_are_told_once(
     assert any(": state: " in line for line in err)
 
 
+def test_a_fault_is_told_once_whatever_the_path(
+    site: Site, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The settings name the fleet by its absolute path, the command by a relative one."""
+    fleet = read_toml(site["fleet"])
+    fleet["depots"] = [{"id": "depot", "node": "mars"}]
+    site["fleet"].write_text(tomli_w.dumps(fleet))
+    monkeypatch.chdir(site["fleet"].parent)
+    status, _, err = checked(capsys, {stem: Path(path.name) for stem, path in site.items()})
+    assert status == 2
+    assert sum("unknown node 'mars'" in line for line in err) == 1
+
+
+def test_faults_within_files_hide_none_between_them(
+    site: Site, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A fleet and a dashboard that are not valid: what can be read of them is compared."""
+    fleet = read_toml(site["fleet"])
+    fleet["depots"] = [{"id": "depot", "node": "mars"}]
+    site["fleet"].write_text(tomli_w.dumps(fleet))
+    camera = read_toml(site["camera-rsu-1"])
+    camera["segments"][0]["id"] = "nowhere"  # type: ignore[index]
+    site["camera-rsu-1"].write_text(tomli_w.dumps(camera))
+    change(site["dashboard"], port=9465, scene_port="9467", database_url="sqlite:///other.db")
+    change(site["agents"], vehicles=[{"id": "van-9"}])
+    status, _, err = checked(capsys, site)
+    assert status == 2
+    for said in (
+        "unknown node 'mars'",
+        f"{site['dashboard']}: scene_port: ",
+        f"{site['camera-rsu-1']}: segments.nowhere: the network of {site['dispatcher']} has no",
+        f"{site['dispatcher']}: service.metrics_port: port 9465 is taken by port of",
+        f"{site['dashboard']}: database_url: not the same as in {site['dispatcher']}",
+        f"{site['agents']}: vehicles.van-9: no fleet file has this vehicle",
+    ):
+        assert sum(said in line for line in err) == 1, said
+
+
+def test_keys_that_cannot_be_read_are_not_compared(
+    site: Site, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The one fault of each file is all that is told: defaults do not stand for such keys."""
+    change(site["dashboard"], network=3, rsus=4)
+    change(site["edge-rsu-1"], camera=5)
+    change(site["fleet"], vehicles=[{"id": 7}])
+    status, _, err = checked(capsys, site)
+    assert status == 2
+    assert not any("not the same" in line or "no fleet file" in line for line in err)
+    for stem, key in (("dashboard", "network"), ("dashboard", "rsus"), ("edge-rsu-1", "camera")):
+        assert any(line.startswith(f"slipstream: {site[stem]}: {key}: ") for line in err)
+
+
 def test_a_fleet_that_the_dashboard_lacks_is_told(
     site: Site, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -172,8 +224,9 @@ def test_a_fleet_that_the_dashboard_lacks_is_told(
     change(site["dashboard"], fleet="gone.toml")
     status, _, err = checked(capsys, site)
     assert status == 2
-    (line,) = err
-    assert "gone.toml: no such file" in line
+    gone, other = err
+    assert "gone.toml: no such file" in gone
+    assert f"{site['dashboard']}: fleet: not the same as in {site['dispatcher']}" in other
 
 
 def test_json_has_files_and_faults(site: Site, capsys: pytest.CaptureFixture[str]) -> None:
@@ -183,6 +236,7 @@ def test_json_has_files_and_faults(site: Site, capsys: pytest.CaptureFixture[str
     answer = json.loads("\n".join(out))
     assert (status, err) == (2, [])
     assert {Path(row["file"]).stem for row in answer["valid"]} == set(site) - {"dashboard"}
-    (fault,) = answer["faults"]
-    assert fault.keys() == {"file", "key", "problem", "mend"}
-    assert "other.net.xml" in fault["file"]
+    gone, other = answer["faults"]
+    assert gone.keys() == other.keys() == {"file", "key", "problem", "mend"}
+    assert "other.net.xml" in gone["file"]
+    assert (other["file"], other["key"]) == (str(site["dashboard"]), "network")

@@ -60,6 +60,33 @@ def test_a_net_without_a_projection_takes_metres(capsys: pytest.CaptureFixture[s
     assert "lat" not in answer["junctions"][0]
 
 
+def test_segments_are_found_by_their_ids(capsys: pytest.CaptureFixture[str]) -> None:
+    """A part of the id, in any case; the whole id alone, or before the streets with that name."""
+    answer = found(capsys, "Avenue", "--limit", "100")
+    ids = [row["id"] for row in answer["segments"]]
+    assert answer["streets"] == []
+    assert "avenue_east" in ids
+    assert all("avenue" in name for name in ids)
+    assert [row["id"] for row in found(capsys, ids[-1])["segments"]] == [ids[-1]]
+    first = found(capsys, "Hoosick St", "--net", TROY)["segments"][0]["id"]
+    assert found(capsys, first, "--net", TROY)["segments"][0]["id"] == first
+
+
+def test_a_place_far_from_the_net_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    """One line with the distance on standard error, and in the JSON; none for a place nearby."""
+    assert main(["net", "find", "0,774000", "--limit", "1", "--json"]) == 0
+    said = capsys.readouterr()
+    answer = json.loads(said.out)
+    assert answer["far"] is True
+    assert answer["distance_m"] == answer["segments"][0]["distance_m"] > 700_000
+    km = answer["distance_m"] / 1000
+    assert said.err == f"slipstream: 0,774000: {km:.1f} km from the nearest segment of demo\n"
+    assert main(["net", "find", "900,904", "--limit", "1", "--json"]) == 0
+    said = capsys.readouterr()
+    assert json.loads(said.out)["far"] is False
+    assert said.err == ""
+
+
 def test_what_is_cut_off_is_counted(capsys: pytest.CaptureFixture[str]) -> None:
     """No silent limit."""
     assert main(["net", "find", "Hoosick St", "--net", TROY, "--limit", "1"]) == 0
