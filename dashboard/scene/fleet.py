@@ -30,7 +30,8 @@ VEHICLE_UNITS: Final = 2.2
 """Length of a drawn vehicle, in units."""
 LANE_UNITS: Final = 0.5
 """Offset of a road's band, and of the vehicles on it, to the right of its line, in units."""
-_ROUTE_UNITS: Final[Array] = np.array([1.2 + 0.42 * lane for lane in range(ROUTE_LANES)])
+_ROUTE_UNITS: Final[Array] = np.array([1.0 + 0.24 * lane for lane in range(ROUTE_LANES)])
+"""Offset of each lane of routes to the right of its road's line, in units: beside the band."""
 PLANNED_OPACITY: Final = 0.38
 """Of vehicles that are where their plans put them, as nobody has heard of them."""
 _MAX_LINK_VEHICLES: Final = 12.0
@@ -215,7 +216,7 @@ class FleetLayer:
         lanes = np.array([lane for (lane, _), _ in drawn], dtype=np.int64)
         drawing = self.lanes.road_strokes(roads, _ROUTE_UNITS[lanes] * self._canvas.unit_m)
         rgb = np.array([rgb for _, rgb in drawn]).reshape(-1, 3)[drawing.part]
-        self._platoon_batch.show(self._canvas.strips(drawing.strokes, rgb, 0.42, 0.2))
+        self._platoon_batch.show(self._canvas.strips(drawing.strokes, rgb, 0.34, 0.2))
 
     def _parts(
         self, vehicles: Sequence[VehicleView]

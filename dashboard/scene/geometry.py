@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 
-_MITRE_LIMIT = 3.0
+_MITRE_LIMIT = 1.5
 
 
 def drop_repeated_points(points: Sequence[tuple[float, float]] | Array) -> Array:

@@ -17,6 +17,13 @@ def test_offset_is_to_the_right():
     np.testing.assert_allclose(moved, [[0, -10], [110, -10], [110, 50]], atol=1e-9)
 
 
+def test_a_sharp_corner_has_no_spike():
+    """Where a line all but turns back on itself its corner is cut, at 1.5 times the offset."""
+    sharp = np.array([[0.0, 0.0], [100.0, 0.0], [0.0, 10.0]])
+    away = np.linalg.norm(geometry.offset(sharp, 10.0) - sharp, axis=1)
+    np.testing.assert_allclose(away, [10.0, 15.0, 10.0])
+
+
 def test_two_directions_part():
     """The two directions of a road lie on opposite sides of it."""
     there = geometry.offset(BENT[:2], 10.0)
