@@ -69,7 +69,14 @@ class HealthPublisher:
     def _health(self, next_cycle_ns: int | None) -> DispatcherHealth:
         receiver = self._receiver
         reporting, silent, orders = self._fleet_watch.figures()
-        self.receptions = tuple(receiver.latest.reception.figures())
+        reception = receiver.latest.reception
+        stops = reception.stops
+        reception.beat()
+        if reception.stops > stops:
+            log.warning(
+                "this dispatcher stood still for seconds: no RSU is blamed for states missed"
+            )
+        self.receptions = tuple(reception.figures())
         return DispatcherHealth(
             time_ns=time.time_ns(),
             started_ns=self._started_ns,
@@ -79,6 +86,8 @@ class HealthPublisher:
             bad_messages=receiver.bad_messages,
             states_refused=receiver.refused,
             messages_lost=lost(),
+            stops=reception.stops,
+            states_missed_here=reception.missed_here,
             rsus=worst_receptions(self.receptions),
             next_cycle_ns=next_cycle_ns,
             rss_mb=rss_mb(),
