@@ -55,6 +55,7 @@ class HealthPublisher:
         self._started_ns, self._control = started_ns, control
         self._publisher = bus.publisher(DISPATCHER_HEALTH_KEY)
         self._limiter = LogLimiter()
+        self._stops = 0
         self.receptions: tuple[tuple[str, Reception], ...] = ()
         self.database_set_aside: str | None = None
 
@@ -70,9 +71,10 @@ class HealthPublisher:
         receiver = self._receiver
         reporting, silent, orders = self._fleet_watch.figures()
         reception = receiver.latest.reception
-        stops = reception.stops
         reception.beat()
-        if reception.stops > stops:
+        if reception.stops > self._stops:
+            # Whether the beat or a state before it has noticed.
+            self._stops = reception.stops
             log.warning(
                 "this dispatcher stood still for seconds: no RSU is blamed for states missed"
             )
