@@ -104,10 +104,12 @@ class ReceptionCollector(Collector):
 
     Attributes:
         figures: (RSU, its reception) of all.
+        own: (times that the dispatcher itself stood still, states missed because of that).
     """
 
     def __init__(self) -> None:
         self.figures: Callable[[], Iterable[tuple[str, Reception]]] = tuple
+        self.own: Callable[[], tuple[int, int]] = lambda: (0, 0)
 
     def collect(self) -> Iterator[Metric]:
         """The metrics, labelled by RSU."""
@@ -132,7 +134,18 @@ class ReceptionCollector(Collector):
             if found.delay_s is not None and found.delay_spread_s is not None:
                 delay.add_metric([rsu], found.delay_s)
                 spread.add_metric([rsu], found.delay_spread_s)
+        stops, missed_here = self.own()
         yield from (states, missed, delay, spread)
+        yield CounterMetricFamily(
+            "slipstream_dispatcher_stops",
+            "Times that the dispatcher itself stood still for seconds.",
+            value=stops,
+        )
+        yield GaugeMetricFamily(
+            "slipstream_dispatcher_states_missed_here",
+            "States missed because of that, which no RSU is blamed for.",
+            value=missed_here,
+        )
 
 
 RECEPTION = ReceptionCollector()

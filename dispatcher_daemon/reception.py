@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import threading
+import time
 from bisect import bisect_left, insort
 from collections import OrderedDict, deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
@@ -16,6 +17,10 @@ MAX_RSUS: Final = 10_000
 MAX_JUMP: Final = 100_000
 """A sequence number further ahead than this belongs to another run of the RSU."""
 _TOLERANCE_NS: Final = round(FUTURE_TOLERANCE_S * 1e9)
+STOPPED_S: Final = 5.0
+"""Between two beats, which come each second: from so long on this process itself stood still, s."""
+SETTLE_S: Final = 10.0
+"""After that: what waited meanwhile arrives, or turns out to be missed, s."""
 DELAYS: Final = 64
 """Latest states of an RSU that its delays are judged by."""
 
@@ -26,7 +31,8 @@ class Reception(NamedTuple):
     Attributes:
         received: states with a new sequence number.
         missed: sequence numbers that never came: dropped on the way, superseded by a later state
-            of their segment before they were handled, or refused as perhaps not its own.
+            of their segment before they were handled, or refused as perhaps not its own. Those of
+            a time when this process stood still do not count.
         duplicates: states that came twice.
         out_of_order: states older than one of their segment that had come before.
         delay_s: median of arrival less the state's time, of the latest `DELAYS`; below 0: its clock
@@ -51,6 +57,7 @@ class _Record:
     newest_ns: int
     received: int = 0
     missed_before: int = 0
+    missed_here: int = 0
     received_before: int = 0
     duplicates: int = 0
     out_of_order: int = 0
@@ -61,6 +68,11 @@ class _Record:
 
     @property
     def missed(self) -> int:
+        return max(0, self.all_missed - self.missed_here)
+
+    @property
+    def all_missed(self) -> int:
+        """With those that this process missed as it stood still."""
         return self.missed_before + max(0, self.highest - self.first + 1 - self.received)
 
     def add_delay(self, delay_s: float) -> None:
@@ -86,7 +98,7 @@ class _Record:
         """Count a state that has not come before."""
         restarted = sequence <= self.highest and time_ns > self.newest_ns
         if restarted or abs(sequence - self.highest) > MAX_JUMP:
-            self.missed_before = self.missed
+            self.missed_before = self.all_missed
             self.received_before += self.received
             self.first = self.highest = sequence
             self.received = 0
@@ -106,10 +118,23 @@ def _believed_ns(time_ns: int, arrived_ns: int) -> int:
 
 
 class ReceptionTable:
-    """Reception of each RSU; safe for threads."""
+    """Reception of each RSU; safe for threads.
 
-    def __init__(self) -> None:
+    Args:
+        clock: monotonic time, s.
+
+    Attributes:
+        stops: times that this process stood still, as its beats show.
+        missed_here: states that were missed because of that.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._lock = threading.Lock()
+        self._clock = clock
+        self._beat_s: float | None = None
+        self._settled_s: float | None = None
+        self.stops = 0
+        self.missed_here = 0
         self._records: OrderedDict[str, _Record] = OrderedDict()
 
     def count(
@@ -127,16 +152,40 @@ class ReceptionTable:
         with self._lock:
             time_ns = _believed_ns(time_ns, time_ns + round(delay_s * 1e9))
             record = self._record(rsu, sequence, time_ns)
+            before = record.all_missed
             record.count(sequence, time_ns)
+            settling = self._is_settling()
+            if settling:
+                # A late state fills a gap that was counted as one of this process.
+                more = max(record.all_missed - before, -record.missed_here)
+                record.missed_here += more
+                self.missed_here += more
             if out_of_order:
                 record.out_of_order += 1
-            else:
+            elif not settling:
                 record.add_delay(delay_s)
 
     def count_duplicate(self, rsu: str, sequence: int, time_ns: int) -> None:
         """Count a state that has come before."""
         with self._lock:
             self._record(rsu, sequence, time_ns).duplicates += 1
+
+    def beat(self) -> None:
+        """To be called each second: a longer gap says that this process stood still."""
+        with self._lock:
+            self._is_settling()
+            self._beat_s = self._clock()
+
+    def _is_settling(self) -> bool:
+        """Whether what is missed now is perhaps missed because this process stood still."""
+        if self._beat_s is None:
+            return False
+        now_s = self._clock()
+        if now_s - self._beat_s >= STOPPED_S:
+            # States may come before the next beat.
+            self._beat_s, self._settled_s = now_s, now_s + SETTLE_S
+            self.stops += 1
+        return self._settled_s is not None and now_s < self._settled_s
 
     def _record(self, rsu: str, sequence: int, time_ns: int) -> _Record:
         record = self._records.get(rsu)

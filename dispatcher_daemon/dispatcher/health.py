@@ -55,6 +55,7 @@ class HealthPublisher:
         self._started_ns, self._control = started_ns, control
         self._publisher = bus.publisher(DISPATCHER_HEALTH_KEY)
         self._limiter = LogLimiter()
+        self._stops = 0
         self.receptions: tuple[tuple[str, Reception], ...] = ()
         self.database_set_aside: str | None = None
 
@@ -69,7 +70,15 @@ class HealthPublisher:
     def _health(self, next_cycle_ns: int | None) -> DispatcherHealth:
         receiver = self._receiver
         reporting, silent, orders = self._fleet_watch.figures()
-        self.receptions = tuple(receiver.latest.reception.figures())
+        reception = receiver.latest.reception
+        reception.beat()
+        if reception.stops > self._stops:
+            # Whether the beat or a state before it has noticed.
+            self._stops = reception.stops
+            log.warning(
+                "this dispatcher stood still for seconds: no RSU is blamed for states missed"
+            )
+        self.receptions = tuple(reception.figures())
         return DispatcherHealth(
             time_ns=time.time_ns(),
             started_ns=self._started_ns,
@@ -79,6 +88,8 @@ class HealthPublisher:
             bad_messages=receiver.bad_messages,
             states_refused=receiver.refused,
             messages_lost=lost(),
+            stops=reception.stops,
+            states_missed_here=reception.missed_here,
             rsus=worst_receptions(self.receptions),
             next_cycle_ns=next_cycle_ns,
             rss_mb=rss_mb(),

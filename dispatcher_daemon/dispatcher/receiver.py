@@ -61,7 +61,9 @@ class StateReceiver:
             stale_after_s=settings.stale_after_s,
             future_tolerance_s=settings.future_tolerance_s,
         )
-        metrics.RECEPTION.figures = self.latest.reception.figures
+        reception = self.latest.reception
+        metrics.RECEPTION.figures = reception.figures
+        metrics.RECEPTION.own = lambda: (reception.stops, reception.missed_here)
         self._counts = {verdict: metrics.STATES.labels(verdict.value) for verdict in Verdict}
         self._rollups = RollUpBuffer()
         self._limiter = LogLimiter()

@@ -153,6 +153,14 @@ class DispatcherHealth(Message):
     messages_lost: Count = Field(
         default=0, description="Messages too large, or too many to handle; senders before: 0."
     )
+    stops: Count = Field(
+        default=0,
+        description="Times that the dispatcher itself stood still for seconds; senders before: 0.",
+    )
+    states_missed_here: Count = Field(
+        default=0,
+        description="States missed because of that, which no RSU is blamed for; senders before: 0.",
+    )
     rsus: Annotated[tuple[RsuReception, ...], Field(max_length=20)] = Field(
         default=(),
         description="Those with the most states missed, then with the clock furthest off; senders "

@@ -320,6 +320,30 @@ def test_an_rsus_health_is_read_once_for_all(demo: RoutingProblem) -> None:
     assert [message.rsu for message in told] == ["rsu-1", "rsu-1"]
 
 
+def test_a_dispatcher_that_stood_still_says_it_of_itself(
+    demo: RoutingProblem,
+    state: State,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """In its health, its metrics and its log; the RSU has missed nothing."""
+    log, now_s = Log(), 0.0
+    dispatcher = make(demo, log)
+    reception = dispatcher.receiver.latest.reception
+    monkeypatch.setattr(reception, "_clock", lambda: now_s)
+    for sequence, at_s in ((1, 0.0), (13, 12.0)):
+        now_s = at_s
+        seen = state("avenue_east", 1, sequence=sequence, time_ns=time.time_ns())
+        dispatcher.receiver.on_state(state_key(seen.rsu, seen.segment), seen.to_bytes())
+        dispatcher.health.publish(None)
+    *_, health = log.published(DispatcherHealth)
+    assert isinstance(health, DispatcherHealth)
+    assert (health.stops, health.states_missed_here) == (1, 11)
+    assert [rsu.missed for rsu in health.rsus] == [0]
+    assert metrics.RECEPTION.own() == (1, 11)
+    assert caplog.text.count("this dispatcher stood still") == 1
+
+
 def test_health_and_watchdog_follow_the_cycles(demo: RoutingProblem, state: State) -> None:
     """Health carries the counters; a hanging cycle or a dead schedule is no progress."""
     log = Log()

@@ -13,7 +13,14 @@ from prometheus_client import REGISTRY
 from dispatcher_daemon import metrics
 from dispatcher_daemon.dispatcher.reports import worst_receptions
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.reception import DELAYS, MAX_JUMP, MAX_RSUS, Reception, ReceptionTable
+from dispatcher_daemon.reception import (
+    DELAYS,
+    MAX_JUMP,
+    MAX_RSUS,
+    SETTLE_S,
+    Reception,
+    ReceptionTable,
+)
 from dispatcher_daemon.states import LatestStates, Verdict
 from slipstream.messages import SegmentState
 
@@ -44,6 +51,43 @@ def test_a_restart_misses_nothing() -> None:
     """Numbers that begin again at a later time are of another run; gaps of the one before stay."""
     assert counted([7, 9, 1, 2, 4], [7, 9, 20, 21, 22]).missed == 1 + 1
     assert counted([7, 9, 1, 2, 4], [7, 9, 20, 21, 22]).received == 5
+
+
+@pytest.mark.parametrize("beat_first", [True, False])
+def test_what_is_missed_while_the_dispatcher_stands_still_is_its_own(beat_first: bool) -> None:
+    """A gap of its beats: no RSU is blamed for that time, and each is again after it."""
+    now_s = 0.0
+    table = ReceptionTable(lambda: now_s)
+
+    def count(sequence: int) -> None:
+        delay_s = 12.0 if now_s == 15.0 else 0.1
+        table.count("r", sequence, sequence * SECOND, delay_s, out_of_order=False)
+
+    def missed() -> int:
+        ((_, found),) = table.figures()
+        return found.missed
+
+    for second in range(4):
+        now_s = float(second)
+        table.beat()
+        count(second)
+    count(6)
+    assert (missed(), table.stops, table.missed_here) == (2, 0, 0)
+    now_s += 12.0
+    if beat_first:
+        table.beat()
+    count(18)
+    table.beat()
+    assert (missed(), table.stops, table.missed_here) == (2, 1, 11)
+    count(17)
+    assert (missed(), table.missed_here) == (2, 10)
+    ((_, found),) = table.figures()
+    assert (found.delay_s, found.delay_spread_s) == (0.1, 0.0), "nor for what waited"
+    for _ in range(int(SETTLE_S) + 1):
+        now_s += 1.0
+        table.beat()
+    count(22)
+    assert (missed(), table.stops, table.missed_here) == (5, 1, 10)
 
 
 @pytest.mark.parametrize("first", [True, False])
