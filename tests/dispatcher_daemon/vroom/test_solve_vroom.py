@@ -49,6 +49,27 @@ def test_the_cheapest_order_is_found_and_all_of_a_route_adds_up() -> None:
     assert [s["type"] for s in route["steps"]] == ["start", "job", "job", "job", "end"]
 
 
+def test_the_documented_example_with_a_matrix_has_vrooms_cost() -> None:
+    """The second example of VROOM's documentation, figures as they stand there; it says 5,461."""
+    durations = [
+        [0, 2104, 197, 1299],
+        [2103, 0, 2255, 3152],
+        [197, 2256, 0, 1102],
+        [1299, 3153, 1102, 0],
+    ]
+    answer = solved(
+        {
+            "vehicles": [{"id": 0, "start_index": 0, "end_index": 3}],
+            "jobs": [{"id": 1414, "location_index": 1}, {"id": 1515, "location_index": 2}],
+            "matrices": {"car": {"durations": durations}},
+        }
+    )
+    (route,) = answer["routes"]
+    assert answer["summary"]["cost"] == route["duration"] == 5461
+    assert [step.get("id") for step in route["steps"]] == [None, 1414, 1515, None]
+    assert [step["arrival"] for step in route["steps"]] == [0, 2104, 4359, 5461]
+
+
 def test_times_are_rounded_down_after_the_speed_factor() -> None:
     """By hundredths of a second, as VROOM keeps them."""
     vehicle = {"id": 7, "start_index": 0, "end_index": 1, "speed_factor": 0.7}
