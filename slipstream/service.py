@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import _thread
 import ctypes
 import logging
 import os
@@ -101,6 +102,15 @@ def rss_mb() -> float:
     return float(psutil.Process().memory_info().rss) / 1e6
 
 
+def set_from_handler(event: threading.Event) -> None:
+    """Set an event in a signal's handler.
+
+    `Event.set` itself could wait for ever there: the `Event.wait` that the signal interrupts may
+    hold the event's lock.
+    """
+    _thread.start_new_thread(event.set, ())
+
+
 def serve_status(
     port: int, fault: Callable[[], str | None], not_ready: Callable[[], str | None]
 ) -> None:
@@ -162,6 +172,7 @@ class Service:
         self.stopping = threading.Event()
         self.checks: dict[str, Callable[[], str | None]] = {}
         self._waits_for: str | None = "starting"
+        self._told = False
         self._settings = settings
         self._tracing = Tracing(name, settings.traces)
         self._watchdog_s = int(os.environ.get("WATCHDOG_USEC", "0")) / 1e6 / 4
@@ -188,15 +199,16 @@ class Service:
         return self
 
     def __exit__(self, *_: object) -> None:
-        if not self.stopping.is_set():
+        if not self._told:
             notify("STOPPING=1")
         self._tracing.__exit__()
         for number, handler in self._previous.items():
             signal.signal(number, handler)  # type: ignore[arg-type]
 
     def _stop(self, number: int, _frame: FrameType | None) -> None:
+        self._told = True
         notify("STOPPING=1")
-        self.stopping.set()
+        set_from_handler(self.stopping)
 
     def ready(self) -> None:
         """Notify systemd that the daemon is ready; from now on /readyz is answered by `checks`."""

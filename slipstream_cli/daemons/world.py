@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings
 from slipstream.errors import InputError
+from slipstream.service import set_from_handler
 from slipstream_cli.daemons.bus_counts import BusCounts
 from slipstream_cli.daemons.local import check_ports_are_free, locked, watch
 from slipstream_cli.daemons.movement import Movement
@@ -86,7 +87,7 @@ def run(options: argparse.Namespace) -> int:
     begin_s = None if options.begin is None else time_of_day_s(options.begin)
     stopping = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stopping.set())
+        signal.signal(number, lambda *_: set_from_handler(stopping))
     with locked(options.state):
         check_ports_are_free(options.port)
         return _run(options, begin_s, stopping)

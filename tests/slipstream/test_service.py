@@ -73,6 +73,16 @@ def test_sigterm_asks_the_daemon_to_stop() -> None:
     assert signal.getsignal(signal.SIGTERM) is before
 
 
+@pytest.mark.timeout(60)
+def test_a_signal_that_interrupts_the_wait_for_it_is_heard() -> None:
+    """A wait holds the lock of its event for a moment; the handler must not ask for it."""
+    with Service("test", ServiceSettings()) as service:
+        with service.stopping._cond:
+            os.kill(os.getpid(), signal.SIGTERM)
+            assert not service.stopping.is_set()
+        assert service.wait(30.0)
+
+
 def test_a_taken_metrics_port_is_bad_input() -> None:
     """The line names the address and the key."""
     with socket.socket() as taken:
