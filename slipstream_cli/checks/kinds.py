@@ -86,6 +86,11 @@ def kind_of(path: Path) -> str:
     )
 
 
+_PART_BYTES: Final = 2 << 20
+"""Larger files that are not valid are not compared with others: a list of millions of wrong items
+takes gigabytes to read once more."""
+
+
 def part_of(path: Path, kind: str) -> Checked | None:
     """What can be read of a file that is not valid; None: nothing.
 
@@ -93,8 +98,10 @@ def part_of(path: Path, kind: str) -> Checked | None:
     Keys that are not valid, or missing, are no attributes of it.
     """
     try:
+        if path.stat().st_size > _PART_BYTES:
+            return None
         data = read_data(path)
-    except InputError:
+    except (InputError, OSError):
         return None
     models = {name: getattr(import_module(module), model) for name, module, model in _BOXES}
     # A box has the packages of its own daemon alone.
