@@ -114,7 +114,12 @@ class Walk:
         tab.evaluate("location.hash = '#road/avenue_east'")
         for _ in range(2):
             self.card("avenue_east", "#road/avenue_east", ("Features", "The last hour"))
-            assert tab.locator("#card-body figure[data-key] svg").count() >= 5
+            # Minutes of the hour are stored as they end.
+            until(
+                tab,
+                "document.querySelectorAll('#card-body figure[data-key] svg').length >= 5",
+                90.0,
+            )
             tab.reload()
         self.open("cycles")
         tab.click("#pane-cycles tr[data-id] >> nth=0")
