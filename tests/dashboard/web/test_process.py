@@ -132,8 +132,8 @@ def _named(subject: str) -> Callable[[dict], bool]:
     return lambda moment: subject in [item["subject"] for item in moment["status"]["items"]]
 
 
-def test_what_fails_is_named_within_five_seconds(tmp_path, world, make_sender, started):
-    """A missing database, a camera without a picture, a killed dispatcher, a killed router."""
+def _router_and_page(tmp_path, started):
+    """A router, its endpoint, and the port of a page whose database is not there."""
     bus_port, port = free_port(), free_port()
     router = started("-c", ROUTER, str(bus_port))
     endpoint = f"tcp/127.0.0.1:{bus_port}"
@@ -144,6 +144,12 @@ def test_what_fails_is_named_within_five_seconds(tmp_path, world, make_sender, s
         "database_url": f"sqlite:///{tmp_path}/none.db",
     }
     started("-c", START, json.dumps(settings))
+    return router, endpoint, port
+
+
+def test_what_fails_is_named_within_five_seconds(tmp_path, world, make_sender, started):
+    """A missing database, a camera without a picture, a killed dispatcher, a killed router."""
+    router, endpoint, port = _router_and_page(tmp_path, started)
     city = City(world, make_sender, endpoint)
     try:
         browser = Browser(_follow(port))
@@ -177,16 +183,7 @@ def test_what_fails_is_named_within_five_seconds(tmp_path, world, make_sender, s
 
 def test_a_router_that_hangs_is_named_alone(tmp_path, world, make_sender, started):
     """Within five seconds, though its link stands; until it goes on nobody else is blamed."""
-    bus_port, port = free_port(), free_port()
-    router = started("-c", ROUTER, str(bus_port))
-    endpoint = f"tcp/127.0.0.1:{bus_port}"
-    settings = {
-        "bus": {"connect": [endpoint]},
-        "port": port,
-        "scene_port": None,
-        "database_url": f"sqlite:///{tmp_path}/none.db",
-    }
-    started("-c", START, json.dumps(settings))
+    router, endpoint, port = _router_and_page(tmp_path, started)
     city = City(world, make_sender, endpoint)
 
     def subjects(moment: dict) -> list[str]:
