@@ -20,8 +20,9 @@ MAX_STANDING_S: Final = 0.15
 """A backlog above it that lasts is no burst: the reader is slower than the camera."""
 _LASTS_S: Final = 2.0
 """A reader twice as fast as the camera is through with a whole second by then."""
-_OVERLOADED_WAIT_S: Final = 0.05
-_RECOVERED_S: Final = 1.0
+_OVERLOADED_WAIT_S: Final = 0.12
+_RECOVERED_S: Final = 10.0
+"""A reader at the edge of what it can take goes without a skip for a second or two."""
 
 MAX_WAITING_BYTES: Final = 128_000_000
 """46 frames of 720p, 20 of 1080p."""
@@ -34,7 +35,7 @@ class LiveSource:
     """Runs a capture function in a thread and queues its frames.
 
     Frames may wait up to a second for a reader that was busy for a moment, then the oldest is
-    skipped. For a reader that stays slower than the camera they wait a twentieth of a second.
+    skipped. For a reader that stays slower than the camera they wait `_OVERLOADED_WAIT_S`.
     """
 
     def __init__(self, capture: Capture, name: str) -> None:
@@ -119,7 +120,7 @@ class _WaitLimit:
 
     A backlog that stands is told from a burst by its duration, as in CoDel (RFC 8289). The limit
     then falls by a second a second, so that the frames left out while the backlog goes are spread
-    over it, and returns to `MAX_WAIT_S` after a second in which none was left out.
+    over it, and returns to `MAX_WAIT_S` after `_RECOVERED_S` in which none was left out.
 
     Attributes:
         seconds: the limit.

@@ -159,9 +159,9 @@ def test_a_reader_that_stays_too_slow_sees_what_is_new() -> None:
     """At two thirds of the camera's rate: all it can take, no old ones, none far apart."""
     times_s, ages_s, skipped = read_at(lambda _: 40.0, 20.0)
     assert ages_s.max() < 1.0
-    assert ages_s[times_s > 5].max() < 0.1
+    assert ages_s[times_s > 5].max() < 0.15
     assert len(times_s) == pytest.approx(20 * 40, abs=2)
-    assert skipped == pytest.approx(20 * 20, abs=5)
+    assert skipped == pytest.approx(20 * 20, abs=10)  # some are still waiting at the end
     assert np.diff(times_s - ages_s).max() < 0.07
 
 
@@ -169,11 +169,19 @@ def test_a_burst_is_kept_and_so_is_the_next_after_an_overload() -> None:
     """A reader that stood for 0.9 s and is twice as fast as the camera misses nothing."""
 
     def rates_fps(at_s: float) -> float:
-        stands = int(at_s) in {3, 13} and at_s % 1 < 0.02
+        stands = int(at_s) in {3, 23} and at_s % 1 < 0.02
         return 1 / 0.9 if stands else 30.0 if 6 < at_s < 10 else 120.0
 
     assert read_at(rates_fps, 6.0)[2] == 0
-    assert read_at(rates_fps, 12.0)[2] == read_at(rates_fps, 18.0)[2] > 0
+    assert read_at(rates_fps, 12.0)[2] == read_at(rates_fps, 28.0)[2] > 0
+
+
+def test_a_reader_at_the_edge_of_what_it_can_take_stays_current() -> None:
+    """Slow for 0.8 s of each 2.4 s, as beside other work: no queue grows between two skips."""
+    times_s, ages_s, skipped = read_at(lambda at_s: 40.0 if at_s % 2.4 < 0.8 else 66.0, 60.0)
+    assert ages_s[times_s > 25].max() < 0.15
+    assert len(times_s) == pytest.approx(60 * 57.3, rel=0.02)
+    assert skipped == pytest.approx(60 * 60 - len(times_s), abs=10)
 
 
 def test_unreadable_clips_are_bad_input(tmp_path: Path, clip: Path) -> None:
