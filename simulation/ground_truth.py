@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from edge_daemon.camera import Array, WatchedSegment
+from edge_daemon.detection import VEHICLE_CLASSES
 from edge_daemon.settings import StabilitySettings
 from slipstream.errors import InputError
 from slipstream.files import check_file
@@ -34,6 +35,7 @@ _COLUMNS: Final = (
     "visible_fraction",
     "length_m",
 )
+_KINDS: Final = {name: index for index, name in enumerate(VEHICLE_CLASSES)}
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,7 @@ class Truth:
         box_px: x1, y1, x2, y2, shape (n, 4).
         visible: share of it that is in the picture and not hidden, shape (n,).
         length_m: shape (n,).
+        kind: index into `VEHICLE_CLASSES`, shape (n,); -1: not known.
     """
 
     frame: npt.NDArray[np.int64]
@@ -61,6 +64,7 @@ class Truth:
     box_px: Array
     visible: Array
     length_m: Array
+    kind: npt.NDArray[np.int64]
 
     def __len__(self) -> int:
         return len(self.frame)
@@ -71,7 +75,8 @@ class Truth:
 
 
 def load_truth(path: Path) -> Truth:
-    """Read a ``truth.csv`` as `slipstream clip` writes it; other columns are ignored.
+    """Read a ``truth.csv`` as `slipstream clip` writes it; other columns are ignored, and that of
+    classes may be missing.
 
     Raises:
         InputError: it cannot be read, a column is missing, or a value is no number.
@@ -88,11 +93,12 @@ def load_truth(path: Path) -> Truth:
                 )
             for row in reader:
                 table.extend(float(row[name]) for name in _COLUMNS)
+                table.append(_KINDS.get(row.get("class") or "", -1))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(path, f"cannot be read ({error})", "give a CSV file") from None
     except (ValueError, TypeError):
         raise InputError(path, "a value is no number", "give a complete CSV file") from None
-    values: Array = np.array(table).reshape(-1, len(_COLUMNS))
+    values: Array = np.array(table).reshape(-1, len(_COLUMNS) + 1)
     # Numbers of frames and vehicles become integers.
     if not (np.abs(values) < 2**53).all():
         raise InputError(path, "a value is not finite", "give a complete CSV file")
@@ -110,6 +116,7 @@ def _truth(table: Array) -> Truth:
         table[:, 7:11],
         table[:, 11],
         table[:, 12],
+        table[:, 13].astype(np.int64),
     )
 
 

@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from benchmarks.accuracy.clips import CLIPS, SECONDS, make
-from benchmarks.accuracy.report import Row, features, misses, table
+from benchmarks.accuracy.report import Row, classes, features, misses, table
 from edge_daemon.camera import load_camera
 from edge_daemon.offline import track
 from edge_daemon.settings import TrackSettings
@@ -57,6 +57,8 @@ def main() -> int:
     print(table(rows, [*totals, total]))
     print()
     print(features(total.scores))
+    print()
+    print(classes(total.scores))
     if options.json:
         figures = {row.name: asdict(row.scores) for row in (*rows, *totals, total)}
         options.json.write_text(json.dumps(figures, indent=1) + "\n")

@@ -54,6 +54,18 @@ def features(total: Scores) -> str:
     return "\n".join(lines)
 
 
+def classes(total: Scores) -> str:
+    """How well each class is followed."""
+    lines = [f"{'class':12} {'vehicles':>9} {'followed':>9} {'speed MAE':>10} {'speeds':>8}"]
+    for name, figures in total.classes.items():
+        mean = "" if figures.speed_mae_kmh is None else f"{figures.speed_mae_kmh:.3f}"
+        lines.append(
+            f"{name:12} {figures.vehicles:9d} {figures.followed:9.3f} {mean:>10} "
+            f"{figures.speeds:8d}"
+        )
+    return "\n".join(lines)
+
+
 def misses(total: Scores) -> list[str]:
     """Targets that the figures do not reach, in words."""
     return [

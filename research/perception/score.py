@@ -11,6 +11,7 @@ import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
 from edge_daemon.camera import Array, Camera, WatchedSegment
+from edge_daemon.detection import VEHICLE_CLASSES
 from edge_daemon.offline import Recorder
 from edge_daemon.settings import StabilitySettings
 from edge_daemon.tracking import Sightings
@@ -52,6 +53,23 @@ class FeatureScore:
 
 
 @dataclass(frozen=True)
+class ClassScore:
+    """How well the vehicles of one class are followed.
+
+    Attributes:
+        vehicles: how many there were, each clip's counted by themselves.
+        followed: share of their true boxes that a track has; which boxes: see `Scores`.
+        speed_mae_kmh: None where none has a speed.
+        speeds: how many were compared.
+    """
+
+    vehicles: int
+    followed: float
+    speed_mae_kmh: float | None
+    speeds: int
+
+
+@dataclass(frozen=True)
 class Scores:
     """The figures; None where nothing could be compared.
 
@@ -74,6 +92,22 @@ class Scores:
     idf1: float | None
     hota: float | None
     features: dict[str, FeatureScore]
+    classes: dict[str, ClassScore]
+
+
+@dataclass(frozen=True)
+class TrueBoxes:
+    """The true boxes that a tracker should have.
+
+    Attributes:
+        vehicle: identity, shape (n,).
+        kind: index into `VEHICLE_CLASSES`, -1 where it is not known, shape (n,).
+        followed: whether a track has it, shape (n,).
+    """
+
+    vehicle: npt.NDArray[np.int64]
+    kind: npt.NDArray[np.int64]
+    followed: npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -82,14 +116,18 @@ class Comparison:
 
     Attributes:
         frames: who is where, frame by frame.
+        boxes: those to be followed in these frames.
         speed_errors_mps: estimate less truth, shape (n,).
         speed_covered: whether the truth lies within ± 1.96 standard errors, shape (n,).
+        speed_kind: the vehicle's index into `VEHICLE_CLASSES`, or -1, shape (n,).
         windows: states of covered windows with what was true in them.
     """
 
     frames: list[FrameIdentities]
+    boxes: TrueBoxes
     speed_errors_mps: Array
     speed_covered: npt.NDArray[np.bool_]
+    speed_kind: npt.NDArray[np.int64]
     windows: list[tuple[SegmentState, TrueWindow]]
 
 
@@ -97,9 +135,10 @@ def compare(
     recorder: Recorder, truth: Truth, camera: Camera, rule: StabilitySettings
 ) -> Comparison:
     """Match a recording with the truth of the same clip."""
-    frames, owners = _match(recorder, truth, camera)
-    errors, covered = _speed_errors(recorder, truth, owners)
-    return Comparison(frames, errors, covered, _windows(recorder, truth, camera, rule))
+    frames, owners, boxes = _match(recorder, truth, camera)
+    errors, covered, kinds = _speed_errors(recorder, truth, owners)
+    windows = _windows(recorder, truth, camera, rule)
+    return Comparison(frames, boxes, errors, covered, kinds, windows)
 
 
 def score(comparisons: Sequence[Comparison]) -> Scores:
@@ -134,7 +173,25 @@ def score(comparisons: Sequence[Comparison]) -> Scores:
         features={
             name: scored for name in _FEATURES if (scored := _feature(name, windows)) is not None
         },
+        classes={
+            name: figures
+            for kind, name in enumerate(VEHICLE_CLASSES)
+            if (figures := _class(kind, comparisons)) is not None
+        },
     )
+
+
+def _class(kind: int, comparisons: Sequence[Comparison]) -> ClassScore | None:
+    followed, errors, vehicles = [], [], 0
+    for comparison in comparisons:
+        of_class = comparison.boxes.kind == kind
+        followed.append(comparison.boxes.followed[of_class])
+        vehicles += len(np.unique(comparison.boxes.vehicle[of_class]))
+        errors.append(comparison.speed_errors_mps[comparison.speed_kind == kind])
+    if vehicles == 0:
+        return None
+    speeds = np.abs(np.concatenate(errors)) * _MPS_TO_KMH
+    return ClassScore(vehicles, float(np.concatenate(followed).mean()), _mean(speeds), len(speeds))
 
 
 def _with_distinct_ids(clips: Sequence[list[FrameIdentities]]) -> list[FrameIdentities]:
@@ -152,8 +209,10 @@ def _mean(values: Array | npt.NDArray[np.bool_] | Sequence[float]) -> float | No
 
 def _match(
     recorder: Recorder, truth: Truth, camera: Camera
-) -> tuple[list[FrameIdentities], dict[tuple[int, int], int]]:
-    """Identities by frame, and by (track, frame) the true vehicle under the track's box."""
+) -> tuple[list[FrameIdentities], dict[tuple[int, int], int], TrueBoxes]:
+    """Identities by frame, by (track, frame) the true vehicle under the track's box, and the true
+    boxes that were to be followed.
+    """
     times = np.array(recorder.frame_times_s)
     everything = Sightings.join(recorder.sightings)
     # Those from before a track was confirmed came later: back to the frames they were seen in.
@@ -163,21 +222,26 @@ def _match(
     ends = np.searchsorted(truth.frame, recorder.frame_numbers, "right")
     wanted_all = _in_segments(truth.centre_m, camera) & (truth.visible >= _MIN_VISIBLE)
     frames, owners = [], {}
+    followed, shown = (np.zeros(len(truth), dtype=np.bool_) for _ in range(2))
     for i in range(len(times)):
         seen = everything.take(slice(places[i], places[i + 1]))
         rows = slice(begins[i], ends[i])
         wanted, identity = wanted_all[rows], truth.vehicle[rows]
+        shown[rows] = True
         overlap = box_iou(truth.box_px[rows], seen.box.astype(np.float64))
         counts = _in_segments(seen.point_m, camera)
         for row, column in zip(*linear_sum_assignment(overlap, maximize=True), strict=True):
             if overlap[row, column] >= _SAME_OVERLAP:
                 owners[int(seen.track[column]), i] = int(identity[row])
+                followed[begins[i] + row] = True
                 # On a vehicle outside, or one hidden: neither asked for nor held against.
                 counts[column] = wanted[row]
         frames.append(
             FrameIdentities(identity[wanted], seen.track[counts], overlap[np.ix_(wanted, counts)])
         )
-    return frames, owners
+    wanted_all &= shown
+    boxes = TrueBoxes(truth.vehicle[wanted_all], truth.kind[wanted_all], followed[wanted_all])
+    return frames, owners, boxes
 
 
 def _in_segments(points_m: Array, camera: Camera) -> npt.NDArray[np.bool_]:
@@ -189,13 +253,14 @@ def _in_segments(points_m: Array, camera: Camera) -> npt.NDArray[np.bool_]:
 
 def _speed_errors(
     recorder: Recorder, truth: Truth, owners: dict[tuple[int, int], int]
-) -> tuple[Array, npt.NDArray[np.bool_]]:
+) -> tuple[Array, npt.NDArray[np.bool_], npt.NDArray[np.int64]]:
+    """Errors, whether the truth lies in the interval, and the vehicle's class."""
     times = np.array(recorder.frame_times_s)
     motions = {
         int(vehicle): truth.take(np.flatnonzero(truth.vehicle == vehicle))
         for vehicle in np.unique(truth.vehicle)
     }
-    errors, covered = [], []
+    errors, covered, kinds = [], [], []
     for track, time_s, speed, deviation in recorder.speeds:
         owner = owners.get((track, int(np.abs(times - time_s).argmin())))
         if owner is None:
@@ -204,7 +269,12 @@ def _speed_errors(
         error = speed - float(np.interp(time_s, motion.time_s, motion.speed_mps))
         errors.append(error)
         covered.append(abs(error) <= 1.96 * deviation)
-    return np.array(errors), np.array(covered, dtype=np.bool_)
+        kinds.append(motion.kind[0])
+    return (
+        np.array(errors),
+        np.array(covered, dtype=np.bool_),
+        np.array(kinds, dtype=np.int64),
+    )
 
 
 def _windows(

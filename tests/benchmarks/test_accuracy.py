@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from benchmarks.accuracy.clips import CLIPS
-from benchmarks.accuracy.report import Row, features, misses, table
+from benchmarks.accuracy.report import Row, classes, features, misses, table
 from research.perception import Scores
-from research.perception.score import FeatureScore
+from research.perception.score import ClassScore, FeatureScore
 from simulation.streetdrive.clip import draw_clip_camera
 from simulation.streetdrive.traffic.road import Road
 
@@ -29,6 +29,7 @@ GOOD = Scores(
     idf1=0.97,
     hota=0.9,
     features={"mean_speed_mps": FeatureScore(0.05, 0.01, 0.94, 400)},
+    classes={"car": ClassScore(40, 0.98, 0.5, 900), "bus": ClassScore(1, 0.0, None, 0)},
 )
 
 
@@ -83,3 +84,10 @@ def test_features_are_listed_with_their_coverage() -> None:
     """One line each."""
     assert "mean_speed_mps" in features(GOOD)
     assert "0.940" in features(GOOD)
+
+
+def test_classes_stand_in_a_table_of_their_own() -> None:
+    """One that was never followed has no speed."""
+    _, car, bus = classes(GOOD).splitlines()
+    assert car.split() == ["car", "40", "0.980", "0.500", "900"]
+    assert bus.split() == ["bus", "1", "0.000", "0"]

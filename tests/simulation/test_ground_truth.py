@@ -47,6 +47,7 @@ def drive(speeds: list[float], acceleration: float = 0.0) -> Truth:
         np.zeros((n, 4)),
         np.ones(n),
         np.full(n, 4.0),
+        np.zeros(n, dtype=np.int64),
     )
 
 

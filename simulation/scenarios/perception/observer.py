@@ -166,6 +166,7 @@ def window_of(
         np.zeros((n + steps, 4)),
         np.ones(n + steps),
         column([p.length_m for _, _, p in rows]),
+        np.full(n + steps, -1),
     ).take(order)
     return true_window(truth, _straight(stretch, lanes), 0.0, steps * step_s, rule)
 
