@@ -100,9 +100,11 @@ bench-perception: MINUTES = 10
 bench-perception: setup
 	$(BIN)/python -m benchmarks.perception --minutes $(MINUTES) --memory-minutes $(MEMORY_MINUTES) --peer $(PEER)
 
-# Speeds, accelerations, flags and identities against the truth of clips that training never saw.
+# Speeds, accelerations, flags and identities against the truth of clips that training never saw;
+# then the flags in weather, at night and with bad pictures.
 bench-accuracy: setup
 	$(BIN)/python -m benchmarks.accuracy --json .slipstream/accuracy.json
+	$(BIN)/python -m benchmarks.accuracy.weather
 
 # What vehicles that nobody saw do to the features: estimated anew on clips that judge nothing; the
 # table goes into edge_daemon/features/occlusion.py.

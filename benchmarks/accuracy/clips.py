@@ -17,7 +17,8 @@ FPS: Final = 30
 class Clip:
     """One clip: its world, what goes on in it, and the seed of traffic, light and camera.
 
-    SUMO's have a place, and the simulated second at which they begin.
+    SUMO's have a place, and the simulated second at which they begin; `options` are further ones of
+    the command, by which its folder is known too.
     """
 
     world: str
@@ -27,11 +28,15 @@ class Clip:
     begin_s: int = 120
     seconds: int = SECONDS
     fps: float = FPS
+    options: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
         """Name of its folder."""
-        return "-".join(filter(None, (self.world, self.traffic, self.rsu, str(self.seed))))
+        conditions = "".join(self.options).lstrip("-").replace("--", "-")
+        rate = "" if self.fps == FPS else f"{self.fps:g}fps"
+        parts = (self.world, self.traffic, self.rsu, str(self.seed), rate, conditions)
+        return "-".join(filter(None, parts))
 
     @property
     def arguments(self) -> list[str]:
@@ -49,7 +54,8 @@ class Clip:
             }
         else:
             options |= {"--scenario": self.traffic}
-        return [self.world, *(str(word) for option in options.items() for word in option)]
+        words = (str(word) for option in options.items() for word in option)
+        return [self.world, *words, *self.options]
 
 
 # StreetDrive's seeds are those from 1000 up whose camera has both its height and its focal length
@@ -97,6 +103,30 @@ LEARNED_FROM: Final = (
     Clip("sumo", "rough", 402, "crossing", 170, seconds=20),
     Clip("sumo", "rough", 404, "departure", 200, seconds=20),
 )
+
+
+# One carriageway calm, the other stop-and-go: both answers can be wrong in each.
+WEATHER: Final = {
+    condition: tuple(
+        Clip("streetdrive", "mixed", seed, seconds=20, fps=fps, options=options)
+        for seed in (1022, 1282)
+    )
+    for condition, options, fps in (
+        ("clear", (), FPS),
+        ("15 frames/s", (), FPS / 2),
+        ("rain, 10 mm/h", ("--rain", "10"), FPS),
+        ("rain, 50 mm/h", ("--rain", "50"), FPS),
+        ("snow, 2 mm/h", ("--snow", "2"), FPS),
+        ("fog, 200 m", ("--visibility", "200"), FPS),
+        ("fog, 80 m", ("--visibility", "80"), FPS),
+        ("low sun", ("--low-sun",), FPS),
+        ("night", ("--night",), FPS),
+        ("night, rain 20 mm/h", ("--night", "--rain", "20"), FPS),
+        ("drops on the lens", ("--dirt", "0.8"), FPS),
+        ("blur of 20 ms", ("--exposure-ms", "20"), FPS),
+    )
+}
+"""The same traffic and cameras, held-out ones, in all conditions."""
 
 
 def make(folder: Path, clips: Sequence[Clip]) -> Iterator[tuple[Clip, Path]]:

@@ -23,9 +23,9 @@ import numpy.typing as npt
 from research.coordination.bins import Bins, Part, choose_bins
 from research.coordination.case import Case, Floats
 
-_ITERATIONS: Final = (150, 1000)
+_ITERATIONS: Final = (300, 1000)
 """Least and greatest number of steps."""
-_TRIP_ITERATIONS: Final = 30_000
+_TRIP_ITERATIONS: Final = 300_000
 """Steps times trips, in between: small cases are quick."""
 _BACK_STEP: Final = 0.5
 """Step of γ, in L."""

@@ -1,7 +1,7 @@
 """Errors of states and tracks against ground truth, and the flag's sensitivity to noise."""
 
 from research.perception.noise import PAPER_STABLE_SHARE, NoiseTable, noise_table
-from research.perception.score import Comparison, Scores, compare, score
+from research.perception.score import Comparison, Scores, compare, score, true_windows
 
 __all__ = [
     "PAPER_STABLE_SHARE",
@@ -11,4 +11,5 @@ __all__ = [
     "compare",
     "noise_table",
     "score",
+    "true_windows",
 ]

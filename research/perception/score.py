@@ -24,6 +24,7 @@ _MPS_TO_KMH: Final = 3.6
 _SAME_OVERLAP: Final = 0.5
 _MIN_VISIBLE: Final = 0.4
 _MANY_VEHICLES: Final = 8
+_ROUNDING_S: Final = 0.02
 _IDS_A_CLIP: Final = 10_000_000
 _FEATURES: Final = (
     "mean_speed_mps",
@@ -137,7 +138,7 @@ def compare(
     """Match a recording with the truth of the same clip."""
     frames, owners, boxes = _match(recorder, truth, camera)
     errors, covered, kinds = _speed_errors(recorder, truth, owners)
-    windows = _windows(recorder, truth, camera, rule)
+    windows = true_windows(recorder, truth, camera, rule, rule.min_coverage)
     return Comparison(frames, boxes, errors, covered, kinds, windows)
 
 
@@ -277,15 +278,26 @@ def _speed_errors(
     )
 
 
-def _windows(
-    recorder: Recorder, truth: Truth, camera: Camera, rule: StabilitySettings
+def true_windows(
+    recorder: Recorder,
+    truth: Truth,
+    camera: Camera,
+    rule: StabilitySettings,
+    min_coverage: float | None = None,
 ) -> list[tuple[SegmentState, TrueWindow]]:
+    """States with what was true in their windows, where that was enough vehicles for a flag.
+
+    Args:
+        min_coverage: of a state's window; None: of all windows that lie in the clip, those too that
+            a camera's fault has emptied.
+    """
     segments: dict[str, WatchedSegment] = {s.id: s for s in camera.segments}
     pairs = []
     for time_s, state in recorder.states:
-        if state.coverage < rule.min_coverage:
+        begins_s = time_s - state.window_s
+        if begins_s < -_ROUNDING_S if min_coverage is None else state.coverage < min_coverage:
             continue
-        true = true_window(truth, segments[state.segment], time_s - state.window_s, time_s, rule)
+        true = true_window(truth, segments[state.segment], begins_s, time_s, rule)
         if true is not None and true.vehicles >= rule.min_vehicles:
             pairs.append((state, true))
     return pairs

@@ -14,7 +14,7 @@ from simulation.training.labelled import read_labelled_set
 from simulation.training.ranges import BY_CONDITION, QUEUES, RIDERS, ROADSIDE, VARIED, WIDE
 from simulation.training.scenes import HELD_OUT, TRAIN
 from simulation.training.ship import ship
-from simulation.training.train import INPUT_SHAPE, TrainSettings, average, train, ultralytics_map
+from simulation.training.train import INPUT_SHAPE, TrainSettings, train, ultralytics_map
 from simulation.training.validation import evaluate_model
 
 _TOOLS = ("torch", "ultralytics-opencv-headless", "openvino", "opencv-python-headless", "numpy")
@@ -75,10 +75,10 @@ def main(argv: list[str] | None = None) -> int:
         for limits, pictures, held_out in (
             (WIDE, chosen.images, chosen.held_out),
             (ROADSIDE, chosen.images, chosen.held_out),
-            (RIDERS, chosen.images // 3 + 1, 0),
+            (RIDERS, chosen.images // 2 + 1, 0),
             (QUEUES, chosen.images, 0),
             (VARIED, chosen.images // 2, 0),
-            *((limits, chosen.images // 10, chosen.held_out // 6) for limits in BY_CONDITION),
+            *((limits, chosen.images // 8, chosen.held_out // 5) for limits in BY_CONDITION),
         )
         if pictures + held_out > 0
     }
@@ -107,7 +107,6 @@ def main(argv: list[str] | None = None) -> int:
         (list(folders.values()), chosen.last_epochs, 5e-4, 0.01),
     )
     last: Path | None = None
-    former: Path | None = None
     stages = []
     for number, (used, epochs, rate, final_rate) in enumerate(plans, start=1):
         settings = TrainSettings(
@@ -119,13 +118,10 @@ def main(argv: list[str] | None = None) -> int:
             hard_swish=True,
         )
         data = write_data_yaml(chosen.out / f"stage{number}.yaml", used, roadside)
-        former, last = last, train(data, chosen.out, settings, f"stage{number}", last)
+        last = train(data, chosen.out, settings, f"stage{number}", last)
         stages.append(StageRecord.of(used, settings))
     minutes = (time.monotonic() - begin) / 60
     assert last is not None
-    assert former is not None
-    # The last stage's conditions cost clear pictures a little; the mean with its start does not.
-    last = average(last, former, chosen.out / "averaged.pt")
     shipped = ship(last, chosen.weights, chosen.out / "export", roadside / "images" / TRAIN)
     heights = (0.0, REACH_HEIGHT_PX)
     figures = {

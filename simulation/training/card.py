@@ -163,7 +163,7 @@ by them: the weights are the moving average after the last one.
 ## Training
 {_stage_table(record)}
 
-Each stage starts from the weights of the one before; the shipped ones are the mean of the last two stages. Rectangular batches of 384×640, no mosaic; flips,
+Each stage starts from the weights of the one before. Rectangular batches of 384×640, no mosaic; flips,
 hue/saturation/value, shift and scale as augmentation. {record.minutes:.0f} minutes on {last.settings.threads} CPU threads that other work shared.
 {versions}.
 

@@ -108,30 +108,6 @@ def train(
     return out / name / "weights" / "last.pt"
 
 
-def average(weights: Path, former: Path, out: Path) -> Path:
-    """Write the mean of two checkpoints of one network and return its path.
-
-    The mean of a fine-tuned network and the one it began from keeps what that one could (Wortsman
-    et al., CVPR 2022).
-    """
-    import torch
-
-    content, other = (
-        torch.load(path, map_location="cpu", weights_only=False) for path in (weights, former)
-    )
-    model, base = ((c.get("ema") or c["model"]).float() for c in (content, other))
-    mine, theirs = model.state_dict(), base.state_dict()
-    model.load_state_dict(
-        {
-            name: (value + theirs[name]) / 2 if value.is_floating_point() else value
-            for name, value in mine.items()
-        }
-    )
-    content |= {"model": model.half(), "ema": None}
-    torch.save(content, out)
-    return out
-
-
 def ultralytics_map(weights: Path, data: Path, width: int = IMAGE_WIDTH) -> tuple[float, float]:
     """mAP50 and mAP50-95 of a .pt on the held-out split, by Ultralytics' own validator."""
     from ultralytics import YOLO
