@@ -81,7 +81,7 @@ def _add_conditions(street: argparse.ArgumentParser) -> None:
 def _add_common(world: argparse.ArgumentParser) -> None:
     world.add_argument("--out", type=Path, required=True, help="folder to write into")
     world.add_argument("--seconds", type=float, default=30.0, help="length of the video")
-    world.add_argument("--fps", type=int, default=30, help="frames per second")
+    world.add_argument("--fps", type=float, default=30.0, help="frames per second")
     world.add_argument("--seed", type=int, default=1, help="same seed, same bytes")
     world.add_argument("--json", action="store_true", help="print a summary as JSON")
 

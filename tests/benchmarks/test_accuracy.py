@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.accuracy.clips import CLIPS
+from benchmarks.accuracy.clips import CLIPS, LEARNED_FROM, WEATHER
 from benchmarks.accuracy.report import Row, classes, features, misses, table
 from research.perception import Scores
 from research.perception.score import ClassScore, FeatureScore
 from simulation.streetdrive.clip import draw_clip_camera
 from simulation.streetdrive.traffic.road import Road
+from slipstream_cli.main import parser
 
 GOOD = Scores(
     speed_mae_kmh=0.8,
@@ -39,6 +40,13 @@ def test_there_are_enough_clips_of_both_worlds() -> None:
     assert len({clip.name for clip in CLIPS}) == len(CLIPS)
     for world in ("streetdrive", "sumo"):
         assert sum(clip.world == world for clip in CLIPS) >= 8
+
+
+def test_the_command_takes_the_arguments_of_all_clips() -> None:
+    """A benchmark would notice only after minutes."""
+    weather = [clip for clips in WEATHER.values() for clip in clips]
+    for clip in (*CLIPS, *LEARNED_FROM, *weather):
+        assert parser().parse_args(["clip", *clip.arguments, "--out", "clip"]).seed == clip.seed
 
 
 @pytest.mark.parametrize(

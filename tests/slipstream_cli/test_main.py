@@ -52,11 +52,11 @@ def test_a_clip_is_made_and_reported(tmp_path: Path) -> None:
     """The three files are there, progress is silent in a pipe, and JSON is one object."""
     result = slipstream(
         *("clip", "streetdrive", "--out", str(tmp_path / "c"), "--seconds", "0.4"),
-        *("--fps", "10", "--scenario", "paper", "--seed", "3", "--segment", "s1", "--json"),
+        *("--fps", "12.5", "--scenario", "paper", "--seed", "3", "--segment", "s1", "--json"),
     )
     assert result.returncode == 0, result.stderr
     assert result.stderr == ""
-    assert json.loads(result.stdout)["frames"] == 4
+    assert json.loads(result.stdout)["frames"] == 5
     assert {"video.mp4", "truth.csv", "camera.toml"} <= {f.name for f in (tmp_path / "c").iterdir()}
     assert 'id = "s1"' in (tmp_path / "c" / "camera.toml").read_text()
 
