@@ -30,7 +30,8 @@ many as are reported, elsewhere (see `gates.open_gates`)."""
 
 @dataclass(frozen=True)
 class WaitingPrices:
-    """What an hour of waiting for other vehicles costs, kWh; None: as driving time does.
+    """What an hour of waiting for other vehicles costs, kWh; None: as driving time does, and 10 at
+    the depot where that has no value.
 
     Attributes:
         waiting_kw: at the depot, within the departure window.
