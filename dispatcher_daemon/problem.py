@@ -32,6 +32,8 @@ class RoutingProblem:
             hour costs 1 kWh and energy nothing.
         price_of_waiting_kw: cost of waiting at the depot for other vehicles, kWh an hour; 0: only
             the departure windows limit the wait.
+        standing_kw: cost of waiting for other vehicles at a stop, kWh an hour; None: as driving
+            time costs, and no less than waiting at the depot.
         advised_gap_m: that plans advise to followers.
         drafting: with objective "energy", what platoons save. "ideal": each is close from where it
             forms. "expected": less what its vehicles need to close up, and by the chance that
@@ -46,20 +48,21 @@ class RoutingProblem:
     objective: Literal["energy", "paper"] = "energy"
     price_of_time_kw: float = 0.0
     price_of_waiting_kw: float = 0.0
+    standing_kw: float | None = None
     advised_gap_m: float = ADVISED_GAP_M
     drafting: Literal["ideal", "expected"] = "ideal"
 
     def __post_init__(self) -> None:
-        for name in ("price_of_time_kw", "price_of_waiting_kw"):
+        for name in ("price_of_time_kw", "price_of_waiting_kw", "standing_kw"):
             value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0):
+            if value is not None and not (math.isfinite(value) and value >= 0):
                 raise ValueError(f"{name} must be >= 0, got {value}")
 
     @property
     def price_of_standing_kw(self) -> float:
-        """Cost of waiting for other vehicles on a tour, kWh an hour: that of driving time, and no
-        less than waiting at the depot costs.
-        """
+        """Cost of waiting for other vehicles at a stop, kWh an hour."""
+        if self.standing_kw is not None:
+            return self.standing_kw
         return max(self.price_of_time_kw, self.price_of_waiting_kw)
 
     @cached_property
@@ -98,6 +101,7 @@ def routing_problem(
         fleet,
         price_of_time_kw=prices.price_of_time_kw,
         price_of_waiting_kw=prices.price_of_waiting_kw,
+        standing_kw=prices.standing_kw,
         advised_gap_m=settings.gap_m,
         drafting="expected",
     )

@@ -42,7 +42,15 @@ class PriceSettings(Settings):
         le=1e6,
         allow_inf_nan=False,
         description="An hour of waiting for other vehicles at the depot, within the departure "
-        "window, or at a hub. 0: a wait is free. At a stop it costs as much as driving.",
+        "window, or at a hub. 0: a wait is free.",
+    )
+    standing_hour: float | None = Field(
+        default=None,
+        ge=0,
+        le=1e6,
+        allow_inf_nan=False,
+        description="An hour of waiting for other vehicles at a stop that has been served; its "
+        "driver is paid. Not given: as driving costs, or as waiting if that is more.",
     )
 
     @property
@@ -54,6 +62,11 @@ class PriceSettings(Settings):
     def price_of_waiting_kw(self) -> float:
         """Of waiting: kWh an hour."""
         return self.waiting_hour / self.energy_kwh
+
+    @property
+    def standing_kw(self) -> float | None:
+        """Of waiting at a stop: kWh an hour; None: no price of its own."""
+        return None if self.standing_hour is None else self.standing_hour / self.energy_kwh
 
 
 class OrderSettings(Settings):

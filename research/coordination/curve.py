@@ -168,7 +168,7 @@ Their shares do not compare point by point; the upper bound is of what is planne
 - Who plans: each strategy, which knows the whole day; driven: the dispatcher, every five minutes,
   from what is ordered by then.
 - Waits: at origins and ramps, arrival within ±{WINDOW_MIN} min, at the price that is given; driven:
-  up to ten minutes at the depot and at stops, at what slower driving would save.
+  up to ten minutes at the depot and at stops, at the prices under the table of waits.
 - Gates: all open where RSUs watch; driven: as RSUs report them.
 - Share: drafting less stops and waiting; driven: drafting alone, and what was planned of it.
 """

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from simulation.closed_loop.policy import Policy
+from simulation.closed_loop.policy import AS_DRIVING, Policy, WaitingPrices
 from simulation.closed_loop.record import ArmResult, Others, Service
 from simulation.rsus import Rsu
 from simulation.scenarios.day import DaySpec, sumo_options
@@ -49,6 +49,7 @@ class ArmSpec:
         step_s: of the simulation; a second must be a multiple of it.
         database: SQLite file that is made, with the arm's cycles, plans and energy ledger; None:
             none is. Its times count from midnight of 1970-01-01, UTC.
+        prices: of waiting for other vehicles.
     """
 
     scenario: str
@@ -65,6 +66,7 @@ class ArmSpec:
     end_s: float = 86400.0
     step_s: float = STEP_S
     database: Path | None = None
+    prices: WaitingPrices = AS_DRIVING
 
     def __post_init__(self) -> None:
         if self.begin_s % 300 or not 0 <= self.begin_s < self.end_s:
@@ -158,6 +160,7 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
                 exchange.send_plan,
                 history,
                 database,
+                order.prices,
             )
             world = FleetWorld(
                 session,

@@ -22,7 +22,7 @@ from simulation.closed_loop.dispatch_settings import (
 )
 from simulation.closed_loop.gates import WINDOW_S, Roadside
 from simulation.closed_loop.planned_platoons import PlannedPlatoons
-from simulation.closed_loop.policy import Policy
+from simulation.closed_loop.policy import AS_DRIVING, Policy, WaitingPrices
 from simulation.closed_loop.record import CycleRecord
 from simulation.scenarios.demand import Deliveries, fleet_at
 from slipstream.messages import (
@@ -50,6 +50,7 @@ class Dispatching:
         send: takes each plan that goes out.
         history: what movements cost on another day; for the lever "routes" alone.
         database: takes cycles, plans and the energy ledger; None: they are not stored.
+        prices: of waiting for other vehicles.
     """
 
     def __init__(
@@ -62,14 +63,15 @@ class Dispatching:
         send: Callable[[VehiclePlan], None],
         history: History | None = None,
         database: Database | None = None,
+        prices: WaitingPrices = AS_DRIVING,
     ) -> None:
-        self._database = database
+        self._database, self._prices = database, prices
         self._deliveries, self._network = deliveries, network
         self._policy, self._seed, self._executor, self._send = policy, seed, executor, send
         self._history = history if "routes" in policy.levers else None
         self.time_worth_kw = 0.0 if self._history is None else self._history.time_worth_kw(network)
         self._expected: tuple[int, Expectations] | None = None
-        self._settings = settings_of(policy, self.waiting_worth_kw)
+        self._settings = settings_of(policy, self.time_worth_kw or DEFAULT_TIME_WORTH_KW)
         self._solve = evaluation_solve(self._settings)
         self._tracker = FleetTracker(network)
         self._platoons = PlannedPlatoons()
@@ -170,7 +172,9 @@ class Dispatching:
 
     @property
     def waiting_worth_kw(self) -> float:
-        """Value of waiting at the depot or at the kerb."""
+        """Price of waiting for other vehicles at the depot."""
+        if self._prices.waiting_kw is not None:
+            return self._prices.waiting_kw
         return self.time_worth_kw or DEFAULT_TIME_WORTH_KW
 
     def _problem(self, fleet: Fleet) -> RoutingProblem:
@@ -182,6 +186,7 @@ class Dispatching:
             objective="energy" if "routes" in self._policy.levers else "paper",
             price_of_time_kw=self.time_worth_kw,
             price_of_waiting_kw=self.waiting_worth_kw,
+            standing_kw=self._prices.standing_kw,
             advised_gap_m=self._settings.gap_m,
             drafting="expected",
         )

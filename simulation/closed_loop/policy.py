@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -25,6 +26,28 @@ WITHOUT_PRIORITY: Final = frozenset(LEVERS) - {"priority"}
 Gating = Literal["rsu", "open", "random"]
 """Which segments platoons may form on: those that RSUs report as stable; all that are watched; as
 many as are reported, elsewhere (see `gates.open_gates`)."""
+
+
+@dataclass(frozen=True)
+class WaitingPrices:
+    """What an hour of waiting for other vehicles costs, kWh; None: as driving time does, and 10 at
+    the depot where that has no value.
+
+    Attributes:
+        waiting_kw: at the depot, within the departure window.
+        standing_kw: at a stop that has been served; None: `waiting_kw` if that is more.
+    """
+
+    waiting_kw: float | None = None
+    standing_kw: float | None = None
+
+    def __post_init__(self) -> None:
+        for price_kw in (self.waiting_kw, self.standing_kw):
+            if price_kw is not None and not (math.isfinite(price_kw) and price_kw >= 0):
+                raise ValueError(f"a price of waiting must be >= 0, got {price_kw}")
+
+
+AS_DRIVING: Final = WaitingPrices()
 
 
 @dataclass(frozen=True)

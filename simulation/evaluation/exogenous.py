@@ -77,7 +77,11 @@ def exogenous_evaluation(
         InputError: a background is not fit, or the folder is of another evaluation.
     """
     provenance = replace(
-        world.provenance, step_s=_STEP_S, rsus=f"{watched} {world.provenance.rsus}"[:72]
+        world.provenance,
+        step_s=_STEP_S,
+        rsus=f"{watched} {world.provenance.rsus}"[:72],
+        waiting_kw=None,  # these arms have a price of their own
+        standing_kw=None,
     )
     span_s = provenance.begin_s, provenance.end_s
     lock = threading.Lock()

@@ -90,8 +90,9 @@ class Curve:
             mend = "give --scenario corridor and no file of your own"
             raise InputError("evaluate", problem, mend, key="--density")
         if options.drive is None:
-            if options.arms or options.hours is not None or options.begin:
-                problem = "arms and hours are of what is driven, and nothing is"
+            numbers = (options.hours, options.waiting_kw, options.standing_kw)
+            if options.arms or options.begin or any(given is not None for given in numbers):
+                problem = "arms, hours and prices are of what is driven, and nothing is"
                 raise InputError("evaluate", problem, "name densities as 29,100", key="--drive")
             return cls(options.out, densities, (), options.stored, options.json)
         driven = parse_numbers("--drive", options.drive, 1, "29,100")

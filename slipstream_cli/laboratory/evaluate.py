@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import math
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -18,7 +19,7 @@ from slipstream_cli.laboratory.curve import Curve, add_options, parse_numbers
 from slipstream_cli.progress import Progress
 
 if TYPE_CHECKING:
-    from simulation.closed_loop.policy import Policy
+    from simulation.closed_loop.policy import Policy, WaitingPrices
     from simulation.evaluation.measures import Evaluation
     from simulation.evaluation.report import Table
     from simulation.evaluation.runs import Simulate, Store, World, WorldFiles
@@ -73,6 +74,17 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     command.add_argument(
         "--signals", choices=("actuated", "fixed"), default="actuated", help="how they are timed"
     )
+    for name, where, default in (
+        ("--waiting-kw", "its depot", "what slower driving would save"),
+        ("--standing-kw", "a stop, served", "the same, or as --waiting-kw if that is more"),
+    ):
+        command.add_argument(
+            name,
+            type=float,
+            metavar="KW",
+            help="price of an hour in which a vehicle waits for others at "
+            f"{where}, kWh; 0: free (default: {default})",
+        )
     add_options(command)
     command.add_argument(
         "--workers",
@@ -108,6 +120,7 @@ def run(options: argparse.Namespace) -> int:
     policies, seeds = choose(options.arms), parse_numbers("--seeds", options.seeds, 0, "1,2,3")
     own = sumo_files.sumo_files(options)
     span_s, workers = _span(options, own), _workers(options.workers)
+    prices = _prices(options)
 
     # Later: they take seconds to load, which a slip on the command line need not wait for.
     from simulation.evaluation.report import as_json
@@ -124,7 +137,7 @@ def run(options: argparse.Namespace) -> int:
     )
 
     def evaluated(out: Path, of: WorldFiles) -> tuple[Evaluation, dict[str, Any]]:
-        return _evaluate(options, out, of, policies, seeds, span_s, workers)
+        return _evaluate(options, out, of, policies, seeds, span_s, prices, workers)
 
     try:
         if curve is None:
@@ -147,6 +160,7 @@ def _evaluate(
     policies: Sequence[Policy],
     seeds: Sequence[int],
     span_s: tuple[float, float],
+    prices: WaitingPrices,
     workers: int,
 ) -> tuple[Evaluation, dict[str, Any]]:
     """One evaluation in its folder, and its summary."""
@@ -154,7 +168,7 @@ def _evaluate(
     from simulation.evaluation.report import terminal_summary, whole_summary, write_results
     from simulation.evaluation.runs import Store, World, code_stamp
 
-    world = World(files, options.out / "background", options.signals, span_s)
+    world = World(files, options.out / "background", options.signals, span_s, prices)
     left_out = world.scenario.left_out
     if left_out is not None:
         print(f"slipstream: {world.scenario.net}: {left_out}", file=sys.stderr)
@@ -289,6 +303,24 @@ def _span(options: argparse.Namespace, own: SumoFiles) -> tuple[float, float]:
             problem = "no multiple of five minutes"
             raise InputError("evaluate", problem, "give one, as 7.25 or 0.5", key=key)
     return float(begin_s), float(end_s)
+
+
+def _prices(options: argparse.Namespace) -> WaitingPrices:
+    """What waiting for other vehicles costs."""
+    from simulation.closed_loop.policy import WaitingPrices
+    from simulation.evaluation.arms import wants_exogenous
+
+    given = {"--waiting-kw": options.waiting_kw, "--standing-kw": options.standing_kw}
+    for key, price_kw in given.items():
+        if price_kw is None:
+            continue
+        if not (math.isfinite(price_kw) and price_kw >= 0):
+            problem = f"no price: {price_kw:g}"
+            raise InputError("evaluate", problem, "give 0 or more, as 2.5", key=key)
+        if wants_exogenous(options.arms):
+            problem = "exogenous arms wait at a price of their own"
+            raise InputError("evaluate", problem, "give --arms B,C", key=key)
+    return WaitingPrices(options.waiting_kw, options.standing_kw)
 
 
 def _workers(count: int | None) -> int:

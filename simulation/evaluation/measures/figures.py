@@ -23,6 +23,9 @@ class Measures:
         legs: driven to their end.
         distance_km: of all of them.
         travel_h: from when legs could begin to their arrivals, service left out.
+        driving_h: of it, on the road; the rest is waiting.
+        depot_waits_s: of each tour, from when it could begin until it came onto the road.
+        stop_waits_s: of each later leg, likewise.
         led_km: at the front of platoons.
         followed_km: as a follower.
         planned_platooned_km: in platoons by the plans, what later ones replaced left out.
@@ -52,6 +55,9 @@ class Measures:
     legs: int
     distance_km: float
     travel_h: float
+    driving_h: float
+    depot_waits_s: tuple[float, ...]
+    stop_waits_s: tuple[float, ...]
     led_km: float
     followed_km: float
     planned_platooned_km: float
@@ -78,6 +84,11 @@ class Measures:
     def energy_kwh(self) -> float:
         """Electrical energy of the fleet."""
         return self.driven.total_kwh
+
+    @property
+    def waits_s(self) -> tuple[float, ...]:
+        """Of all legs, before they came onto the road."""
+        return self.depot_waits_s + self.stop_waits_s
 
     @property
     def platooned_km(self) -> float:
@@ -117,6 +128,9 @@ def measure(result: ArmResult) -> Measures:
         legs=len(legs),
         distance_km=sum(leg.distance_m for leg in legs) / 1000,
         travel_h=sum(leg.travel_s for leg in legs) / 3600,
+        driving_h=sum(leg.arrived_s - leg.departed_s for leg in legs) / 3600,
+        depot_waits_s=tuple(leg.departed_s - leg.ready_s for leg in legs if leg.leg == 0),
+        stop_waits_s=tuple(leg.departed_s - leg.ready_s for leg in legs if leg.leg > 0),
         led_km=sum(leg.led_m for leg in legs) / 1000,
         followed_km=sum(leg.followed_m for leg in legs) / 1000,
         planned_platooned_km=sum(cycle.planned_platooned_m for cycle in cycles) / 1000,

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from statistics import fmean
 from typing import Final
 
 from simulation.evaluation.arms import BASELINE, EVERY_LEVER
-from simulation.evaluation.measures import Compared, Evaluation, Spread
+from simulation.evaluation.measures import Compared, Evaluation, Measures, Spread
 from simulation.evaluation.report.formatting import NOTHING, join_names, number, percent
+from simulation.evaluation.runs import Provenance
 
 _SLOWER: Final = "†"
 _FASTER: Final = "‡"
@@ -16,6 +18,30 @@ MEANS: Final = "Means over the seeds ± standard deviation between them."
 EQUAL_TIME: Final = (
     "At equal travel time: against what B needs for each served order when it is slowed or hurried "
     "to the arm's travel time."
+)
+
+
+def mean_s(waits_s: Sequence[float]) -> float | None:
+    """Mean of some waits; None of none."""
+    return fmean(waits_s) if waits_s else None
+
+
+WAITS: Final[tuple[tuple[Callable[[Measures], float | None], int], ...]] = (
+    (lambda m: mean_s(m.waits_s), 0),
+    (lambda m: mean_s(m.depot_waits_s), 0),
+    (lambda m: mean_s(m.stop_waits_s), 0),
+    (lambda m: max(m.waits_s, default=None), 0),
+    (lambda m: m.driving_h, 2),
+    (lambda m: m.travel_h, 2),
+)
+"""Figures of waits, each with its digits."""
+WAIT_HEADS: Final = (
+    *("mean wait of a leg, s", "at the depot", "at stops", "longest, s"),
+    *("driving, h", "with waits, h"),
+)
+WAITS_NOTE: Final = (
+    "Waits: from when a leg could begin until its vehicle came onto the road, for other vehicles "
+    "or for a gap in the traffic. No fleet of the scenarios has hubs."
 )
 
 
@@ -94,3 +120,16 @@ def order_notes(evaluation: Evaluation, names: Iterable[str]) -> tuple[str, ...]
         f"**Not as many orders served as by B in every seed: {join_names(unlike)}.** There totals "
         "do not compare; the saving per order and at equal travel time do.",
     )
+
+
+def prices(provenance: Provenance) -> str:
+    """What waiting for other vehicles costs in an evaluation, in words."""
+    at_depot, at_stops = provenance.waiting_kw, provenance.standing_kw
+    if at_depot is None and at_stops is None:
+        return "what slower driving would save"
+    driving = "as driving time"
+    depot = driving if at_depot is None else f"{at_depot:g} kW"
+    stops = f"{driving} or {depot}, whichever is more" if at_depot is not None else driving
+    if at_stops is not None:
+        stops = f"{at_stops:g} kW"
+    return f"{depot} at depots, {stops} at stops"

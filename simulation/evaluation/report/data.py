@@ -17,6 +17,7 @@ from simulation.evaluation.measures import (
     Spread,
     day_course,
 )
+from simulation.evaluation.report.cells import mean_s
 from simulation.fleet.drafting import CAUSES, Cause
 from simulation.scenarios.acceptance import clock
 
@@ -36,6 +37,11 @@ FIGURES: Final[Mapping[str, Callable[[Measures], float | None]]] = {
     "lost_braking_else_kwh": lambda m: m.losses.slowing_kwh,
     "distance_km": lambda m: m.distance_km,
     "travel_h": lambda m: m.travel_h,
+    "driving_h": lambda m: m.driving_h,
+    "mean_wait_s": lambda m: mean_s(m.waits_s),
+    "mean_wait_at_depot_s": lambda m: mean_s(m.depot_waits_s),
+    "mean_wait_at_stops_s": lambda m: mean_s(m.stop_waits_s),
+    "longest_wait_s": lambda m: max(m.waits_s, default=None),
     "led_km": lambda m: m.led_km,
     "followed_km": lambda m: m.followed_km,
     "platooned_share": lambda m: m.platooned_share,

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 
 from simulation.evaluation.arms import BASELINE, COOPERATIVE
 from simulation.evaluation.measures import Evaluation, Measures, Spread
-from simulation.evaluation.report.cells import MEANS
+from simulation.evaluation.report.cells import MEANS, WAIT_HEADS, WAITS, WAITS_NOTE, prices
 from simulation.evaluation.report.formatting import Table, count, number, percent
 from simulation.fleet.drafting import CAUSES
 
@@ -101,6 +102,16 @@ def density_tables(evaluations: Mapping[int, Evaluation]) -> tuple[Table, ...]:
             ),
         ),
         Table(
+            "Driven: waits",
+            ("vehicles a day", *WAIT_HEADS, "late"),
+            rows(
+                *((partial(number, digits=digits), of) for of, digits in WAITS),
+                (count, lambda m: float(m.late)),
+            ),
+            source,
+            (WAITS_NOTE, *_priced(shown)),
+        ),
+        Table(
             "Planned in a platoon and not driven in one, km",
             ("vehicles a day", *CAUSES),
             rows(*((km, lambda m, cause=cause: m.missed_km[cause]) for cause in CAUSES)),
@@ -111,6 +122,12 @@ def density_tables(evaluations: Mapping[int, Evaluation]) -> tuple[Table, ...]:
             ),
         ),
     )
+
+
+def _priced(shown: Mapping[int, Evaluation]) -> tuple[str, ...]:
+    """What waiting costs; the same at all densities."""
+    said = {prices(evaluation.provenance) for evaluation in shown.values()}
+    return tuple(f"An hour of waiting for others costs {words}." for words in sorted(said))
 
 
 def _with_cooperative(evaluations: Mapping[int, Evaluation]) -> dict[int, Evaluation]:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from simulation.evaluation.arms import BASELINE, COOPERATIVE, EVERY_LEVER
 from simulation.evaluation.measures import Evaluation
 from simulation.evaluation.report.ablation_tables import gating_table, lever_table, noise_table
-from simulation.evaluation.report.cells import equal_time
+from simulation.evaluation.report.cells import equal_time, prices
 from simulation.evaluation.report.formatting import Table, as_markdown, join_names, number, percent
 from simulation.evaluation.report.tables import (
     curve_table,
@@ -17,6 +17,7 @@ from simulation.evaluation.report.tables import (
     losses_table,
     parts_table,
     seed_table,
+    waits_table,
 )
 from simulation.scenarios.acceptance import clock
 
@@ -37,6 +38,7 @@ def report(
         parts_table(evaluation),
         losses_table(evaluation),
         driving_table(evaluation),
+        waits_table(evaluation),
         lever_table(evaluation),
         gating_table(evaluation),
         noise_table(evaluation),
@@ -148,7 +150,8 @@ def _provenance(evaluation: Evaluation) -> str:
         f"`{provenance.demand[:12]}`, fleet `{provenance.fleet[:12]}`, RSUs "
         + (f"`{provenance.rsus[:12]}`" if provenance.rsus else "placed by the traffic"),
         f"- {provenance.begin_s:g} to {provenance.end_s:g} s, steps of {provenance.step_s:g} s, "
-        f"{provenance.signals} signals",
+        f"{provenance.signals} signals; an hour of waiting for other vehicles costs "
+        f"{prices(provenance)}",
         *(f"- code: {code}" for code in evaluation.codes),
         "- `arms.csv`: every figure of every arm and seed in full",
         "- `run.json`: how long the arms took; no part of the results",

@@ -17,10 +17,14 @@ from simulation.evaluation.measures import Compared, Evaluation, Measures
 from simulation.evaluation.report.cells import (
     EQUAL_TIME,
     MEANS,
+    WAIT_HEADS,
+    WAITS,
+    WAITS_NOTE,
     arm_files,
     arm_rows_source,
     equal_time,
     order_notes,
+    prices,
     range_notes,
     saving,
 )
@@ -230,6 +234,26 @@ def driving_table(evaluation: Evaluation) -> Table:
             "over dispatch cycles (the paper: no violation). Others: mean duration of the "
             "background's trips against B's. Unfinished: legs on the road at the end.",
         ),
+    )
+
+
+def waits_table(evaluation: Evaluation) -> Table:
+    """Every arm: how long its vehicles waited, and for how long they drove."""
+    names = [name for name in evaluation.runs if name in evaluation]
+    rows = tuple(
+        (
+            name,
+            *(number(evaluation.figure(name, of), digits) for of, digits in WAITS),
+            count(evaluation.figure(name, lambda m: m.late)),
+        )
+        for name in names
+    )
+    return Table(
+        "Waits",
+        ("arm", *WAIT_HEADS, "late"),
+        rows,
+        arm_rows_source(evaluation),
+        (WAITS_NOTE, f"An hour of waiting for others costs {prices(evaluation.provenance)}."),
     )
 
 

@@ -9,6 +9,7 @@ from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
 from typing import Final
 
+from simulation.closed_loop.policy import AS_DRIVING, WaitingPrices
 from simulation.rsus import Rsu
 from simulation.scenarios.perception import measured_errors
 from simulation.scenarios.scenario import Scenario, SignalControl
@@ -43,6 +44,9 @@ class Provenance:
         end_s: simulated.
         step_s: of the simulation.
         format: of the results.
+        waiting_kw: price of waiting at the depot; None: that of driving time, as in arms that were
+            stored before it could be given.
+        standing_kw: price of waiting at a stop, likewise.
     """
 
     scenario: str
@@ -56,6 +60,8 @@ class Provenance:
     end_s: float
     step_s: float
     format: int = FORMAT
+    waiting_kw: float | None = None
+    standing_kw: float | None = None
 
 
 def provenance_of(
@@ -63,11 +69,13 @@ def provenance_of(
     signals: SignalControl,
     span_s: tuple[float, float],
     step_s: float,
+    prices: WaitingPrices = AS_DRIVING,
 ) -> Provenance:
     """The provenance of a scenario's arms.
 
     Args:
         span_s: begin and end of the simulated time.
+        prices: of waiting for other vehicles.
     """
     rsus = scenario.rsus
     background = [path.read_bytes() for path in scenario.routes]
@@ -82,6 +90,8 @@ def provenance_of(
         signals,
         *span_s,
         step_s,
+        waiting_kw=prices.waiting_kw,
+        standing_kw=prices.standing_kw,
     )
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from simulation.closed_loop.arm import STEP_S, ArmSpec, run_arm
 from simulation.closed_loop.history_recording import history_file, history_of, record_history
-from simulation.closed_loop.policy import Policy
+from simulation.closed_loop.policy import AS_DRIVING, Policy, WaitingPrices
 from simulation.closed_loop.record import ArmResult
 from simulation.evaluation.runs.provenance import Provenance, provenance_of
 from simulation.scenarios.demand import DAY_S
@@ -74,18 +74,25 @@ class World:
         folder: for the route files of the seeds.
         signals: how signals are run.
         span_s: begin and end of the simulated time; the begin a multiple of 300.
+        prices: of waiting for other vehicles.
 
     Raises:
         InputError: the scenario's files are missing or faulty.
     """
 
     def __init__(
-        self, files: WorldFiles, folder: Path, signals: SignalControl, span_s: tuple[float, float]
+        self,
+        files: WorldFiles,
+        folder: Path,
+        signals: SignalControl,
+        span_s: tuple[float, float],
+        prices: WaitingPrices = AS_DRIVING,
     ) -> None:
         self._files = files
         self._folder = folder
         self._signals = signals
         self._span_s = span_s
+        self._prices = prices
         self._scenario = files.load()
         self._lock = threading.Lock()
         self._recording: dict[int, threading.Lock] = {}
@@ -94,7 +101,7 @@ class World:
     @property
     def provenance(self) -> Provenance:
         """What its arms' results depend on."""
-        return provenance_of(self._scenario, self._signals, self._span_s, STEP_S)
+        return provenance_of(self._scenario, self._signals, self._span_s, STEP_S, self._prices)
 
     @property
     def folder(self) -> Path:
@@ -154,6 +161,7 @@ class World:
             end_s=end_s,
             step_s=STEP_S,
             database=None if databases is None else databases / f"{policy.name}-{seed}.db",
+            prices=self._prices,
         )
         return (run or run_arm)(order, progress)
 

@@ -19,9 +19,10 @@ from dispatcher_daemon.planning.departures import (
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
 from dispatcher_daemon.planning.sweeps import choice_of
 from dispatcher_daemon.platooning.meetings import Meetings
-from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.problem import RoutingProblem, routing_problem
 from dispatcher_daemon.roads.arrays import roads_of
 from dispatcher_daemon.roads.travel import Travel
+from dispatcher_daemon.settings import DispatcherSettings, PriceSettings
 from dispatcher_daemon.traffic import PERSISTENCE_S, TrafficSnapshot
 
 Town = Callable[..., tuple[RoutingProblem, TrafficSnapshot]]
@@ -181,6 +182,39 @@ def test_a_wait_on_the_way_costs_what_driving_time_costs(
     assert longest_wait_s(planner, first) == pytest.approx(
         sum(planner.shares[s].follower_kwh for s in home) / (share * saved) * 45.0
     )
+
+
+@pytest.mark.parametrize(("share", "waits"), [(0.0, True), (0.9, True), (1.1, False)])
+def test_a_wait_at_a_stop_may_have_a_price_of_its_own(
+    town: Town, share: float, waits: bool
+) -> None:
+    """Then neither driving time nor waiting at the depot says what it costs."""
+    planner, first, second = to_and_fro(town, price_kw=1e3)
+    assert first.route is not None
+    home = first.route.legs[1].path
+    saved = sum(planner.shares[s].leader_kwh + planner.shares[s].follower_kwh for s in home)
+    priced = replace(planner.problem, standing_kw=share * saved * 3600 / 45.0)
+    assert (priced.price_of_standing_kw, priced.price_of_time_kw) == (priced.standing_kw, 1e3)
+    planner = Planner(priced, planner.snapshot, planner.travels, 3.0, 10.0)
+    meetings = planner.meetings()
+    meetings.add(second.traversals)
+    best = best_departure(planner, first, meetings)
+    assert best.waits_s == pytest.approx([45.0 if waits else 0.0])
+    assert best.cost_kwh - first.cost_kwh == pytest.approx(share * saved if waits else 0.0)
+
+
+def test_the_settings_price_of_a_wait_at_a_stop_reaches_the_planner(town: Town) -> None:
+    """In kWh an hour; without one it is that of driving, or of waiting if that is more."""
+    problem, _ = town(["33"], [{}])
+
+    def standing_kw(**prices: float) -> float:
+        settings = DispatcherSettings(prices=PriceSettings(energy_kwh=0.5, **prices))
+        return routing_problem(problem.network, problem.fleet, settings).price_of_standing_kw
+
+    assert standing_kw(driving_hour=4.0) == 8.0
+    assert standing_kw(driving_hour=4.0, waiting_hour=5.0) == 10.0
+    assert standing_kw(driving_hour=4.0, waiting_hour=5.0, standing_hour=1.0) == 2.0
+    assert standing_kw(driving_hour=4.0, standing_hour=0.0) == 0.0
 
 
 def test_the_paper_s_objective_has_no_waits_on_the_way(town: Town) -> None:

@@ -34,6 +34,19 @@ def test_figures_are_sums_over_legs_services_and_cycles() -> None:
     assert (found.orders, found.served, found.faults) == (24, 24, ())
 
 
+def test_waits_and_driving_are_the_travel_time() -> None:
+    """At the depot before a tour, at its stops before each later leg."""
+    result = arm("C")
+    legs = [
+        replace(leg, leg=number % 3, departed_s=leg.ready_s + number)
+        for number, leg in enumerate(result.legs[:5])
+    ]
+    found = measure(replace(result, legs=tuple(legs)))
+    assert found.depot_waits_s == pytest.approx([0, 3])
+    assert found.stop_waits_s == pytest.approx([1, 2, 4])
+    assert found.driving_h + sum(found.waits_s) / 3600 == pytest.approx(found.travel_h)
+
+
 def test_an_order_is_late_once_its_time_is_over() -> None:
     """Begun too late, or not begun though the day went on; not one that is still in time."""
     services = (

@@ -83,6 +83,21 @@ def test_the_papers_tables_stand_beside_ours(whole: Path) -> None:
     assert (noise[1], noise[3], noise[5], noise[7]) == ("82.1 %", "562.9", "301.2", "16.0 %")
 
 
+def test_waits_stand_beside_the_time_on_the_road(whole: Path) -> None:
+    """Mean of all legs, at the depot, at stops, the longest, and what travel time they make."""
+    waits = row((whole / "report.md").read_text(), "Waits", "C")
+    legs = [leg for s in SEEDS for leg in make_arm(POLICIES["C"], s).legs]
+    hours = [
+        sum(end - begin for begin, end in times) / 3600 / len(SEEDS)
+        for times in (
+            [(leg.departed_s, leg.arrived_s) for leg in legs],
+            [(leg.ready_s, leg.arrived_s) for leg in legs],
+        )
+    ]
+    assert waits[1:5] == ["1", "1", "–", "1"]
+    assert [cell.split()[0] for cell in waits[5:7]] == [f"{h:.2f}" for h in hours]
+
+
 def test_every_table_names_its_sources(whole: Path) -> None:
     """Each section with numbers says which files they come from, and each of these exists."""
     text = (whole / "report.md").read_text()

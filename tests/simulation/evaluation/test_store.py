@@ -40,6 +40,8 @@ def test_an_arm_comes_back_as_it_was(tmp_path: Path) -> None:
         ({"net": "x" * 64}, "net was nnnnnnnn, is xxxxxxxx"),
         ({"end_s": 86400.0}, "end_s was 32400.0, is 86400.0"),
         ({"format": 99}, "is 99"),
+        ({"waiting_kw": 0.0}, "waiting_kw was None, is 0.0"),
+        ({"standing_kw": 2.0}, "standing_kw was None, is 2.0"),
     ],
 )
 def test_arms_of_another_evaluation_are_not_taken_for_these(
@@ -57,6 +59,17 @@ def test_arms_of_another_evaluation_are_not_taken_for_these(
     assert str(tmp_path) in line
     assert said in line
     assert "another folder" in line
+
+
+def test_arms_of_before_there_were_prices_of_waiting_are_read(tmp_path: Path) -> None:
+    """They waited at the value of driving time, which is what no price means."""
+    with Store(tmp_path, GROUND, "code") as store:
+        store.put(C, 1, make_arm(C, 1))
+        path = tmp_path / "arms" / "C-1.json"
+        document = json.loads(path.read_text())
+        del document["ground"]["waiting_kw"], document["ground"]["standing_kw"]
+        path.write_text(json.dumps(document))
+        assert store.get(C, 1) is not None
 
 
 def test_an_arm_whose_policy_has_changed_since_is_not_taken(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ import pytest
 from research.coordination import curve
 from research.coordination.cells import Cell, Result
 from simulation.closed_loop.arm import ArmSpec
+from simulation.closed_loop.policy import WaitingPrices
 from simulation.closed_loop.record import ArmResult
 from simulation.evaluation import exogenous, report
 from simulation.evaluation.exogenous import ExogenousSpec
@@ -144,6 +145,25 @@ def test_fixed_signals_and_files_of_ones_own_reach_the_arm(
     command = ["evaluate", *MORNING, *options, "--out", str(tmp_path / "out")]
     assert main(command) == 2
     assert "arms of another evaluation (fleet was" in capsys.readouterr().err
+
+
+def test_prices_of_waiting_reach_the_arm_and_are_of_a_folder_of_their_own(
+    capsys: Capture, tmp_path: Path, orders: list[ArmSpec]
+) -> None:
+    """They are in the order, in the report and in the summary; what is stored is of one price."""
+    options = ("--arms", "B", "--seeds", "1")
+    evaluate(capsys, tmp_path / "priced", *options, "--waiting-kw", "0", "--standing-kw", "2.5")
+    summary = evaluate(capsys, tmp_path / "as-driving", *options)
+    assert [order.prices for order in orders] == [WaitingPrices(0.0, 2.5), WaitingPrices()]
+    assert (summary["ground"]["waiting_kw"], summary["ground"]["standing_kw"]) == (None, None)
+    said = "an hour of waiting for other vehicles costs 0 kW at depots, 2.5 kW at stops"
+    assert said in (tmp_path / "priced" / "report.md").read_text()
+    said = "an hour of waiting for other vehicles costs what slower driving would save"
+    assert said in (tmp_path / "as-driving" / "report.md").read_text()
+    command = ["evaluate", *MORNING, *options, "--out", str(tmp_path / "priced")]
+    assert main(command) == 2
+    assert "of another evaluation (waiting_kw was 0.0, is None; s" in capsys.readouterr().err
+    assert len(orders) == 2
 
 
 @pytest.mark.slow
@@ -297,8 +317,13 @@ def test_without_libsumo_the_line_says_what_to_install(
         (("--density", "29", "--fleet", "f.toml"), "--density: the law is of the corridor's"),
         (("--density", "29", "--scenario", "troy"), "--density: the law is of the corridor's"),
         (("--density", "29", "--rsus", "f.toml"), "--density: the law is of the corridor's"),
-        (("--density", "29", "--arms", "B,C"), "--drive: arms and hours are of what is driven"),
-        (("--density", "29", "--begin", "9.5"), "--drive: arms and hours are of what is driven"),
+        (("--density", "29", "--arms", "B,C"), "--drive: arms, hours and prices are of"),
+        (("--density", "29", "--begin", "9.5"), "--drive: arms, hours and prices are of"),
+        (("--density", "29", "--waiting-kw", "0"), "--drive: arms, hours and prices are of"),
+        (("--waiting-kw", "-1", "--arms", "B"), "--waiting-kw: no price: -1; give 0 or more"),
+        (("--standing-kw", "nan", "--arms", "B"), "--standing-kw: no price: nan"),
+        (("--standing-kw", "inf", "--arms", "B"), "--standing-kw: no price: inf"),
+        (("--waiting-kw", "0"), "--waiting-kw: exogenous arms wait at a price of their own; give"),
         (("--drive", "29"), "--drive: there is no curve to add to; give --density too"),
         (("--density", "29", "--drive", "x"), "--drive: no whole numbers from 1 on"),
         (("--density", "29", "--drive", "900000"), "900000 vehicles a day are too many"),
