@@ -12,6 +12,7 @@ import numpy as np
 from dispatcher_daemon.planning.departures import best_departure
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
 from dispatcher_daemon.platooning import Meetings
+from dispatcher_daemon.roads import Travel
 
 EVALUATIONS_PER_EXCHANGE = 4
 """Exchanges that are evaluated exactly for each one that is returned."""
@@ -50,18 +51,15 @@ def best_exchanges(
     for number in drawn:
         _, (one, other) = moves[number]
         old = present[one[0]], present[other[0]]
-        change = -sum(meetings.remove(i.traversals) + i.cost_kwh for i in old)
         new: list[Itinerary] = []
-        for vehicle, stops in (one, other):
-            itinerary = _timed(planner, vehicle, stops, meetings)
-            if itinerary is None:
-                break
-            change += itinerary.cost_kwh - meetings.add(itinerary.traversals)
-            new.append(itinerary)
-        for itinerary in new:
-            meetings.remove(itinerary.traversals)
-        for itinerary in old:
-            meetings.add(itinerary.traversals)
+        with meetings.tried():
+            change = -sum(meetings.remove(i.traversals) + i.cost_kwh for i in old)
+            for vehicle, stops in (one, other):
+                itinerary = _timed(planner, vehicle, stops, meetings)
+                if itinerary is None:
+                    break
+                change += itinerary.cost_kwh - meetings.add(itinerary.traversals)
+                new.append(itinerary)
         if len(new) == 2:
             found.append((change, (new[0], new[1])))
     return [pair for _, pair in sorted(found, key=lambda entry: entry[0])[:max_exchanges]]
@@ -99,7 +97,7 @@ class _Vehicles:
         rows = [planner.travels[0].row[place] for place in places]
         self._column = {place: at for at, place in enumerate(places)}
         self._depot = {n: self._column[name] for n, name in depot.items()}
-        by_profile = {
+        by_profile: dict[Travel, list[list[float]]] = {
             travel: travel.search_cost_kwh[np.ix_(rows, rows)].tolist()
             for travel in {planner.travels[0].of(vehicle) for vehicle in vehicles.values()}
         }
