@@ -16,6 +16,7 @@ from typing import Final
 
 from dispatcher_daemon.planning.parts import (
     Part,
+    are_full,
     by_carrier,
     parts_of_routes,
     parts_of_stops,
@@ -163,7 +164,9 @@ class _Search:
     ) -> None:
         self._problem, self._travel = problem, travel
         self._settings, self._executor = settings, executor
-        self._penalties = low_penalties(settings)
+        # Whoever serves many stops with few vehicles fills those, however many others stay idle.
+        full = len(stops) > settings.part_stops or are_full(problem.fleet, stops)
+        self._penalties = low_penalties(settings, full=full)
         self.ends = clock() + settings.time_limit_s
 
     def first(

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -13,6 +14,9 @@ from dispatcher_daemon.fleet import Fleet, Vehicle
 from dispatcher_daemon.planning.pyvrp_model import StopsByVehicle
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads.weights import Floats
+
+_FULL_SHARE: Final = 0.99
+"""Of the vehicles' capacity, from which on they are full."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +50,15 @@ def by_carrier(fleet: Fleet, stops: Sequence[str]) -> tuple[list[Part], list[str
         for carrier, of_one in own.items()
     ]
     return [part for part in parts if part.vehicles and part.stops], anybodys
+
+
+def are_full(fleet: Fleet, stops: Sequence[str]) -> bool:
+    """Whether the stops fill all vehicles; one unit too many is worth a detour then."""
+    asked = set(stops)
+    rooms = [v.capacity for v in fleet.vehicles if v.first_stop is None or v.first_stop in asked]
+    limits = [room for room in rooms if room is not None]
+    demand = sum(fleet.stop_by_id[stop].demand for stop in stops)
+    return len(limits) == len(rooms) and demand > _FULL_SHARE * sum(limits)
 
 
 def parts_of_routes(

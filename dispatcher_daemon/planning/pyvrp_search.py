@@ -26,9 +26,19 @@ HIGH_PENALTIES: Final = pyvrp.PenaltyParams(max_penalty=1e9)
 """The penalty starts at half of this: one excess unit costs more than an unserved stop."""
 
 
-def low_penalties(settings: SearchSettings) -> pyvrp.PenaltyParams:
-    """Low penalties: the search may pass through infeasible routes, and gets further."""
-    return pyvrp.PenaltyParams(max_penalty=settings.max_penalty_kwh * MWH_PER_KWH)
+_FULL_FACTOR: Final = 10
+
+
+def low_penalties(settings: SearchSettings, *, full: bool) -> pyvrp.PenaltyParams:
+    """Low penalties: the search may pass through infeasible routes, and gets further.
+
+    Args:
+        full: whether stops fill the vehicles, or the routes of a large city. One unit too many then
+            saves so much that a lower penalty leaves nearly all routes that are searched
+            infeasible.
+    """
+    factor = _FULL_FACTOR if full else 1
+    return pyvrp.PenaltyParams(max_penalty=factor * settings.max_penalty_kwh * MWH_PER_KWH)
 
 
 @dataclass(frozen=True)

@@ -32,13 +32,14 @@ class SearchSettings(Settings):
         "feasible routes.",
     )
     max_penalty_kwh: float = Field(
-        default=1.0,
+        default=0.1,
         gt=0,
         le=1000,
         allow_inf_nan=False,
         description="Maximum penalty of one unit of excess load, or of 0.1 s of lateness, "
         "before the routes are feasible, kWh. Where vehicles carry few units, it has to reach the "
-        "energy of some detours.",
+        "energy of some detours. Ten times as much where the stops fill all vehicles, or are more "
+        "than a part has.",
     )
     part_stops: int = Field(
         default=250, ge=10, description="Maximum mean number of stops of a round's parts."
