@@ -164,8 +164,10 @@ class _Search:
     ) -> None:
         self._problem, self._travel = problem, travel
         self._settings, self._executor = settings, executor
-        # Whoever serves many stops with few vehicles fills those, however many others stay idle.
-        full = len(stops) > settings.part_stops or are_full(problem.fleet, stops)
+        # Whoever serves many stops with few vehicles fills those, however many others stay idle;
+        # more than can be searched at once were not measured with it.
+        in_parts = settings.part_stops < len(stops) <= _WHOLE_STOPS
+        full = in_parts or are_full(problem.fleet, stops)
         self._penalties = low_penalties(settings, full=full)
         self.ends = clock() + settings.time_limit_s
 
