@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import accumulate, pairwise
 
 
@@ -45,7 +46,7 @@ class Drive:
     length_m: float
     waiting_s: tuple[float, ...] = ()
 
-    @property
+    @cached_property
     def duration_s(self) -> float:
         """Time from departure to arrival."""
         return self.times_s[-1] + sum(self.waiting_s)

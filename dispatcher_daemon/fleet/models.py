@@ -126,17 +126,28 @@ class Fleet(Settings):
             and set(stop.skills) <= set(vehicle.skills)
         )
 
+    def limits(self, vehicle: Vehicle) -> tuple[float, float]:
+        """(units, mass in kg) that a vehicle carries at most, the mass with what rounding may add;
+        inf: no limit.
+        """
+        kind = self.type_of(vehicle)
+        payload_kg = None if kind is None else kind.payload_kg
+        return (
+            math.inf if vehicle.capacity is None else vehicle.capacity,
+            math.inf if payload_kg is None else payload_kg + _TOLERANCE_KG,
+        )
+
     def overload(self, vehicle: Vehicle, stops: Iterable[Stop]) -> str | None:
         """By what the load of some stops is more than a vehicle carries; None: it is not."""
         served = list(stops)
+        units, kg = self.limits(vehicle)
         demand = sum(stop.demand for stop in served)
-        if vehicle.capacity is not None and demand > vehicle.capacity:
+        if demand > units:
             return f"{demand}, more than its capacity of {vehicle.capacity}"
-        kind = self.type_of(vehicle)
-        payload_kg = None if kind is None else kind.payload_kg
         mass_kg = math.fsum(stop.mass_kg for stop in served)
-        if payload_kg is not None and mass_kg > payload_kg + _TOLERANCE_KG:
-            return f"{mass_kg:g} kg, more than its payload of {payload_kg:g} kg"
+        kind = self.type_of(vehicle)
+        if kind is not None and mass_kg > kg:
+            return f"{mass_kg:g} kg, more than its payload of {kind.payload_kg:g} kg"
         return None
 
     def node(self, place: str) -> str:

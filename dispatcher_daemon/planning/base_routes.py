@@ -47,6 +47,8 @@ _FIRST_PARTS: Final = 2
 """How many times as many stops as a round's the parts of a first search have."""
 _WHOLE_ROUNDS: Final = 5
 """Rounds in one, where a city is one part."""
+_DEEP_ROUNDS: Final = 2
+"""Rounds in one in the second half: small steps in many cuts find little more by then."""
 _SEED_STEP: Final = 1_000_003
 """Between searches of one part side by side; rounds count their seeds by ones."""
 _MIN_PART_S: Final = 3.0
@@ -127,12 +129,17 @@ def base_routes(
         ]
         # Where nothing is cut, a round differs from the last one by nothing but its start.
         uncut = not anybodys and len(parts) <= len(groups)
-        together = min(_WHOLE_ROUNDS, settings.rounds - number) if uncut else 1
+        deep = not uncut and settings.rounds / 2 <= number <= settings.rounds - _DEEP_ROUNDS
+        together = _DEEP_ROUNDS if deep else 1
+        if uncut:
+            together = min(_WHOLE_ROUNDS, settings.rounds - number)
         limit_s = left_s * together / (settings.rounds - number)
         at_least_s = _MIN_PART_S * math.ceil(len(parts) / settings.workers)
         limit_s = min(left_s, max(limit_s, at_least_s))
         unassigned = set(unserved(stops, routes))
-        found, cut = search.round(parts, unassigned, routes, limit_s, seed + number, together)
+        found, cut = search.round(
+            parts, unassigned, routes, limit_s, seed + number, together, deep=deep
+        )
         routes |= found
         timed_out |= cut
         number += together
@@ -157,7 +164,11 @@ class _Search:
     ) -> None:
         self._problem, self._travel = problem, travel
         self._settings, self._executor = settings, executor
-        self._penalties = low_penalties(settings, full=are_full(problem.fleet, stops))
+        # Whoever serves many stops with few vehicles fills those, however many others stay idle;
+        # more than can be searched at once were not measured with it.
+        in_parts = settings.part_stops < len(stops) <= _WHOLE_STOPS
+        full = in_parts or are_full(problem.fleet, stops)
+        self._penalties = low_penalties(settings, full=full)
         self.ends = clock() + settings.time_limit_s
 
     def first(
@@ -213,6 +224,8 @@ class _Search:
         limit_s: float,
         seed: int,
         times: int,
+        *,
+        deep: bool = False,
     ) -> tuple[StopsByVehicle, bool]:
         """(routes of parts that were searched from given ones, whether time ran out).
 
@@ -222,6 +235,7 @@ class _Search:
             unassigned: stops that are on none of the routes.
             limit_s: for all parts together.
             times: how many rounds' iterations it has.
+            deep: see `Attempt`.
         """
         jobs = []
         most = times * self._settings.iterations_per_stop
@@ -233,6 +247,7 @@ class _Search:
                 model.data(required),
                 self._penalties if required else HIGH_PENALTIES,
                 most * max(1, len(part.stops)),
+                deep=deep,
             )
             seeds = self._settings.workers // len(parts) if attempt.is_long else 1
             jobs += [

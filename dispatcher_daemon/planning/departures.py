@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_left
+from array import array
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
@@ -23,17 +23,19 @@ _ROUNDING_S: Final = 1e-9
 
 @dataclass(frozen=True)
 class Encounters:
-    """Passages of others over the segments of one vehicle, in the order of its segments.
+    """Passages of others over the segments of one vehicle, in the order of `shift_s`.
 
     Attributes:
         own_s: the vehicle's entry, shape (n,).
         other_s: the other's, likewise.
+        shift_s: by which the vehicle would have to enter later, to enter with the other, likewise.
         kwh: what the vehicle saves behind the other.
         window_s: Δt_sync.
     """
 
     own_s: Floats
     other_s: Floats
+    shift_s: Floats
     kwh: Floats
     window_s: float
 
@@ -50,21 +52,21 @@ class Encounters:
         own_s, other_s = self.own_s, self.other_s
         found = (own_s >= from_s) & (other_s >= own_s + earliest_s)
         found &= other_s < own_s + latest_s + _ROUNDING_S
-        shifts, weights = (other_s - own_s)[found], self.kwh[found]
-        if not len(shifts):
+        at, window_s = self.shift_s[found], self.window_s
+        if not len(at):
             return []
-        order = shifts.argsort(kind="stable")
-        at, window_s = shifts[order], self.window_s
-        total = np.concatenate([[0.0], weights[order].cumsum()])
+        total = np.zeros(len(at) + 1)
+        self.kwh[found].cumsum(out=total[1:])
         low, high = at.searchsorted(at - window_s, "left"), at.searchsorted(at + window_s, "right")
         score = total[high] - total[low]
         chosen: list[tuple[float, float]] = []
-        best_first = (-score).argsort(kind="stable")
-        while len(best_first) and len(chosen) < MAX_DEPARTURES:
-            best = best_first[0]
+        while len(chosen) < MAX_DEPARTURES:
+            best = int(score.argmax())
+            if score[best] == -math.inf:
+                break
             shift = min(max(float(at[best]), earliest_s), latest_s)
             chosen.append((float(score[best]), shift))
-            best_first = best_first[np.abs(at[best_first] - at[best]) > window_s]
+            score[np.abs(at - at[best]) <= window_s] = -math.inf
         return chosen
 
 
@@ -75,20 +77,26 @@ def encounters(planner: Planner, itinerary: Itinerary, meetings: Meetings) -> En
     earliest_s, latest_s = min(first_s, -max(waits_s)), max(last_s, MAX_WAIT_S - min(waits_s))
     counts: list[int] = []
     own: list[float] = []
-    others: list[float] = []
-    kwh: list[float] = []
+    others, kwh = array("d"), array("d")
     for segment, passages in itinerary.traversals.items():
-        shares, there = meetings.shares[segment], meetings.on(segment)
+        shares = meetings.shares[segment]
         for entry, _, key in passages:
-            begin = bisect_left(there, (entry + earliest_s,))
-            end = bisect_left(there, (entry + latest_s + _ROUNDING_S,))
-            entries = [p[0] for p in there[begin:end] if p[2][0] != key[0]]
+            begin_s, end_s = entry + earliest_s, entry + latest_s + _ROUNDING_S
+            entries = meetings.entries_s(segment, begin_s, end_s, key[0])
             own.append(entry)
             counts.append(len(entries))
             others += entries
             kwh += shares.followings_kwh(entries)
-    window_s = meetings.sync_window_s
-    return Encounters(np.repeat(own, counts), np.array(others), np.array(kwh), window_s)
+    own_s, other_s = np.repeat(own, counts), np.array(others)
+    shift_s = other_s - own_s
+    order = shift_s.argsort(kind="stable")
+    return Encounters(
+        own_s[order],
+        other_s[order],
+        shift_s[order],
+        np.array(kwh)[order],
+        meetings.sync_window_s,
+    )
 
 
 def meeting_departures(

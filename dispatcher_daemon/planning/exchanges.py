@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import pairwise, permutations
+from itertools import permutations
 
 import networkx as nx
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from dispatcher_daemon.planning.departures import best_departure
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
 from dispatcher_daemon.platooning import Meetings
+from dispatcher_daemon.roads import Travel
 
 EVALUATIONS_PER_EXCHANGE = 4
 """Exchanges that are evaluated exactly for each one that is returned."""
@@ -49,18 +51,15 @@ def best_exchanges(
     for number in drawn:
         _, (one, other) = moves[number]
         old = present[one[0]], present[other[0]]
-        change = -sum(meetings.remove(i.traversals) + i.cost_kwh for i in old)
         new: list[Itinerary] = []
-        for vehicle, stops in (one, other):
-            itinerary = _timed(planner, vehicle, stops, meetings)
-            if itinerary is None:
-                break
-            change += itinerary.cost_kwh - meetings.add(itinerary.traversals)
-            new.append(itinerary)
-        for itinerary in new:
-            meetings.remove(itinerary.traversals)
-        for itinerary in old:
-            meetings.add(itinerary.traversals)
+        with meetings.tried():
+            change = -sum(meetings.remove(i.traversals) + i.cost_kwh for i in old)
+            for vehicle, stops in (one, other):
+                itinerary = _timed(planner, vehicle, stops, meetings)
+                if itinerary is None:
+                    break
+                change += itinerary.cost_kwh - meetings.add(itinerary.traversals)
+                new.append(itinerary)
         if len(new) == 2:
             found.append((change, (new[0], new[1])))
     return [pair for _, pair in sorted(found, key=lambda entry: entry[0])[:max_exchanges]]
@@ -84,11 +83,61 @@ def exchanged(
     return sorted(sorted(group) for group in nx.connected_components(graph))
 
 
+class _Vehicles:
+    """What moves of stops between some vehicles cost, and which of them are allowed: tables of
+    their places alone, as a block has thousands of moves.
+    """
+
+    def __init__(self, planner: Planner, itineraries: Sequence[Itinerary]) -> None:
+        fleet = planner.problem.fleet
+        vehicles = {i.number: fleet.vehicles[i.number] for i in itineraries}
+        stops = {name: fleet.stop_by_id[name] for i in itineraries for name in i.stops}
+        depot = {n: fleet.depot_of(vehicle).id for n, vehicle in vehicles.items()}
+        places = list(dict.fromkeys((*depot.values(), *stops)))
+        rows = [planner.travels[0].row[place] for place in places]
+        self._column = {place: at for at, place in enumerate(places)}
+        self._depot = {n: self._column[name] for n, name in depot.items()}
+        by_profile: dict[Travel, list[list[float]]] = {
+            travel: travel.search_cost_kwh[np.ix_(rows, rows)].tolist()
+            for travel in {planner.travels[0].of(vehicle) for vehicle in vehicles.values()}
+        }
+        self._cost_kwh = {n: by_profile[planner.travels[0].of(v)] for n, v in vehicles.items()}
+        self._limits = {n: fleet.limits(vehicle) for n, vehicle in vehicles.items()}
+        self._demand = {name: stop.demand for name, stop in stops.items()}
+        self._mass_kg = {name: stop.mass_kg for name, stop in stops.items()}
+        self._served = {
+            n: frozenset(name for name, stop in stops.items() if fleet.may_serve(vehicle, stop))
+            for n, vehicle in vehicles.items()
+        }
+
+    def cost_kwh(self, number: int, stops: Sequence[str]) -> float:
+        """Of a route over some stops; nothing without any."""
+        if not stops:
+            return 0.0
+        cost_kwh, column = self._cost_kwh[number], self._column
+        at = depot = self._depot[number]
+        total = 0.0
+        for stop in stops:
+            before, at = at, column[stop]
+            total += cost_kwh[before][at]
+        return total + cost_kwh[at][depot]
+
+    def fits(self, number: int, stops: Sequence[str]) -> bool:
+        """Whether a vehicle may serve some stops and has room for them."""
+        units, kg = self._limits[number]
+        return (
+            self._served[number].issuperset(stops)
+            and sum([self._demand[stop] for stop in stops]) <= units
+            and (kg == math.inf or math.fsum(self._mass_kg[stop] for stop in stops) <= kg)
+        )
+
+
 def _moves(planner: Planner, itineraries: Sequence[Itinerary]) -> Iterator[tuple[float, Pair]]:
     """(change of cost, new stops of both): each stop moved to each place of another route, and
     each swap of two stops; loads and first stops kept, and each stop with who may serve it.
     """
-    cost = {i.number: _cost(planner, i.number, i.stops) for i in itineraries}
+    of = _Vehicles(planner, itineraries)
+    cost = {i.number: of.cost_kwh(i.number, i.stops) for i in itineraries}
     carriers = {i.number: planner.problem.fleet.vehicles[i.number].carrier for i in itineraries}
     for one, other in permutations(itineraries, 2):
         if carriers[one.number] != carriers[other.number]:
@@ -97,48 +146,23 @@ def _moves(planner: Planner, itineraries: Sequence[Itinerary]) -> Iterator[tuple
         for at in range(_fixed(planner, one), len(one.stops)):
             stop, shorter = one.stops[at], one.stops[:at] + one.stops[at + 1 :]
             # Whether stops fit does not depend on their order.
-            fits = _fits(planner, other.number, (*other.stops, stop))
-            less = _cost(planner, one.number, shorter) - before
+            fits = of.fits(other.number, (*other.stops, stop))
+            less = of.cost_kwh(one.number, shorter) - before
             for place in range(_fixed(planner, other), len(other.stops) + 1):
                 if fits:
                     longer = (*other.stops[:place], stop, *other.stops[place:])
-                    change = less + _cost(planner, other.number, longer)
-                    if np.isfinite(change):
+                    change = less + of.cost_kwh(other.number, longer)
+                    if math.isfinite(change):
                         yield change, ((one.number, shorter), (other.number, longer))
                 if one.number < other.number and place < len(other.stops):
                     swapped = (*one.stops[:at], other.stops[place], *one.stops[at + 1 :])
                     theirs = (*other.stops[:place], stop, *other.stops[place + 1 :])
-                    yield from _swap(planner, before, (one.number, swapped), (other.number, theirs))
-
-
-def _swap(
-    planner: Planner,
-    before: float,
-    one: tuple[int, tuple[str, ...]],
-    other: tuple[int, tuple[str, ...]],
-) -> Iterator[tuple[float, Pair]]:
-    if _fits(planner, *one) and _fits(planner, *other):
-        change = _cost(planner, *one) + _cost(planner, *other) - before
-        if np.isfinite(change):
-            yield change, (one, other)
-
-
-def _cost(planner: Planner, number: int, stops: tuple[str, ...]) -> float:
-    if not stops:
-        return 0.0
-    fleet = planner.problem.fleet
-    travel = planner.travels[0].of(fleet.vehicles[number])
-    depot = fleet.depot_of(fleet.vehicles[number]).id
-    rows = [travel.row[place] for place in (depot, *stops, depot)]
-    return float(sum(travel.search_cost_kwh[a, b] for a, b in pairwise(rows)))
-
-
-def _fits(planner: Planner, number: int, stops: tuple[str, ...]) -> bool:
-    fleet = planner.problem.fleet
-    vehicle, served = fleet.vehicles[number], [fleet.stop_by_id[s] for s in stops]
-    if not all(fleet.may_serve(vehicle, stop) for stop in served):
-        return False
-    return fleet.overload(vehicle, served) is None
+                    if of.fits(one.number, swapped) and of.fits(other.number, theirs):
+                        change = of.cost_kwh(one.number, swapped)
+                        change += of.cost_kwh(other.number, theirs)
+                        change -= before
+                        if math.isfinite(change):
+                            yield change, ((one.number, swapped), (other.number, theirs))
 
 
 def _fixed(planner: Planner, itinerary: Itinerary) -> int:

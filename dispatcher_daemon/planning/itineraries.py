@@ -19,12 +19,12 @@ from dispatcher_daemon.planning.continuing import (
 )
 from dispatcher_daemon.platooning import (
     Meetings,
+    OpenPassages,
     RoadUser,
     Shares,
     Traversals,
     expected_drafting,
     open_shares,
-    traversals,
     traversals_on_road,
 )
 from dispatcher_daemon.problem import RoutingProblem
@@ -122,6 +122,7 @@ class Planner:
         self.reference_s = reference_s
         self.batteries = Batteries(problem)
         self.expected = expected_drafting(problem, snapshot, commitments, on_road)
+        self._passages = OpenPassages(self.shares, self.expected)
         self.on_road = traversals_on_road(on_road, self.shares, self.expected)
         # A vehicle on the road that has left the fleet counts as one of its first profile.
         users = [(-n, user.vehicle) for n, user in enumerate(on_road, 1)]
@@ -333,6 +334,14 @@ class Planner:
         cost = sum(leg.cost_kwh for leg in route.legs)
         cost += problem.price_of_waiting_kw * at_depot_s / S_PER_H
         for visit in route.visits:
-            cost += self.price_of_wait_kw(visit.place) * visit.wait_s / S_PER_H
-        passages = traversals(number, route, self.shares, self.expected)
-        return Itinerary(number, stops, route, cost, passages)
+            if visit.wait_s:
+                cost += self.price_of_wait_kw(visit.place) * visit.wait_s / S_PER_H
+        return Itinerary(number, stops, route, cost, self.traversals(number, route))
+
+    def traversals(self, number: int, route: Route) -> Traversals:
+        """A route's passages of open segments.
+
+        Args:
+            number: of its vehicle.
+        """
+        return self._passages.of(number, route)

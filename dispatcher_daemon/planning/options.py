@@ -34,16 +34,16 @@ def options_for(
     """
     if itinerary.route is None or max_options < 2:
         return [itinerary]
-    meetings.remove(itinerary.traversals)
-    tried = [
-        candidate
-        for variant in _variants(planner, itinerary)
-        for candidate in (variant, *alternatives(planner, variant, meetings))
-    ]
-    tried += _detours(planner, itinerary)
-    saved_kwh = meetings.gains_kwh(candidate.traversals for candidate in tried)
+    with meetings.tried():
+        meetings.remove(itinerary.traversals)
+        tried = [
+            candidate
+            for variant in _variants(planner, itinerary)
+            for candidate in (variant, *alternatives(planner, variant, meetings))
+        ]
+        tried += _detours(planner, itinerary)
+        saved_kwh = meetings.gains_kwh(candidate.traversals for candidate in tried)
     gains = [kwh - candidate.cost_kwh for kwh, candidate in zip(saved_kwh, tried, strict=True)]
-    meetings.add(itinerary.traversals)
     ranked = [tried[i] for i in sorted(range(len(tried)), key=lambda i: -gains[i])]
     joint = list(_joint(planner, itinerary, partners, meetings.shares))
     # `itinerary` is among the tried, so the best other one is among the first two.

@@ -33,8 +33,9 @@ def low_penalties(settings: SearchSettings, *, full: bool) -> pyvrp.PenaltyParam
     """Low penalties: the search may pass through infeasible routes, and gets further.
 
     Args:
-        full: whether stops fill the vehicles. One unit too many then saves so much that a lower
-            penalty leaves nearly all routes that are searched infeasible.
+        full: whether stops fill the vehicles, or the routes of a large city. One unit too many then
+            saves so much that a lower penalty leaves nearly all routes that are searched
+            infeasible.
     """
     factor = _FULL_FACTOR if full else 1
     return pyvrp.PenaltyParams(max_penalty=factor * settings.max_penalty_kwh * MWH_PER_KWH)
@@ -47,6 +48,7 @@ class Attempt:
     Attributes:
         iterations: at most.
         first: whether the first feasible routes end it.
+        deep: whether it has the iterations for larger steps; it is long then.
         stop_after: iterations after which it ends, whatever else would end it; None: not given.
     """
 
@@ -54,12 +56,13 @@ class Attempt:
     penalty: pyvrp.PenaltyParams
     iterations: int
     first: bool = False
+    deep: bool = False
     stop_after: int | None = None
 
     @property
     def is_long(self) -> bool:
         """Whether it has the iterations for a wider search."""
-        return not self.first and self.iterations >= _LONG_ITERATIONS
+        return self.deep or (not self.first and self.iterations >= _LONG_ITERATIONS)
 
 
 @dataclass(frozen=True)
@@ -147,7 +150,7 @@ def _search(
             seed=seed % 2**32,
             collect_stats=False,
             display=False,
-            params=search_parameters(attempt.penalty, long=attempt.is_long),
+            params=search_parameters(attempt.penalty, long=attempt.is_long, deep=attempt.deep),
             initial_solution=begin,
         )
     cut = attempt.stop_after is None and result.runtime >= limit_s
@@ -160,9 +163,11 @@ def _search(
     return Found(visits, result.cost()), cut, result.num_iterations
 
 
-def search_parameters(penalty: pyvrp.PenaltyParams, *, long: bool) -> pyvrp.SolveParams:
-    """Smaller steps than PyVRP's own, as they get further in seconds; a search with few iterations
-    looks at fewer neighbours and accepts less (docs/results.md).
+def search_parameters(
+    penalty: pyvrp.PenaltyParams, *, long: bool, deep: bool = False
+) -> pyvrp.SolveParams:
+    """Smaller steps than PyVRP's own, as they get further in seconds, unless the search is to be a
+    deep one; one with few iterations looks at fewer neighbours and accepts less (docs/results.md).
     """
     return pyvrp.SolveParams(
         ils=pyvrp.IteratedLocalSearchParams(
@@ -170,5 +175,5 @@ def search_parameters(penalty: pyvrp.PenaltyParams, *, long: bool) -> pyvrp.Solv
         ),
         penalty=penalty,
         neighbourhood=NeighbourhoodParams(num_neighbours=50 if long else 20),
-        perturbation=PerturbationParams(1, 10),
+        perturbation=PerturbationParams(1, 25 if deep else 10),
     )

@@ -13,7 +13,6 @@ from dispatcher_daemon.platooning import (
     Meetings,
     apart_at_the_end,
     pair_saving_kwh,
-    traversals,
 )
 from dispatcher_daemon.roads import Route
 from slipstream.explain import RefusalReason, RefusedPlatoon
@@ -184,7 +183,7 @@ class _Meeting:
         }
         self._meetings: Meetings = planner.meetings()
         for number, route in self._routes.values():
-            self._meetings.add(traversals(number, route, planner.shares, planner.expected))
+            self._meetings.add(planner.traversals(number, route))
 
     def tried(self, one: RefusedPlatoon, misses: Sequence[_Miss]) -> RefusedPlatoon:
         """The same with what it would cost and save if one of the two moved, as far as it can."""

@@ -91,11 +91,13 @@ def unservable(
     pooled = [fleet.stop_by_id[name] for name in fleet.pooled]
     kinds = _kinds(fleet, lost, {stop.vehicle for stop in pooled})
     for stop in pooled:
-        own = [vehicle for vehicle in kinds if fleet.may_serve(vehicle, stop)]
-        if not own:
-            found[stop.id] = _whom_it_needs(stop)
+        anybody = False
         nearest: _Refusal | None = None
-        for vehicle in own:
+        # Mostly the first one can: who else may is not asked.
+        for vehicle in kinds:
+            if not fleet.may_serve(vehicle, stop):
+                continue
+            anybody = True
             first = vehicle.first_stop
             before = [] if first is None or first in lost else [fleet.stop_by_id[first]]
             refusal = _refusal(problem, travel, vehicle, [*before, stop])
@@ -103,6 +105,8 @@ def unservable(
                 nearest = None
                 break
             nearest = refusal if nearest is None else max(nearest, refusal)
+        if not anybody:
+            found[stop.id] = _whom_it_needs(stop)
         if nearest is not None:
             whose = "" if stop.carrier is None else f"; it is of carrier {stop.carrier!r}"
             found[stop.id] = nearest.reason + whose

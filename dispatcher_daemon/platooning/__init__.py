@@ -6,9 +6,9 @@ from __future__ import annotations
 from dispatcher_daemon.platooning.expected import Approach, ExpectedDrafting
 from dispatcher_daemon.platooning.meetings import (
     Meetings,
+    OpenPassages,
     Traversals,
     saving_kwh,
-    traversals,
 )
 from dispatcher_daemon.platooning.platoons import (
     Passage,
@@ -42,6 +42,7 @@ __all__ = [
     "ExpectedDrafting",
     "JudgedPair",
     "Meetings",
+    "OpenPassages",
     "Passage",
     "Place",
     "RoadUser",
@@ -61,6 +62,5 @@ __all__ = [
     "platoons_of",
     "rewards",
     "saving_kwh",
-    "traversals",
     "traversals_on_road",
 ]

@@ -93,10 +93,16 @@ class ExpectedDrafting:
         Args:
             number: of the leg in the route.
         """
-        start = self._begins.get(vehicle, _FROM_REST) if number == 0 else _FROM_REST
+        start = self.start_of(vehicle, number)
         if (start, leg.path) not in self._of_legs:
             self._of_legs[start, leg.path] = self.along(leg.path, start)
         return self._of_legs[start, leg.path]
+
+    def start_of(self, vehicle: str, number: int) -> Approach:
+        """What lies behind a vehicle where a leg of its route begins; all else of the leg's
+        approaches is in its path.
+        """
+        return self._begins.get(vehicle, _FROM_REST) if number == 0 else _FROM_REST
 
     def of_routes(self, routes: Iterable[Route]) -> dict[tuple[str, int, int], Approach]:
         """Approaches by passage (vehicle, leg, position), those of vehicles on the road as well."""

@@ -9,38 +9,72 @@ approaches: see `dispatcher_daemon.platooning.expected`.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from array import array
+from bisect import bisect_left
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 
-from dispatcher_daemon.platooning.expected import ExpectedDrafting
+from dispatcher_daemon.platooning.expected import Approach, ExpectedDrafting
 from dispatcher_daemon.platooning.platoons import platoons_of
 from dispatcher_daemon.platooning.segment_order import Change, SegmentOrder
 from dispatcher_daemon.platooning.shares import Shares
 from dispatcher_daemon.platooning.stretches import Traversal
-from dispatcher_daemon.roads import Route
+from dispatcher_daemon.roads import Leg, Route
 
 Traversals = Mapping[str, Sequence[Traversal]]
 """One vehicle's passages of segments whose gate is open, or may be then, by segment."""
+_OpenPassage = tuple[str, float, float, tuple[Approach, ...]]
+"""(segment, entry and leaving in s after the leg's departure, approach if one counts)."""
 
 
-def traversals(
-    number: int,
-    route: Route,
-    shares: Mapping[str, Shares],
-    expected: ExpectedDrafting | None = None,
-) -> dict[str, list[Traversal]]:
-    """A route's passages of open segments."""
-    found: dict[str, list[Traversal]] = {}
-    for at, (leg, visit) in enumerate(zip(route.legs, route.visits, strict=False)):
+class OpenPassages:
+    """Passages of open segments by routes. What legs say of them is looked up once for each drive,
+    as options of a route have most legs in common.
+    """
+
+    def __init__(
+        self, shares: Mapping[str, Shares], expected: ExpectedDrafting | None = None
+    ) -> None:
+        """Start with no drive known.
+
+        Args:
+            shares: by open segment.
+            expected: of platoons; None: they are close everywhere.
+        """
+        self._shares, self._expected = shares, expected
+        # By the drive's identity, which lasts as the leg is kept with it.
+        self._known: dict[tuple[int, Approach], tuple[Leg, list[_OpenPassage]]] = {}
+
+    def of(self, number: int, route: Route) -> dict[str, tuple[Traversal, ...]]:
+        """A route's passages of open segments.
+
+        Args:
+            number: of its vehicle.
+        """
+        found: dict[str, tuple[Traversal, ...]] = {}
+        for at, (leg, visit) in enumerate(zip(route.legs, route.visits, strict=False)):
+            leaves_s = visit.departure_s
+            for segment, entry, leaving, approach in self._of_leg(route.vehicle, at, leg):
+                passage = (leaves_s + entry, leaves_s + leaving, (number, *approach))
+                known = found.get(segment)
+                found[segment] = (passage,) if known is None else (*known, passage)
+        return found
+
+    def _of_leg(self, vehicle: str, at: int, leg: Leg) -> list[_OpenPassage]:
+        expected = self._expected
+        key = id(leg.drive), -1 if expected is None else expected.start_of(vehicle, at)
+        known = self._known.get(key)
+        if known is not None and known[0].path is leg.path:
+            return known[1]
         times = (*leg.drive.entry_s, leg.drive.duration_s)
-        approaches = () if expected is None else expected.of_leg(route.vehicle, at, leg)
-        for position, segment in enumerate(leg.path):
-            if segment in shares:
-                entry, leaving = times[position], times[position + 1]
-                key = (number, *approaches[position : position + 1])
-                found.setdefault(segment, []).append(
-                    (visit.departure_s + entry, visit.departure_s + leaving, key)
-                )
-    return found
+        approaches = () if expected is None else expected.of_leg(vehicle, at, leg)
+        found = [
+            (segment, times[n], times[n + 1], approaches[n : n + 1])
+            for n, segment in enumerate(leg.path)
+            if segment in self._shares
+        ]
+        self._known[key] = leg, found
+        return found
 
 
 def saving_kwh(
@@ -108,6 +142,7 @@ class Meetings:
         self._expected = expected
         self._own_shares = own_shares or {}
         self._orders: dict[str, SegmentOrder] = {}
+        self._before: dict[str, SegmentOrder] | None = None
 
     def add(self, traversals: Traversals) -> float:
         """Put a vehicle on the roads; the change in total savings, kWh."""
@@ -117,6 +152,16 @@ class Meetings:
         """Take a vehicle off; the change in total savings, kWh."""
         return sum(self._apply(segment, off, ()) for segment, off in traversals.items())
 
+    @contextmanager
+    def tried(self) -> Iterator[None]:
+        """What is changed within is as before at the end; not one within another."""
+        self._before = {}
+        try:
+            yield
+        finally:
+            self._orders |= self._before
+            self._before = None
+
     def gain_kwh(self, traversals: Traversals) -> float:
         """What a vehicle's passages save, those of them counted that are on the roads already."""
         (gain,) = self.gains_kwh((traversals,))
@@ -125,26 +170,46 @@ class Meetings:
     def gains_kwh(self, options: Iterable[Traversals]) -> list[float]:
         """`gain_kwh` of each of some options of one vehicle, which have passages in common."""
         known: dict[tuple[str, tuple[Traversal, ...]], float] = {}
-
-        def gain_kwh(segment: str, passages: Sequence[Traversal]) -> float:
-            key = segment, tuple(passages)
-            if key not in known:
-                known[key] = self._gain_kwh(segment, passages)
-            return known[key]
-
-        return [sum(gain_kwh(s, p) for s, p in option.items()) for option in options]
+        gains: list[float] = []
+        for option in options:
+            total = 0.0
+            for segment, passages in option.items():
+                key = segment, tuple(passages)
+                gain = known.get(key)
+                if gain is None:
+                    gain = known[key] = self._gain_kwh(segment, passages)
+                total += gain
+            gains.append(total)
+        return gains
 
     def _gain_kwh(self, segment: str, passages: Sequence[Traversal]) -> float:
         order = self._order(segment)
         there = [p for p in passages if p in order]
         new = [p for p in passages if p not in there] if there else passages
-        gain = order.change((), new).saving_kwh if new else 0.0
+        gain = 0.0
+        if len(new) == 1:
+            gain = order.gain_kwh(new[0])
+        elif new:
+            gain = order.change((), new).saving_kwh
         return gain - order.change(there, ()).saving_kwh if there else gain
 
     def on(self, segment: str) -> Sequence[Traversal]:
         """Passages of a segment in the order of entry."""
-        order = self._orders.get(segment)
-        return () if order is None else order.passages
+        return self._order(segment).passages
+
+    def entries_s(self, segment: str, from_s: float, before_s: float, but: int) -> array[float]:
+        """Entries into a segment from one moment on and before another, in their order.
+
+        Args:
+            but: number of the vehicle whose entries do not count.
+        """
+        order = self._order(segment)
+        begin = bisect_left(order.entries_s, from_s)
+        end = bisect_left(order.entries_s, before_s)
+        entries, numbers = order.entries_s[begin:end], order.numbers[begin:end]
+        if but not in numbers:
+            return entries
+        return array("d", [s for s, n in zip(entries, numbers, strict=True) if n != but])
 
     def change(self, segment: str, off: Sequence[Traversal], on: Sequence[Traversal]) -> Change:
         """What passages of a segment that go, and others that come, at least one of both, would
@@ -156,7 +221,12 @@ class Meetings:
         return self._order(segment).change(off, on)
 
     def _apply(self, segment: str, off: Sequence[Traversal], on: Sequence[Traversal]) -> float:
-        return self._order(segment).apply(off, on) if off or on else 0.0
+        if not off and not on:
+            return 0.0
+        order = self._order(segment)
+        if self._before is not None and segment not in self._before:
+            self._before[segment] = order.copy()
+        return order.apply(off, on)
 
     def _order(self, segment: str) -> SegmentOrder:
         if segment not in self._orders:
@@ -164,6 +234,8 @@ class Meetings:
             own = {n: of[segment] for n, of in self._own_shares.items()}
 
             def kwh(platoon: Sequence[Traversal]) -> float:
+                if len(platoon) < 2:
+                    return 0.0
                 return _platoons_kwh((platoon,), shares, own, self._expected)
 
             self._orders[segment] = SegmentOrder(self.sync_window_s, kwh)

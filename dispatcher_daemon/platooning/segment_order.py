@@ -7,6 +7,7 @@ others are formed anew.
 
 from __future__ import annotations
 
+from array import array
 from bisect import bisect_left, bisect_right, insort
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -47,6 +48,8 @@ class SegmentOrder:
 
     Attributes:
         passages: in the order of entry.
+        entries_s: of the passages, likewise.
+        numbers: of their vehicles, likewise.
     """
 
     def __init__(self, window_s: float, kwh: Callable[[Sequence[Traversal]], float]) -> None:
@@ -57,6 +60,8 @@ class SegmentOrder:
             kwh: what a platoon saves.
         """
         self.passages: list[Traversal] = []
+        self.entries_s = array("d")
+        self.numbers: list[int] = []
         self._window_s, self._kwh = window_s, kwh
         # First passages of the stretches of `independent_platoons`, and these.
         self._begins: list[Traversal] = []
@@ -92,6 +97,28 @@ class SegmentOrder:
             stretches,
         )
 
+    def gain_kwh(self, passage: Traversal) -> float:
+        """By how much more is saved with one passage that comes: what `change` tells of it, without
+        the stretches, as most of what is asked is never done.
+        """
+        begins, stretches, window_s = self._begins, self._stretches, self._window_s
+        at = bisect_right(begins, passage) - 1
+        if at >= 0 and not stretches[at].ends_before(passage, window_s):
+            found = stretches[at].platoon_with(passage, window_s)
+            if found is None:
+                return self.change((), (passage,)).saving_kwh
+            number, platoon = found
+            total_kwh = stretches[at].total_kwh_with(number, self._kwh(platoon))
+            return total_kwh - stretches[at].total_kwh
+        if at + 1 == len(begins) or begins[at + 1][0] - passage[0] > window_s:
+            return 0.0
+        led = stretches[at + 1].platoon_led_by(passage, window_s)
+        if led is None:
+            return self.change((), (passage,)).saving_kwh
+        before_kwh = stretches[at].total_kwh if at >= 0 else 0.0
+        total_kwh = before_kwh + stretches[at + 1].total_kwh_with(0, self._kwh(led))
+        return total_kwh - (before_kwh + stretches[at + 1].total_kwh)
+
     def apply(self, off: Sequence[Traversal], on: Sequence[Traversal]) -> float:
         """Make a change; by how much more is saved.
 
@@ -100,12 +127,24 @@ class SegmentOrder:
         """
         change = self.change(off, on)
         for passage in off:
-            del self.passages[bisect_left(self.passages, passage)]
+            at = bisect_left(self.passages, passage)
+            del self.passages[at], self.entries_s[at], self.numbers[at]
         for passage in on:
-            insort(self.passages, passage)
+            at = bisect_right(self.passages, passage)
+            self.passages.insert(at, passage)
+            self.entries_s.insert(at, passage[0])
+            self.numbers.insert(at, passage[2][0])
         self._begins[change._replaced] = change._begins
         self._stretches[change._replaced] = change._stretches
         return change.saving_kwh
+
+    def copy(self) -> SegmentOrder:
+        """The same, for changes that are undone: it does not change with this one."""
+        other = SegmentOrder(self._window_s, self._kwh)
+        other.passages, other.entries_s = self.passages[:], self.entries_s[:]
+        other.numbers = self.numbers[:]
+        other._begins, other._stretches = self._begins[:], self._stretches[:]
+        return other
 
     def _formed(
         self,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -52,11 +53,11 @@ class Shares:
         """Saving of an only follower, with the chance that the gate is open at its entry."""
         return self.follower_kwh * self.gate.chance(entry_s)
 
-    def followings_kwh(self, entries_s: Sequence[float]) -> list[float]:
+    def followings_kwh(self, entries_s: Sequence[float]) -> array[float]:
         """`following_kwh` of each of some entries."""
         if self.gate.usual_share is None:
-            return [self.following_kwh(0.0)] * len(entries_s)
-        return [self.following_kwh(entry_s) for entry_s in entries_s]
+            return array("d", [self.following_kwh(0.0)]) * len(entries_s)
+        return array("d", [self.following_kwh(entry_s) for entry_s in entries_s])
 
     def platoon_kwh(self, members: int) -> float:
         """Saving of a platoon of at least two vehicles that all have these shares."""

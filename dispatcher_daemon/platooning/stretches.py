@@ -98,6 +98,12 @@ class Stretch:
             return number, [*platoon[:at], *platoon[at + 1 :]]
         return None
 
+    def total_kwh_with(self, number: int, saved_kwh: float) -> float:
+        """What all platoons save if one of them saves so much."""
+        every_kwh = list(self.saved_kwh)
+        every_kwh[number] = saved_kwh
+        return sum(every_kwh)
+
     def replaced(
         self,
         number: int,

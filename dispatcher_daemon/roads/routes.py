@@ -267,7 +267,9 @@ def lateness_by_window_s(
         stop = problem.fleet.stop_by_id.get(visit.place)
         if stop is not None and stop.latest_s is not None:
             late.append(visit.arrival_s - reference_s - stop.latest_s)
-    return late if under_way else [*late, *_late_for_breaks_s(vehicle, route, reference_s)]
+    if vehicle.breaks and not under_way:
+        late += _late_for_breaks_s(vehicle, route, reference_s)
+    return late
 
 
 def _late_for_breaks_s(vehicle: Vehicle, route: Route, reference_s: float) -> Iterator[float]:

@@ -75,7 +75,9 @@ class Travel:
         self.search_cost_kwh, self.duration_s = self._pairs.search((searched, roads.costs.time))
         for values in (self.search_cost_kwh, self.duration_s):
             np.fill_diagonal(values, 0.0)
-        self._legs: dict[tuple[int, int], Leg | None] = {}
+        self._legs: dict[tuple[str, str], Leg | None] = {}
+        # By junction: stops at one junction share their ways.
+        self._of_rows: dict[tuple[int, int], Leg | None] = {}
         self._paths: dict[tuple[int, int, int], list[list[int]]] = {}
 
     @cached_property
@@ -111,13 +113,13 @@ class Travel:
 
     def leg(self, start: str, end: str) -> Leg | None:
         """The path between two places; None if there is none."""
-        pair = self.row[start], self.row[end]
-        if pair not in self._legs:
-            self._legs[pair] = self._make(*pair, start, end)
-        known = self._legs[pair]
-        if known is None or (known.start, known.end) == (start, end):
-            return known
-        return replace(known, start=start, end=end)
+        if (start, end) not in self._legs:
+            pair = self.row[start], self.row[end]
+            if pair not in self._of_rows:
+                self._of_rows[pair] = self._make(*pair, start, end)
+            known = self._of_rows[pair]
+            self._legs[start, end] = None if known is None else replace(known, start=start, end=end)
+        return self._legs[start, end]
 
     def paths(self, start: str, end: str, max_paths: int) -> list[Leg]:
         """The k cheapest loopless paths between two places, k = ``max_paths`` (Yen, 1971).

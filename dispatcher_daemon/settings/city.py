@@ -38,7 +38,8 @@ class SearchSettings(Settings):
         allow_inf_nan=False,
         description="Maximum penalty of one unit of excess load, or of 0.1 s of lateness, "
         "before the routes are feasible, kWh. Where vehicles carry few units, it has to reach the "
-        "energy of some detours. Ten times as much where the stops fill all vehicles.",
+        "energy of some detours. Ten times as much where the stops fill all vehicles, or are more "
+        "than a part has, but no more than 1,000.",
     )
     part_stops: int = Field(
         default=250, ge=10, description="Maximum mean number of stops of a round's parts."

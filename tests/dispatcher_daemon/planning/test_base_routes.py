@@ -3,7 +3,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import replace
-from itertools import pairwise, permutations, product
+from itertools import groupby, pairwise, permutations, product
 from typing import Any
 
 import pytest
@@ -12,6 +12,7 @@ from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.planning.base_routes import BaseRoutes, base_routes
 from dispatcher_daemon.planning.parts import Part, parts_of_stops
 from dispatcher_daemon.planning.pyvrp_model import VrpModel
+from dispatcher_daemon.planning.pyvrp_search import Attempt
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads.arrays import roads_of
 from dispatcher_daemon.roads.routes import Leg, lateness_s, timed
@@ -38,6 +39,19 @@ class Broken(Executor):
         future: Future[Any] = Future()
         future.set_exception(OSError("killed"))
         return future
+
+
+class Watched(ThreadPoolExecutor):
+    """Does all jobs in one thread, and keeps their attempts."""
+
+    def __init__(self) -> None:
+        super().__init__(1)
+        self.attempts: list[Attempt] = []
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """As a thread does it."""
+        self.attempts += args[0].attempts
+        return super().submit(fn, *args, **kwargs)
 
 
 def travel_of(made: tuple[RoutingProblem, TrafficSnapshot]) -> Travel:
@@ -314,6 +328,26 @@ def test_routes_of_the_last_cycle_are_where_the_search_starts(town: Town) -> Non
     assert found == {("p0", "p1"), ("p2", "p3")}
     better = routed(made, start=last)
     assert cost_kwh(made, better.stops) < cost_kwh(made, kept.stops)
+
+
+@pytest.mark.slow
+def test_a_city_in_parts_is_searched_deeply_in_the_second_half() -> None:
+    """Rounds of the second half are two in one, but an odd last one, and a unit too many may cost
+    ten times as much from the start; a city of one part has neither.
+    """
+    shape = CityShape(depots=1, window_share=0.0)
+    city = generate_city(2, vehicles=8, stops=32, segments=200, shape=shape)
+    made = city.problem, city.snapshot
+    settings = SHORT.model_copy(update={"rounds": 7, "iterations_per_stop": 1, "part_stops": 10})
+    with Watched() as parts, Watched() as whole:
+        routed(made, settings, executor=parts)
+        routed(made, settings.model_copy(update={"part_stops": 100}), executor=whole)
+    rounds = [a for a in parts.attempts if not a.first]
+    assert [len(list(of)) for _, of in groupby(rounds, key=lambda a: a.deep)] == [16, 4, 4]
+    assert sum(a.iterations for a in rounds if a.deep) == 2 * 32
+    assert not any(a.deep for a in whole.attempts)
+    low, high = (sorted({a.penalty.max_penalty for a in w.attempts})[0] for w in (whole, parts))
+    assert high == pytest.approx(10 * low)
 
 
 @pytest.mark.slow(long=True)

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from unittest.mock import patch
 
@@ -153,12 +155,38 @@ def test_what_neighbours_tell_is_what_forming_anew_finds(data: st.DataObject) ->
         change = order.change(off, sorted(on))
         with patch.object(SegmentOrder, "_adjusted", return_value=None):
             assert order.change(off, sorted(on)) == change
+        for passage in on:
+            assert order.gain_kwh(passage) == order.change((), [passage]).saving_kwh
         before = saving_kwh(present, shares, WINDOW_S)
         present = sorted({*present, *on} - {*off})
         assert order.apply(off, sorted(on)) == change.saving_kwh
         assert order.passages == present
         after = saving_kwh(present, shares, WINDOW_S)
         assert change.saving_kwh == pytest.approx(after - before, abs=1e-9)
+
+
+@given(traversals_of_vehicles(), st.data())
+def test_what_is_tried_leaves_no_trace(every: list[VehicleTraversals], data: st.DataObject) -> None:
+    """After changes that were only tried the roads and all gains are exactly as before, also where
+    trying ends by an error.
+    """
+    meetings = Meetings(SHARES, WINDOW_S)
+    for way in every[1:]:
+        meetings.add(way)
+
+    def seen() -> list[object]:
+        entries = [list(meetings.entries_s(s, -math.inf, math.inf, -1)) for s in SHARES]
+        return [*(list(meetings.on(s)) for s in SHARES), *entries, meetings.gains_kwh(every)]
+
+    before = seen()
+    with suppress(InterruptedError), meetings.tried():
+        for way in every[1:]:
+            if data.draw(st.booleans()):
+                meetings.remove(way)
+        meetings.add(every[0])
+        if data.draw(st.booleans()):
+            raise InterruptedError
+    assert seen() == before
 
 
 @pytest.mark.parametrize("members", [1, 2, 3, 5])
