@@ -8,13 +8,10 @@ import sys
 from dataclasses import asdict
 from pathlib import Path
 
-from benchmarks.accuracy.clips import CLIPS, SECONDS, make
+from benchmarks.accuracy.clips import CLIPS, SECONDS, follow, make
 from benchmarks.accuracy.report import Row, classes, features, misses, table
-from edge_daemon.camera import load_camera
-from edge_daemon.offline import track
 from edge_daemon.settings import TrackSettings
 from research.perception import Comparison, compare, score
-from simulation.ground_truth import load_truth
 from simulation.scenarios.perception import fit_errors, write_errors
 from slipstream_cli.progress import Progress
 
@@ -36,9 +33,7 @@ def main() -> int:
     alarms: list[str] = []
     with Progress("clips", sys.stderr) as progress:
         for done, (clip, folder) in enumerate(make(options.folder, chosen), start=1):
-            camera = load_camera(folder / "camera.toml")
-            run = track(folder / "video.mp4", camera, settings)
-            truth = load_truth(folder / "truth.csv")
+            run, truth, camera = follow(folder, settings)
             comparison = compare(run.recorder, truth, camera, settings.stability)
             compared.append((clip.name, clip.world, comparison))
             if run.fault_s:

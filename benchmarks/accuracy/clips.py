@@ -7,7 +7,12 @@ import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
+
+from edge_daemon.camera import Camera, load_camera
+from edge_daemon.offline import TrackResult, track
+from edge_daemon.settings import TrackSettings
+from simulation.ground_truth import Truth, load_truth
 
 SECONDS: Final = 30
 FPS: Final = 30
@@ -137,3 +142,18 @@ def make(folder: Path, clips: Sequence[Clip]) -> Iterator[tuple[Clip, Path]]:
             command = [sys.executable, "-m", "slipstream_cli", "clip", *clip.arguments]
             subprocess.run([*command, "--out", str(target)], check=True, stdout=subprocess.DEVNULL)
         yield clip, target
+
+
+class Followed(NamedTuple):
+    """A clip that the edge's pipeline has followed, and what was true in it."""
+
+    run: TrackResult
+    truth: Truth
+    camera: Camera
+
+
+def follow(folder: Path, settings: TrackSettings) -> Followed:
+    """Follow a clip that `make` has made."""
+    camera = load_camera(folder / "camera.toml")
+    run = track(folder / "video.mp4", camera, settings)
+    return Followed(run, load_truth(folder / "truth.csv"), camera)

@@ -10,12 +10,10 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from benchmarks.accuracy.clips import WEATHER, make
-from edge_daemon.camera import load_camera
-from edge_daemon.offline import track
+from benchmarks.accuracy.clips import WEATHER, follow, make
 from edge_daemon.settings import TrackSettings
 from research.perception import Comparison, compare, true_windows
-from simulation.ground_truth import TrueWindow, load_truth
+from simulation.ground_truth import TrueWindow
 from slipstream.messages import SegmentState
 from slipstream.tables import markdown_table
 from slipstream_cli.progress import Progress
@@ -100,9 +98,7 @@ def main() -> int:
             comparisons: list[Comparison] = []
             windows: list[tuple[SegmentState, TrueWindow]] = []
             for _, folder in make(options.folder, clips):
-                camera = load_camera(folder / "camera.toml")
-                run = track(folder / "video.mp4", camera, settings)
-                truth = load_truth(folder / "truth.csv")
+                run, truth, camera = follow(folder, settings)
                 recorded, rule = run.recorder, settings.stability
                 comparisons.append(compare(recorded, truth, camera, rule))
                 windows += true_windows(recorded, truth, camera, rule)
