@@ -7,7 +7,7 @@ takes.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -16,10 +16,12 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from dispatcher_daemon.roads.arrays import Roads
-from dispatcher_daemon.roads.weights import Floats, Weights
+from dispatcher_daemon.roads.weights import Floats, Ints, Weights
 
 _SEARCHED_AT_ONCE: Final = 1_000_000
-"""Distances that a search holds at a time, 8 MB of them, beside a dozen arrays of that size."""
+"""Distances that a search holds at a time, 8 MB of them, beside some arrays of that size."""
+_SUMMED_AT_ONCE: Final = 100_000
+"""Values that sums along paths hold at a time: in a processor's own cache they take a third."""
 
 Ints32 = npt.NDArray[np.int32]
 Ranks = npt.NDArray[np.unsignedinteger[Any]]
@@ -55,13 +57,24 @@ class AllPairs:
         self._rank: Ranks = np.empty((n, m), dtype=np.min_scalar_type(self._none))
         self.last: Ints32 = np.empty((n, n), dtype=np.int32)
 
-    def search(self, kinds: Sequence[Weights]) -> list[Floats]:
-        """Costs of each kind along the paths; inf where there is none, shape (n, n)."""
+    def search(
+        self, kinds: Sequence[Weights], may_go_on: Callable[[float], bool] = lambda _: True
+    ) -> list[Floats]:
+        """Costs of each kind along the paths; inf where there is none, shape (n, n).
+
+        Args:
+            may_go_on: asked before more origins are searched, with the share of them that is done.
+
+        Raises:
+            TimeoutError: it may not; there are no paths then.
+        """
         n = len(self._nodes)
         found = [np.empty((n, n)) for _ in kinds]
         for rows in self._searched_rows():
-            for whole, part in zip(found, self.along(rows, kinds), strict=True):
+            for whole, part in zip(found, self.along(kinds, rows), strict=True):
                 whole[rows] = part
+            if rows.stop < n and not may_go_on(rows.stop / n):
+                raise TimeoutError(f"{rows.stop} of {n} junctions searched in time")
         return found
 
     def path(self, i: int, j: int) -> list[int]:
@@ -115,32 +128,53 @@ class AllPairs:
             self.last[rows] = best
             yield rows
 
-    def along(self, rows: slice, kinds: Sequence[Weights]) -> Iterator[Floats]:
+    def along(self, kinds: Sequence[Weights], rows: slice = slice(None)) -> list[Floats]:
         """Costs of each kind from some origins to all junctions, summed along the paths found,
         shape (rows, n); inf where there is none.
         """
-        rank, last = self._rank[rows], self.last[rows]
-        count, m = rank.shape
-        # The start costs nothing and precedes itself.
-        at = rank.astype(np.int64) * m + np.arange(m)
-        before = np.full((count, m + 1), m, dtype=np.int64)
-        before[:, :m] = self._origin.ravel()[at]
-        sums = []
+        m, n = self._rank.shape[1], len(self._nodes)
+        first, last, _ = rows.indices(n)
+        steps_kwh = []
         for w in kinds:
             step_kwh = np.append(w.turn, 0.0)[np.minimum(self._turn, len(w.turn))]
             step_kwh[self._none] = w.begin
-            sums.append(np.zeros((count, m + 1)))
-            sums[-1][:, :m] = step_kwh.ravel()[at]
-        row = (m + 1) * np.arange(count)[:, None]
+            steps_kwh.append(step_kwh.ravel())
+        finishes = [np.append(w.finish, 0.0) for w in kinds]
+        found = [np.empty((last - first, n)) for _ in kinds]
+        step = max(1, _SUMMED_AT_ONCE // (m + 1))
+        for at in range(first, last, step):
+            part = slice(at, min(at + step, last))
+            sums, ends = self._summed(part, steps_kwh)
+            for whole, values, finish in zip(found, sums, finishes, strict=True):
+                total = np.take_along_axis(values, ends, axis=1) + finish[ends]
+                total[self.last[part] < 0] = np.inf
+                whole[part.start - first : part.stop - first] = total
+        return found
+
+    def _summed(self, rows: slice, steps: Sequence[Floats]) -> tuple[list[Floats], Ints]:
+        """(what paths cost up to each segment, by kind, shape (rows, m + 1); the last segments of
+        those to each junction, m where there is none, shape (rows, n)).
+
+        Args:
+            steps: costs by rank and segment, of each kind.
+        """
+        rank, last = self._rank[rows], self.last[rows]
+        count, m = rank.shape
+        at = rank.astype(np.int64) * m + np.arange(m)
+        # The start costs nothing and precedes itself.
+        start = (m + 1) * np.arange(count)[:, None] + m
+        before = np.repeat(start, m + 1, axis=1)
+        before[:, :m] += self._origin.ravel()[at] - m
+        sums = [np.zeros((count, m + 1)) for _ in steps]
+        for values, step in zip(sums, steps, strict=True):
+            values[:, :m] = step[at]
+        further, more = np.empty_like(before), np.empty((count, m + 1))
         # Each round doubles how much of a path its last segment stands for.
-        while (before != m).any():
-            here = before + row
+        while (before != start).any():
             for values in sums:
-                values += values.ravel()[here]
-            before = before.ravel()[here]
-        paths = last >= 0
-        ends = np.where(paths, last, m)
-        for values, w in zip(sums, kinds, strict=True):
-            total = np.take_along_axis(values, ends, axis=1) + np.append(w.finish, 0.0)[ends]
-            total[~paths] = np.inf
-            yield total
+                # All are within bounds: "clip" only saves that a copy is made first.
+                np.take(values, before, out=more, mode="clip")
+                values += more
+            np.take(before, before, out=further, mode="clip")
+            before, further = further, before
+        return sums, np.where(last >= 0, last, m)

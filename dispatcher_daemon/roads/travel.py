@@ -44,6 +44,7 @@ class Travel:
         roads: Roads,
         discount_kwh: Floats | None = None,
         others: Sequence[Travel] = (),
+        may_go_on: Callable[[float], bool] = lambda _: True,
     ) -> None:
         """Search.
 
@@ -51,6 +52,10 @@ class Travel:
             discount_kwh: taken off each segment's cost in the search, shape (m,); energies stay
                 those of the path that is found. At least 1 % of a cost is left.
             others: the same for vehicles of other profiles; see `of`.
+            may_go_on: asked now and then with the share of the search that is done.
+
+        Raises:
+            TimeoutError: the search may not go on.
         """
         self._problem, self.roads = problem, roads
         self.by_profile: Mapping[RoutingProfile, Travel] = {
@@ -72,7 +77,8 @@ class Travel:
             searched = searched.discounted(discount_kwh, roads.turn)
         self.searched = searched
         self._pairs = AllPairs(roads, searched, self._nodes)
-        self.search_cost_kwh, self.duration_s = self._pairs.search((searched, roads.costs.time))
+        kinds = searched, roads.costs.time
+        self.search_cost_kwh, self.duration_s = self._pairs.search(kinds, may_go_on)
         for values in (self.search_cost_kwh, self.duration_s):
             np.fill_diagonal(values, 0.0)
         self._legs: dict[tuple[str, str], Leg | None] = {}
@@ -83,7 +89,7 @@ class Travel:
     @cached_property
     def energy_kwh(self) -> Floats:
         """Energy of the same paths, without discounts, inf where there is none, shape (n, n)."""
-        (found,) = self._pairs.along(slice(None), (self.roads.costs.energy,))
+        (found,) = self._pairs.along((self.roads.costs.energy,))
         np.fill_diagonal(found, 0.0)
         return found
 
@@ -92,7 +98,7 @@ class Travel:
         """Length of the same paths, inf where there is none, shape (n, n)."""
         length_m, turn = self.roads.length_m, self.roads.turn
         whole = Weights(length_m[turn[0]], np.zeros_like(length_m), length_m, on_exit=True)
-        (found,) = self._pairs.along(slice(None), (whole,))
+        (found,) = self._pairs.along((whole,))
         np.fill_diagonal(found, 0.0)
         return found
 
@@ -156,15 +162,26 @@ def searched_again(
     travel: Travel,
     problem: RoutingProblem,
     discount_kwh: Callable[[Roads], Floats | None] = lambda _: None,
+    may_go_on: Callable[[float], bool] = lambda _: True,
 ) -> Travel:
-    """The same roads searched for another fleet, or with discounts, for each of its profiles."""
+    """The same roads searched for another fleet, or with discounts, for each of its profiles.
+
+    Args:
+        may_go_on: asked now and then with the share of all searches that is done.
+
+    Raises:
+        TimeoutError: they may not go on.
+    """
     first, *others = (travel.by_profile[profile].roads for profile in problem.profiles)
-    return Travel(
-        problem,
-        first,
-        discount_kwh(first),
-        [Travel(problem, roads, discount_kwh(roads)) for roads in others],
-    )
+
+    def in_all(before: int) -> Callable[[float], bool]:
+        return lambda done: may_go_on((before + done) / len(problem.profiles))
+
+    found = [
+        Travel(problem, roads, discount_kwh(roads), may_go_on=in_all(number))
+        for number, roads in enumerate(others)
+    ]
+    return Travel(problem, first, discount_kwh(first), found, in_all(len(found)))
 
 
 def least_energy_legs(

@@ -105,6 +105,31 @@ def test_paths_do_not_depend_on_how_many_are_searched_at_once(
         np.testing.assert_array_equal(getattr(single, name), getattr(whole, name))
 
 
+def test_a_search_that_may_not_go_on_ends_without_ways(
+    town: Town, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is asked after each part but the last, with the share that is done."""
+    problem, roads, travel = made(town, 1)
+    monkeypatch.setattr("dispatcher_daemon.roads.all_pairs._SEARCHED_AT_ONCE", 1)
+    asked: list[float] = []
+
+    def until(share: float) -> Callable[[float], bool]:
+        asked.clear()
+
+        def may_go_on(done: float) -> bool:
+            asked.append(done)
+            return done < share
+
+        return may_go_on
+
+    n = len(travel.duration_s)
+    Travel(problem, roads, may_go_on=until(1.0))
+    assert asked == [i / n for i in range(1, n)]
+    with pytest.raises(TimeoutError, match=f"3 of {n}"):
+        Travel(problem, roads, may_go_on=until(3 / n))
+    assert asked == [i / n for i in range(1, 4)]
+
+
 def test_places_at_one_junction_have_no_way_between_them(town: Town) -> None:
     """Two stops at one junction: nothing to drive, and the same paths to all others."""
     _, _, travel = made(town, 1)
