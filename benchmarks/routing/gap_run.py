@@ -16,7 +16,7 @@ from typing import Final
 import networkx as nx
 import numpy as np
 
-from dispatcher_daemon.planning import initial_plans
+from dispatcher_daemon.planning import add_discounted_ways, initial_plans
 from dispatcher_daemon.planning.base_routes import base_routes
 from dispatcher_daemon.planning.blocks import build_block
 from dispatcher_daemon.planning.departures import longest_wait_s
@@ -62,6 +62,7 @@ def undivided(city: Instance, seed: int) -> tuple[RouteProblem, nx.Graph]:
         stops = [stop.id for stop in fleet.stops]
         routes = base_routes(problem, travel, stops, SearchSettings(rounds=1), executor, seed)
     first = initial_plans(instance_cycle(city, seed), travel, routes.stops, {})
+    add_discounted_ways(first.planner)
     return _whole(first.planner, first.base.itineraries, seed)
 
 

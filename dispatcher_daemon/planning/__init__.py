@@ -7,6 +7,7 @@ from dispatcher_daemon.planning.cycle import route_cycle
 from dispatcher_daemon.planning.fleet_plan import (
     NO_VEHICLE,
     FleetPlan,
+    add_discounted_ways,
     initial_plans,
     plan_fleet,
 )
@@ -33,6 +34,7 @@ __all__ = [
     "Planner",
     "RouteForm",
     "Searched",
+    "add_discounted_ways",
     "initial_choices",
     "initial_plans",
     "insert_stops",

@@ -44,6 +44,10 @@ _RESERVE: Final = 0.05
 """Share of a deadline that is kept for work that is in progress when it expires."""
 _SECOND_SHARE: Final = 0.5
 """Of the search's time limit, for the second search."""
+_WAYS_SHARE: Final = 0.5
+"""Of the time that is left, for ways with discounts; the second search and sweeps have the rest."""
+_PACE_SHARE: Final = 1 / 8
+"""Of that time; before, nobody can tell how long all of them take."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +62,7 @@ class FleetPlan:
         greedy: base routes, departures chosen one vehicle after the other.
         unserved: reason by stop that no vehicle serves.
         sweeps: in order.
-        wall_s: time of each stage: roads, base, greedy, second, sweeps, carriers.
+        wall_s: time of each stage: roads, base, greedy, ways, second, sweeps, carriers.
         timed_out: True if a deadline ended a stage, so that a repetition may end elsewhere.
         gains_kwh: of each carrier by the plan, where there are several.
         base_gains_kwh: likewise by `base` with the platoons that form by chance.
@@ -113,6 +117,9 @@ def plan_fleet(
     first = initial_plans(cycle, travel, routes.stops, missing, lambda: clock() < ends)
     late = clock() >= ends
     stage("greedy")
+    if not late:
+        late = not add_discounted_ways(first.planner, keeps_pace(ends, clock))
+    stage("ways")
     descent = BlockDescent(first.planner, settings, solve, first.best.itineraries)
     timed_out = routes.timed_out or late
     if settings.second_rounds and not late:
@@ -219,7 +226,7 @@ class InitialPlans:
     """Plans before any block is solved.
 
     Attributes:
-        planner: that made them; its second paths have discounts on open segments.
+        planner: that made them; it knows no ways with discounts yet.
         base: all vehicles leave when ready.
         greedy: departures chosen one vehicle after the other.
     """
@@ -257,7 +264,6 @@ def initial_plans(
         commitments=cycle.commitments,
     )
     base = departing_when_ready(planner, routes, missing)
-    planner.travels += (discounted_travel(problem, travel, planner),)
     if sum(len(i.route.legs) for i in base if i.route is not None) <= city.ways_legs:
         planner.paths_per_leg = city.ways
     return InitialPlans(planner, *initial_choices(planner, base, has_time))
@@ -312,12 +318,36 @@ def _feasible_part(
     return kept, dropped
 
 
-def discounted_travel(problem: RoutingProblem, travel: Travel, planner: Planner) -> Travel:
-    """Paths with each open segment cheaper by a follower's saving."""
+def keeps_pace(ends: float, clock: Callable[[], float]) -> Callable[[float], bool]:
+    """Whether a search that begins now will be done when it has taken its share of the time up to
+    ``ends``, if the rest of it takes as long as the share that is done.
+    """
+    began = clock()
+    limit_s = _WAYS_SHARE * (ends - began)
+    return lambda done: clock() - began <= limit_s * max(done, _PACE_SHARE)
+
+
+def add_discounted_ways(
+    planner: Planner, may_go_on: Callable[[float], bool] = lambda _: True
+) -> bool:
+    """Give a planner, as its second paths, those with each open segment cheaper by a follower's
+    saving.
+
+    Args:
+        may_go_on: asked now and then with the share of the search that is done.
+
+    Returns:
+        Whether it has them; it has not if the search may not go on.
+    """
 
     def discount_kwh(roads: Roads) -> Floats:
         shares = planner.shares_by_profile[roads.profile]
         saving = {name: share.following_kwh(0.0) for name, share in shares.items()}
         return np.array([saving.get(name, 0.0) for name in roads.ids])
 
-    return searched_again(travel, problem, discount_kwh)
+    try:
+        found = searched_again(planner.travels[0], planner.problem, discount_kwh, may_go_on)
+    except TimeoutError:
+        return False
+    planner.travels += (found,)
+    return True

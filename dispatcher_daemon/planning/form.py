@@ -19,6 +19,7 @@ from dispatcher_daemon.planning.exchanges import best_exchanges
 from dispatcher_daemon.planning.fleet_plan import (
     NO_ROOM,
     InitialPlans,
+    add_discounted_ways,
     first_routes,
     initial_plans,
     servable,
@@ -122,6 +123,7 @@ def route_form(cycle: Cycle, executor: Executor) -> RouteForm:
     missing |= dict.fromkeys(routes.unassigned, NO_ROOM)
     first = initial_plans(part, travel, routes.stops, missing)
     planner = first.planner
+    add_discounted_ways(planner)
     meetings = planner.meetings()
     for itinerary in first.best.itineraries:
         meetings.add(itinerary.traversals)

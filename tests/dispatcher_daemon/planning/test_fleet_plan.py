@@ -7,8 +7,14 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from scipy.sparse.csgraph import dijkstra
 
-from dispatcher_daemon.planning.fleet_plan import FleetPlan, departing_when_ready, plan_fleet
+from dispatcher_daemon.planning.fleet_plan import (
+    FleetPlan,
+    departing_when_ready,
+    keeps_pace,
+    plan_fleet,
+)
 from dispatcher_daemon.planning.itineraries import Planner
 from dispatcher_daemon.planning.sweeps import choice_of, initial_choices
 from dispatcher_daemon.plans.candidates import Cycle
@@ -130,6 +136,61 @@ def test_a_clock_that_runs_out_in_any_stage_leaves_a_sound_plan(calls: int) -> N
     assert made.unserved == {}
     assert faults(city.problem, made) == []
     assert made.choice.objective_kwh <= made.base.objective_kwh + 1e-9
+
+
+class SearchedTime:
+    """A clock by which only searches take time: a second for each call of scipy's `dijkstra`."""
+
+    def __init__(self, patched: pytest.MonkeyPatch) -> None:
+        """Search one junction at a time."""
+        self.now_s = 0.0
+        def timed(*args: Any, **named: Any) -> Any:
+            self.now_s += 1.0
+            return dijkstra(*args, **named)
+
+        patched.setattr("dispatcher_daemon.roads.all_pairs._SEARCHED_AT_ONCE", 1)
+        patched.setattr("dispatcher_daemon.roads.all_pairs.dijkstra", timed)
+
+    def __call__(self) -> float:
+        """Seconds."""
+        return self.now_s
+
+
+@pytest.mark.parametrize(("deadline_s", "complete"), [(40.0, False), (1000.0, True)])
+def test_ways_with_discounts_that_take_too_long_are_given_up(
+    deadline_s: float, complete: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As soon as it shows that they would take more than half of what is left; sweeps go on
+    without them.
+    """
+    city = generate_city(1, vehicles=8, stops=24, segments=100)
+    clock = SearchedTime(monkeypatch)
+    made = plan(city.problem, city.snapshot, deadline_s=deadline_s, clock=clock)
+    junctions = made.wall_s["roads"]
+    assert junctions == 15.0
+    assert made.wall_s["ways"] == (junctions if complete else 2.0)
+    assert made.timed_out is not complete
+    assert clock.now_s <= deadline_s
+    assert made.sweeps
+    assert made.unserved == {}
+    assert faults(city.problem, made) == []
+    assert made.choice.objective_kwh <= made.base.objective_kwh + 1e-9
+
+
+def test_the_pace_of_a_search_is_judged_when_it_shows() -> None:
+    """Of 80 s that are left it has 40: what is a tenth done then has taken too long, and so has
+    what is half done after 21; before 5 s nobody knows.
+    """
+    now_s = 20.0
+    may_go_on = keeps_pace(100.0, lambda: now_s)
+    now_s = 25.0
+    assert may_go_on(0.001)
+    now_s = 25.1
+    assert not may_go_on(0.1)
+    assert may_go_on(0.2)
+    now_s = 41.0
+    assert not may_go_on(0.5)
+    assert may_go_on(0.6)
 
 
 def test_departures_are_chosen_while_there_is_time() -> None:

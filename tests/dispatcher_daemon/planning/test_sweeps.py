@@ -10,7 +10,7 @@ from itertools import pairwise
 import pytest
 
 from dispatcher_daemon.planning.base_routes import base_routes
-from dispatcher_daemon.planning.fleet_plan import initial_plans
+from dispatcher_daemon.planning.fleet_plan import add_discounted_ways, initial_plans
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
 from dispatcher_daemon.planning.sweeps import BlockDescent, choice_of
 from dispatcher_daemon.plans.candidates import Cycle
@@ -62,6 +62,7 @@ def start() -> tuple[Planner, list[Itinerary]]:
     settings = DispatcherSettings(city=SETTINGS)
     cycle = Cycle(city.problem, city.snapshot, settings, 1, 0, 1, reference_delay_s=10.0)
     first = initial_plans(cycle, travel, routes.stops, missing)
+    add_discounted_ways(first.planner)
     assert not missing
     return first.planner, list(first.base.itineraries)
 
