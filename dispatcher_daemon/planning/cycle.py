@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
+from dataclasses import replace
 
 from dispatcher_daemon.planning.fleet_plan import FleetPlan, plan_fleet
 from dispatcher_daemon.planning.sweeps import Choice
-from dispatcher_daemon.plans import Candidate, Cycle, FormResult, Refusal, solver_report
+from dispatcher_daemon.plans import Candidate, Cycle, FormResult, Gains, Refusal, solver_report
 from dispatcher_daemon.solvers.execution.pool import Solve
 from dispatcher_daemon.solvers.protocol import Outcome
 from slipstream.messages import SolverReport
@@ -30,16 +31,31 @@ def route_cycle(
         executor: for the search of base routes.
         clock: seconds.
     """
-    plan = plan_fleet(cycle, executor, solve, clock)
+    checked: list[Candidate | Refusal] = []
+
+    def check(whole: Cycle, base: Choice, unserved: Mapping[str, str]) -> None:
+        found = whole.candidate(
+            BASE, base.routes, base.cost_kwh, platooning=False, unserved=unserved
+        )
+        checked.append(found)
+
+    plan = plan_fleet(cycle, executor, solve, clock, check)
     cycle = plan.cycle
-    best = _candidate(cycle, _made_by(plan), plan.choice, plan)
+    best = _candidate(cycle, _made_by(plan), plan.choice, plan, plan.gains_kwh)
+    (baseline,) = checked
+    if isinstance(baseline, Candidate):
+        baseline = replace(baseline, gains_kwh=plan.base_gains_kwh)
+    fallback = baseline
+    # Mostly the plan is better, and to verify a large fleet's plans takes seconds.
+    if not isinstance(best, Candidate) or plan.base.objective_kwh < best.objective_kwh:
+        fallback = _candidate(cycle, BASE, plan.base, plan, plan.base_gains_kwh)
     vehicles = cycle.problem.fleet.vehicles
     return FormResult(
         candidates=(best,) if isinstance(best, Candidate) else (),
         reports=_reports(plan, best),
         baseline_solver=BASE,
-        baseline=_candidate(cycle, BASE, plan.base, plan, platooning=False),
-        fallback=_candidate(cycle, BASE, plan.base, plan),
+        baseline=baseline,
+        fallback=fallback,
         variables=max((sweep.largest for sweep in plan.sweeps), default=0),
         unserved=plan.unserved,
         stops={v.id: i.stops for v, i in zip(vehicles, plan.choice.itineraries, strict=True)},
@@ -48,16 +64,11 @@ def route_cycle(
 
 
 def _candidate(
-    cycle: Cycle, name: str, choice: Choice, plan: FleetPlan, *, platooning: bool = True
+    cycle: Cycle, name: str, choice: Choice, plan: FleetPlan, gains_kwh: Gains
 ) -> Candidate | Refusal:
-    objective = choice.objective_kwh if platooning else choice.cost_kwh
+    objective = choice.objective_kwh
     return cycle.candidate(
-        name,
-        choice.routes,
-        objective,
-        platooning=platooning,
-        unserved=plan.unserved,
-        gains_kwh=plan.gains_kwh if choice is plan.choice else plan.base_gains_kwh,
+        name, choice.routes, objective, unserved=plan.unserved, gains_kwh=gains_kwh
     )
 
 

@@ -42,12 +42,19 @@ _NO_CHARGE: Final = "has no charge left for it"
 NO_VEHICLE: Final = "no vehicle is free"
 _RESERVE: Final = 0.05
 """Share of a deadline that is kept for work that is in progress when it expires."""
+_CLOSING_CHECKS: Final = 2.0
+"""How many times as long as the check of the base plan that of the plan may take, with platoons and
+what is told of it."""
 _SECOND_SHARE: Final = 0.5
 """Of the search's time limit, for the second search."""
 _WAYS_SHARE: Final = 0.5
 """Of the time that is left, for ways with discounts; the second search and sweeps have the rest."""
 _PACE_SHARE: Final = 1 / 8
 """Of that time; before, nobody can tell how long all of them take."""
+
+
+CheckBase = Callable[[Cycle, Choice, Mapping[str, str]], None]
+"""Checks a plan of a cycle; the mapping has the reason by stop that no vehicle serves."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +69,7 @@ class FleetPlan:
         greedy: base routes, departures chosen one vehicle after the other.
         unserved: reason by stop that no vehicle serves.
         sweeps: in order.
-        wall_s: time of each stage: roads, base, greedy, ways, second, sweeps, carriers.
+        wall_s: time of each stage: roads, base, greedy, check, ways, second, sweeps, carriers.
         timed_out: True if a deadline ended a stage, so that a repetition may end elsewhere.
         gains_kwh: of each carrier by the plan, where there are several.
         base_gains_kwh: likewise by `base` with the platoons that form by chance.
@@ -83,7 +90,11 @@ class FleetPlan:
 
 
 def plan_fleet(
-    cycle: Cycle, executor: Executor, solve: Solve, clock: Callable[[], float] = time.monotonic
+    cycle: Cycle,
+    executor: Executor,
+    solve: Solve,
+    clock: Callable[[], float] = time.monotonic,
+    check: CheckBase = lambda *_: None,
 ) -> FleetPlan:
     """Plan the fleet of a cycle by the settings' section ``city``, within the cycle's deadline.
 
@@ -94,6 +105,8 @@ def plan_fleet(
         executor: runs the parts of the search for base routes.
         solve: runs the blocks' solvers; the best answer counts.
         clock: seconds.
+        check: called with the base plan as soon as it is known. By the time that it takes the plan
+            is done so much earlier that it can be checked within the deadline.
     """
     settings, seed = city_settings(cycle), cycle.seed
     began = clock()
@@ -117,6 +130,10 @@ def plan_fleet(
     first = initial_plans(cycle, travel, routes.stops, missing, lambda: clock() < ends)
     late = clock() >= ends
     stage("greedy")
+    check(whole, first.base, missing)
+    stage("check")
+    ends -= _CLOSING_CHECKS * walls["check"]
+    late |= clock() >= ends
     if not late:
         late = not add_discounted_ways(first.planner, keeps_pace(ends, clock))
     stage("ways")

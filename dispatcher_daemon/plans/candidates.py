@@ -221,7 +221,8 @@ class FormResult:
         reports: of the solvers.
         baseline_solver: name of the solver of the plan without platooning.
         baseline: that plan, or what is wrong with it.
-        fallback: the same routes with the platoons that form by chance.
+        fallback: the same routes with the platoons that form by chance; where another plan is at
+            least as good, it may be the baseline.
         variables: of the largest QUBO.
         unserved: reason by stop that no vehicle serves.
         stops: by vehicle, of the best routes; the next cycle's search starts from them.

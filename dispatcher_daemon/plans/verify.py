@@ -121,7 +121,7 @@ def _window_faults(
     def late(time_ns: int, limit_s: float) -> bool:
         return time_ns > begin_ns + round(limit_s * 1e9) + _TOLERANCE_NS
 
-    vehicle = next((v for v in fleet.vehicles if v.id == plan.vehicle), None)
+    vehicle = fleet.vehicle_by_id.get(plan.vehicle)
     if vehicle is None or not plan.stops:
         return
     leave_by_s = vehicle.ready_s if vehicle.depart_by_s is None else vehicle.depart_by_s
@@ -182,9 +182,8 @@ def _stop_faults(
     if len(plan.stops) < (3 if own is None or own.stops else 2):
         yield "serves no stop"
         return
-    for vehicle in fleet.vehicles:
-        if vehicle.id != plan.vehicle:
-            continue
+    vehicle = fleet.vehicle_by_id.get(plan.vehicle)
+    if vehicle is not None:
         depot = fleet.depot_of(vehicle)
         first, last = plan.stops[0], plan.stops[-1]
         if own is None and (first.stop, first.node) != (depot.id, depot.node):
