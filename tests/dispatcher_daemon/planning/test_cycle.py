@@ -72,6 +72,23 @@ def faults(
     )
 
 
+def test_base_routes_are_verified_once_where_the_plan_is_better(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Without platooning, for the baseline; then the plan, and no third time."""
+    city = generate_city(1, vehicles=8, stops=24, segments=100)
+    verified, candidate = list[bool](), Cycle.candidate
+
+    def counted(self: Cycle, *args: Any, platooning: bool = True, **named: Any) -> Any:
+        verified.append(platooning)
+        return candidate(self, *args, platooning=platooning, **named)
+
+    monkeypatch.setattr(Cycle, "candidate", counted)
+    result = cycle(city.problem, city.snapshot)
+    assert result.report.status == "ok"
+    assert verified == [False, True]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_city_s_plans_are_sound_and_its_energy_adds_up(seed: int) -> None:

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
@@ -10,13 +10,14 @@ import pytest
 from scipy.sparse.csgraph import dijkstra
 
 from dispatcher_daemon.planning.fleet_plan import (
+    CheckBase,
     FleetPlan,
     departing_when_ready,
     keeps_pace,
     plan_fleet,
 )
 from dispatcher_daemon.planning.itineraries import Planner
-from dispatcher_daemon.planning.sweeps import choice_of, initial_choices
+from dispatcher_daemon.planning.sweeps import Choice, choice_of, initial_choices
 from dispatcher_daemon.plans.candidates import Cycle
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads.arrays import roads_of
@@ -51,6 +52,7 @@ def plan(
     deadline_s: float = 1000.0,
     reference_s: float = 10.0,
     clock: Callable[[], float] = time.monotonic,
+    check: CheckBase = lambda *_: None,
     **more: Any,
 ) -> FleetPlan:
     """A plan made in this process."""
@@ -59,7 +61,7 @@ def plan(
     )
     cycle = Cycle(problem, snapshot, settings, 1, 0, seed, reference_s, **more)
     with ThreadPoolExecutor(1) as thread:
-        return plan_fleet(cycle, thread, solve_in_process([ExactSolver()]), clock)
+        return plan_fleet(cycle, thread, solve_in_process([ExactSolver()]), clock, check)
 
 
 def faults(problem: RoutingProblem, made: FleetPlan) -> list[str]:
@@ -144,6 +146,7 @@ class SearchedTime:
     def __init__(self, patched: pytest.MonkeyPatch) -> None:
         """Search one junction at a time."""
         self.now_s = 0.0
+
         def timed(*args: Any, **named: Any) -> Any:
             self.now_s += 1.0
             return dijkstra(*args, **named)
@@ -191,6 +194,27 @@ def test_the_pace_of_a_search_is_judged_when_it_shows() -> None:
     now_s = 41.0
     assert not may_go_on(0.5)
     assert may_go_on(0.6)
+
+
+@pytest.mark.parametrize(("check_s", "in_time"), [(30.0, True), (40.0, False)])
+def test_a_plan_is_done_early_enough_for_its_check(check_s: float, in_time: bool) -> None:
+    """Of 100 s 5 are kept, and twice the time that the check of the base plan took."""
+    city = generate_city(1, vehicles=8, stops=24, segments=100)
+    now_s = 0.0
+
+    def check(cycle: Cycle, base: Choice, unserved: Mapping[str, str]) -> None:
+        nonlocal now_s
+        assert cycle.problem is city.problem
+        assert len(base.routes) == sum(i.route is not None for i in base.itineraries)
+        assert not unserved
+        now_s += check_s
+
+    made = plan(city.problem, city.snapshot, deadline_s=100.0, clock=lambda: now_s, check=check)
+    assert made.wall_s["check"] == check_s
+    assert bool(made.sweeps) is in_time
+    assert made.timed_out is not in_time
+    assert faults(city.problem, made) == []
+    assert made.choice.objective_kwh <= made.base.objective_kwh + 1e-9
 
 
 def test_departures_are_chosen_while_there_is_time() -> None:
