@@ -7,13 +7,13 @@ from dispatcher_daemon.planning.cycle import route_cycle
 from dispatcher_daemon.planning.fleet_plan import (
     NO_VEHICLE,
     FleetPlan,
-    add_discounted_ways,
     initial_plans,
     plan_fleet,
 )
 from dispatcher_daemon.planning.form import RouteForm, route_form
 from dispatcher_daemon.planning.insertion import Insertion, insert_stops
 from dispatcher_daemon.planning.itineraries import Planner
+from dispatcher_daemon.planning.options import add_discounted_ways
 from dispatcher_daemon.planning.pyvrp_search import Searched, search_within
 from dispatcher_daemon.planning.refused import refused_platoons
 from dispatcher_daemon.planning.servability import (

@@ -14,13 +14,12 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from typing import Final
 
-import numpy as np
-
 from dispatcher_daemon.planning.base_routes import BaseRoutes, base_routes
 from dispatcher_daemon.planning.bound_part import bound_routes, drivable, unbound
 from dispatcher_daemon.planning.carriers import Accounts, nobody_worse_off
 from dispatcher_daemon.planning.insertion import cheapest_insertion
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
+from dispatcher_daemon.planning.options import add_discounted_ways
 from dispatcher_daemon.planning.pyvrp_model import StopsByVehicle
 from dispatcher_daemon.planning.servability import unservable, without
 from dispatcher_daemon.planning.sweeps import (
@@ -32,8 +31,7 @@ from dispatcher_daemon.planning.sweeps import (
 )
 from dispatcher_daemon.plans import Cycle, DeclinedMeeting, Gains
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.roads import Roads, Travel, fleet_travel, searched_again
-from dispatcher_daemon.roads.weights import Floats
+from dispatcher_daemon.roads import Travel, fleet_travel, searched_again
 from dispatcher_daemon.settings import CitySettings, SearchSettings
 from dispatcher_daemon.solvers.execution.pool import Solve
 
@@ -42,9 +40,9 @@ _NO_CHARGE: Final = "has no charge left for it"
 NO_VEHICLE: Final = "no vehicle is free"
 _RESERVE: Final = 0.05
 """Share of a deadline that is kept for work that is in progress when it expires."""
-_CLOSING_CHECKS: Final = 2.0
-"""How many times as long as the check of the base plan that of the plan may take, with platoons and
-what is told of it."""
+_CLOSING_CHECKS: Final = 3.0
+"""How many times as long as the check of the base plan that of the plan takes, with platoons and
+with what is told of it: 2.6 to 4.1 were seen, the reserve has room for the rest."""
 _SECOND_SHARE: Final = 0.5
 """Of the search's time limit, for the second search."""
 _WAYS_SHARE: Final = 0.5
@@ -105,8 +103,8 @@ def plan_fleet(
         executor: runs the parts of the search for base routes.
         solve: runs the blocks' solvers; the best answer counts.
         clock: seconds.
-        check: called with the base plan as soon as it is known. By the time that it takes the plan
-            is done so much earlier that it can be checked within the deadline.
+        check: called with the base plan as soon as it is known. The plan is done so much earlier
+            that it can be checked within the deadline too, by the time that this takes.
     """
     settings, seed = city_settings(cycle), cycle.seed
     began = clock()
@@ -342,29 +340,3 @@ def keeps_pace(ends: float, clock: Callable[[], float]) -> Callable[[float], boo
     began = clock()
     limit_s = _WAYS_SHARE * (ends - began)
     return lambda done: clock() - began <= limit_s * max(done, _PACE_SHARE)
-
-
-def add_discounted_ways(
-    planner: Planner, may_go_on: Callable[[float], bool] = lambda _: True
-) -> bool:
-    """Give a planner, as its second paths, those with each open segment cheaper by a follower's
-    saving.
-
-    Args:
-        may_go_on: asked now and then with the share of the search that is done.
-
-    Returns:
-        Whether it has them; it has not if the search may not go on.
-    """
-
-    def discount_kwh(roads: Roads) -> Floats:
-        shares = planner.shares_by_profile[roads.profile]
-        saving = {name: share.following_kwh(0.0) for name, share in shares.items()}
-        return np.array([saving.get(name, 0.0) for name in roads.ids])
-
-    try:
-        found = searched_again(planner.travels[0], planner.problem, discount_kwh, may_go_on)
-    except TimeoutError:
-        return False
-    planner.travels += (found,)
-    return True

@@ -19,13 +19,12 @@ from dispatcher_daemon.planning.exchanges import best_exchanges
 from dispatcher_daemon.planning.fleet_plan import (
     NO_ROOM,
     InitialPlans,
-    add_discounted_ways,
     first_routes,
     initial_plans,
     servable,
     with_ways,
 )
-from dispatcher_daemon.planning.options import options_for
+from dispatcher_daemon.planning.options import add_discounted_ways, options_for
 from dispatcher_daemon.planning.sweeps import choice_of
 from dispatcher_daemon.plans import Candidate, Cycle, Refusal
 from dispatcher_daemon.platooning import JudgedPair, judge_pairs

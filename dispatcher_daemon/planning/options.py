@@ -1,8 +1,8 @@
-"""Options of a vehicle in the route form."""
+"""Options of a vehicle in the route form, and the ways for them that like open roads."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +10,34 @@ import numpy as np
 from dispatcher_daemon.planning.departures import alternatives
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
 from dispatcher_daemon.platooning import Meetings, Shares
+from dispatcher_daemon.roads import Roads, searched_again
+from dispatcher_daemon.roads.weights import Floats
+
+
+def add_discounted_ways(
+    planner: Planner, may_go_on: Callable[[float], bool] = lambda _: True
+) -> bool:
+    """Give a planner, as its second paths, those with each open segment cheaper by a follower's
+    saving.
+
+    Args:
+        may_go_on: asked now and then with the share of the search that is done.
+
+    Returns:
+        Whether it has them; it has not if the search may not go on.
+    """
+
+    def discount_kwh(roads: Roads) -> Floats:
+        shares = planner.shares_by_profile[roads.profile]
+        saving = {name: share.following_kwh(0.0) for name, share in shares.items()}
+        return np.array([saving.get(name, 0.0) for name in roads.ids])
+
+    try:
+        found = searched_again(planner.travels[0], planner.problem, discount_kwh, may_go_on)
+    except TimeoutError:
+        return False
+    planner.travels += (found,)
+    return True
 
 
 def options_for(

@@ -10,8 +10,9 @@ from itertools import pairwise
 import pytest
 
 from dispatcher_daemon.planning.base_routes import base_routes
-from dispatcher_daemon.planning.fleet_plan import add_discounted_ways, initial_plans
+from dispatcher_daemon.planning.fleet_plan import initial_plans
 from dispatcher_daemon.planning.itineraries import Itinerary, Planner
+from dispatcher_daemon.planning.options import add_discounted_ways
 from dispatcher_daemon.planning.sweeps import BlockDescent, choice_of
 from dispatcher_daemon.plans.candidates import Cycle
 from dispatcher_daemon.problem import Problem, RouteProblem, RoutingProblem
