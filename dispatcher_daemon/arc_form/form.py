@@ -9,7 +9,7 @@ from typing import Literal
 from dispatcher_daemon.arc_form.arcs import ArcParts, arc_parts_of
 from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.formulations import decode
-from dispatcher_daemon.planning import Choice, Planner, initial_choices
+from dispatcher_daemon.planning import Choice, Planner, choice_of, scheduled
 from dispatcher_daemon.plans import Candidate, Cycle, Refusal
 from dispatcher_daemon.platooning import JudgedPair
 from dispatcher_daemon.problem import ArcProblem
@@ -91,7 +91,8 @@ class ArcForm:
         itineraries = [itinerary for itinerary in present if itinerary is not None]
         if len(itineraries) < len(routes):
             return None
-        return min(initial_choices(planner, itineraries), key=lambda c: c.objective_kwh)
+        base = choice_of(planner, itineraries)
+        return min(base, scheduled(planner, base), key=lambda c: c.objective_kwh)
 
     def references_kwh(self) -> dict[str, float]:
         """Cheapest insertion."""

@@ -22,7 +22,7 @@ from dispatcher_daemon.planning.servability import (
     servable_part,
     unservable,
 )
-from dispatcher_daemon.planning.sweeps import Choice, initial_choices
+from dispatcher_daemon.planning.sweeps import Choice, choice_of, scheduled
 
 __all__ = [
     "NO_VEHICLE",
@@ -35,13 +35,14 @@ __all__ = [
     "RouteForm",
     "Searched",
     "add_discounted_ways",
-    "initial_choices",
+    "choice_of",
     "initial_plans",
     "insert_stops",
     "plan_fleet",
     "refused_platoons",
     "route_cycle",
     "route_form",
+    "scheduled",
     "search_within",
     "servable_part",
     "unservable",

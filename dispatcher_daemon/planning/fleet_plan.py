@@ -27,7 +27,7 @@ from dispatcher_daemon.planning.sweeps import (
     Choice,
     Sweep,
     choice_of,
-    initial_choices,
+    scheduled,
 )
 from dispatcher_daemon.plans import Cycle, DeclinedMeeting, Gains
 from dispatcher_daemon.problem import RoutingProblem
@@ -67,7 +67,7 @@ class FleetPlan:
         greedy: base routes, departures chosen one vehicle after the other.
         unserved: reason by stop that no vehicle serves.
         sweeps: in order.
-        wall_s: time of each stage: roads, base, greedy, check, ways, second, sweeps, carriers.
+        wall_s: time of each stage: roads, base, check, greedy, ways, second, sweeps, carriers.
         timed_out: True if a deadline ended a stage, so that a repetition may end elsewhere.
         gains_kwh: of each carrier by the plan, where there are several.
         base_gains_kwh: likewise by `base` with the platoons that form by chance.
@@ -125,13 +125,17 @@ def plan_fleet(
     routes = first_routes(cycle, travel, missing, search, executor, clock)
     missing |= dict.fromkeys(routes.unassigned, NO_ROOM)
     stage("base")
-    first = initial_plans(cycle, travel, routes.stops, missing, lambda: clock() < ends)
+
+    def checked(base: Choice) -> None:
+        nonlocal ends
+        before = clock()
+        check(whole, base, missing)
+        walls["check"] = clock() - before
+        ends -= _CLOSING_CHECKS * walls["check"]
+
+    first = initial_plans(cycle, travel, routes.stops, missing, lambda: clock() < ends, checked)
     late = clock() >= ends
     stage("greedy")
-    check(whole, first.base, missing)
-    stage("check")
-    ends -= _CLOSING_CHECKS * walls["check"]
-    late |= clock() >= ends
     if not late:
         late = not add_discounted_ways(first.planner, keeps_pace(ends, clock))
     stage("ways")
@@ -262,11 +266,13 @@ def initial_plans(
     routes: StopsByVehicle,
     missing: dict[str, str],
     has_time: Callable[[], bool] = lambda: True,
+    base_is_known: Callable[[Choice], None] = lambda _: None,
 ) -> InitialPlans:
     """Plans of given routes; stops that miss a window are added to ``missing``.
 
     Args:
         has_time: whether another vehicle's departure may be chosen; the others leave when ready.
+        base_is_known: called before any is chosen.
     """
     problem, city = cycle.problem, cycle.settings.city
     planner = Planner(
@@ -278,10 +284,11 @@ def initial_plans(
         on_road=cycle.on_road,
         commitments=cycle.commitments,
     )
-    base = departing_when_ready(planner, routes, missing)
-    if sum(len(i.route.legs) for i in base if i.route is not None) <= city.ways_legs:
+    base = choice_of(planner, departing_when_ready(planner, routes, missing))
+    base_is_known(base)
+    if sum(len(i.route.legs) for i in base.itineraries if i.route is not None) <= city.ways_legs:
         planner.paths_per_leg = city.ways
-    return InitialPlans(planner, *initial_choices(planner, base, has_time))
+    return InitialPlans(planner, base, scheduled(planner, base, has_time))
 
 
 def departing_when_ready(

@@ -93,12 +93,10 @@ def choice_of(planner: Planner, itineraries: Sequence[Itinerary]) -> Choice:
     return Choice(tuple(itineraries), cost, saving)
 
 
-def initial_choices(
-    planner: Planner,
-    itineraries: Sequence[Itinerary],
-    has_time: Callable[[], bool] = lambda: True,
-) -> tuple[Choice, Choice]:
-    """(the itineraries as they are, the same scheduled); by vehicle number both.
+def scheduled(
+    planner: Planner, base: Choice, has_time: Callable[[], bool] = lambda: True
+) -> Choice:
+    """The same routes with departures chosen one vehicle after the other.
 
     Bound vehicles begin with the waits of their present plans: the schedule is those waits, or the
     greedy one from them on if that is better.
@@ -106,15 +104,15 @@ def initial_choices(
     Args:
         has_time: whether another vehicle may be scheduled; the others stay as they are.
     """
-    planned = [as_planned(planner, itinerary) for itinerary in itineraries]
+    planned = [as_planned(planner, itinerary) for itinerary in base.itineraries]
+    bound = any(a is not b for a, b in zip(planned, base.itineraries, strict=True))
     # Vehicles that are ready last choose first: the others can wait for them, not vice versa.
     latest_first = sorted(planned, key=lambda i: (-i.depart_s, i.number))
-    scheduled = schedule_greedily(planner, takewhile(lambda _: has_time(), latest_first))
-    scheduled += latest_first[len(scheduled) :]
-    in_order = sorted(scheduled, key=lambda i: i.number)
-    schedules = [choice_of(planner, planned), choice_of(planner, in_order)]
-    best = min(schedules, key=lambda choice: choice.objective_kwh)
-    return choice_of(planner, itineraries), best
+    chosen = schedule_greedily(planner, takewhile(lambda _: has_time(), latest_first))
+    chosen += latest_first[len(chosen) :]
+    in_order = sorted(chosen, key=lambda i: i.number)
+    schedules = [choice_of(planner, planned) if bound else base, choice_of(planner, in_order)]
+    return min(schedules, key=lambda choice: choice.objective_kwh)
 
 
 class BlockDescent:

@@ -17,7 +17,7 @@ from dispatcher_daemon.planning.fleet_plan import (
     plan_fleet,
 )
 from dispatcher_daemon.planning.itineraries import Planner
-from dispatcher_daemon.planning.sweeps import Choice, choice_of, initial_choices
+from dispatcher_daemon.planning.sweeps import Choice, choice_of, scheduled
 from dispatcher_daemon.plans.candidates import Cycle
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads.arrays import roads_of
@@ -235,11 +235,12 @@ def test_departures_are_chosen_while_there_is_time() -> None:
         },
         {},
     )
-    base, greedy = initial_choices(planner, ready, lambda: False)
+    base = choice_of(planner, ready)
+    greedy = scheduled(planner, base, lambda: False)
     assert greedy.itineraries == base.itineraries == tuple(ready)
     left = iter([True] * 3)
-    _, some = initial_choices(planner, ready, lambda: next(left, False))
-    _, every = initial_choices(planner, ready)
+    some = scheduled(planner, base, lambda: next(left, False))
+    every = scheduled(planner, base)
     latest = sorted(ready, key=lambda i: (-i.depart_s, i.number))
     for itinerary in latest[:3]:
         assert some.itineraries[itinerary.number].key == every.itineraries[itinerary.number].key
