@@ -37,7 +37,7 @@ class Ears:
         self.bare: list[bytes] = []
         self._changed = threading.Condition()
         for key in (ALL_STATES, ALL_RSU_HEALTH):
-            # Else the state of a daemon's end replaces the one before it, where this process stalls.
+            # Else a daemon's last state replaces the one before it, where this process stalls.
             bus.subscribe(key, self._take, every=True)
         for key in (ALL_PREVIEWS, f"{ALL_PREVIEWS}/bare"):
             bus.subscribe(key, self._take, history=False)
