@@ -197,9 +197,11 @@ def _carriageway(
             yield Turn(leave, mid, lane + 1, lane)
             yield Turn(mid, join, lane, lane + 1)
             yield Turn(join, main, lane + 1, lane)
-        yield Turn(leave, off, 0, 0)
-        yield Turn(leave, off, 0, 1)
-        yield Turn(on, join, 0, 0)
+        # Ramps leave and join the motorway at a tangent; as drawn here they have a kink, which
+        # would be taken for a bend of 8 to 10 m/s.
+        yield Turn(leave, off, 0, 0, settings.ramp_speed_mps)
+        yield Turn(leave, off, 0, 1, settings.ramp_speed_mps)
+        yield Turn(on, join, 0, 0, settings.ramp_speed_mps)
         # Nor straight on to the on-ramp: that would be a way along the motorway by its exits.
         town, across = (f"t{terminal}", f"n{number}" if east else f"s{number}")
         yield Turn(off, f"{terminal}-{town}", 0, 0)

@@ -65,12 +65,21 @@ class Road:
 
 @dataclass(frozen=True)
 class Turn:
-    """An allowed turn from one lane onto another; lanes count from the right, from 0."""
+    """An allowed turn from one lane onto another.
+
+    Attributes:
+        before: road that it leaves.
+        after: road that it leads to.
+        from_lane: counts from the right, from 0.
+        change_lane: of the road behind it, likewise.
+        speed_mps: limit on it; None: what netconvert derives from how narrow it is.
+    """
 
     before: str
     after: str
     from_lane: int
     change_lane: int
+    speed_mps: float | None = None
 
 
 @dataclass(frozen=True)
@@ -138,7 +147,7 @@ def write_plain(plan: Plan, folder: Path) -> list[str]:
     )
     turns = (
         f"<connection from={quoteattr(t.before)} to={quoteattr(t.after)} "
-        f'fromLane="{t.from_lane}" toLane="{t.change_lane}"/>'
+        f'fromLane="{t.from_lane}" toLane="{t.change_lane}"{_speed(t)}/>'
         for t in plan.turns
     )
     options = []
@@ -160,6 +169,10 @@ def _shape(plan: Plan, road: Road) -> str:
     points = (places[road.start], *road.shape, places[road.end])
     text = " ".join(f"{x:.7g},{y:.7g}" for x, y in points)
     return f' shape="{text}"'
+
+
+def _speed(turn: Turn) -> str:
+    return "" if turn.speed_mps is None else f" speed={_number(turn.speed_mps)}"
 
 
 def _number(value: float) -> str:

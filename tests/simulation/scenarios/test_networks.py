@@ -175,6 +175,21 @@ def test_corridor_ramps_join_and_leave_by_a_lane_of_their_own(corridor: Scenario
     assert driven == pytest.approx(2 * 40_000, rel=0.01)
 
 
+def test_no_corridor_ramp_is_slowed_where_it_meets_the_motorway() -> None:
+    """Its kink on the drawing is no bend: who joins would brake from 20 to 8 m/s for it."""
+    net = gzip.decompress((DATA / "corridor" / "corridor.net.xml.gz").read_bytes())
+    root = ElementTree.fromstring(net)
+    limit_mps = {lane.get("id"): float(lane.get("speed", 0)) for lane in root.iter("lane")}
+    ramps = {
+        (turn.get("from"), turn.get("to")): limit_mps[turn.get("via")]
+        for turn in root.iter("connection")
+        if (turn.get("from") or "")[-3:] == "_on" or (turn.get("to") or "")[-4:] == "_off"
+        if turn.get("via") is not None
+    }
+    assert len(ramps) == 2 * 20
+    assert set(ramps.values()) == {CorridorSettings().ramp_speed_mps}
+
+
 def test_corridor_rsus_watch_every_segment_of_the_motorway(corridor: Scenario) -> None:
     """The shipped RSUs are those of the rule, and no part of the motorway is without one."""
     rsus = corridor_rsus(CorridorSettings(), corridor.network)
