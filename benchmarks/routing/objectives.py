@@ -1,4 +1,5 @@
-"""The objective "energy" beside the paper's, on generated cities: energy and driving time of plans.
+"""The objective "energy" beside the paper's, on generated cities: energy and driving time of plans,
+and what drafting could save at most.
 
 python -m benchmarks.routing.objectives [--cities 20] [--out FILE.json]
 """
@@ -9,7 +10,7 @@ import argparse
 import json
 import statistics
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -19,7 +20,7 @@ from benchmarks.routing.city_run import workers
 from dispatcher_daemon.planning import plan_fleet
 from dispatcher_daemon.planning.sweeps import Choice
 from dispatcher_daemon.plans import route_energy
-from dispatcher_daemon.platooning import expected_drafting, form_platoons
+from dispatcher_daemon.platooning import Passage, Place, expected_drafting, form_platoons
 from dispatcher_daemon.roads import leg_along, roads_of
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings
 from research.cities.generator import generate_city
@@ -28,7 +29,11 @@ from research.instances.instance import Instance
 
 PRICES_KW: Final = (0.0, 1.0, 2.0, 5.0)
 """Of driving time, for the objective "energy"."""
+WINDOWS_S: Final = (60.0, 600.0)
+"""Within which all who come to a segment with an open gate are one platoon, for a ceiling: a minute
+is what can be made up for on the way, ten the least departure window of a generated city."""
 _BUDGET_S: Final = 60.0
+_FOLLOWER: Final = Place("", 1, 2)
 
 
 @dataclass(frozen=True)
@@ -40,6 +45,9 @@ class Plan:
         alone_kwh: that of the routes without platooning that it began with.
         hours: on the road, expected stops included; of `alone_kwh`: `alone_hours`.
         objective_saving: share by which its objective lies below that of those routes.
+        ceilings_kwh: of those routes, if vehicles were close at once in platoons of all who come to
+            a segment with an open gate within each of `WINDOWS_S`; then, if everybody followed
+            wherever the gate is open; then, if everybody followed everywhere.
     """
 
     seed: int
@@ -50,6 +58,7 @@ class Plan:
     hours: float
     alone_hours: float
     objective_saving: float
+    ceilings_kwh: tuple[float, ...]
 
 
 def plan(seed: int, objective: Literal["energy", "paper"], price_kw: float) -> Plan:
@@ -65,17 +74,44 @@ def plan(seed: int, objective: Literal["energy", "paper"], price_kw: float) -> P
     )
     with workers(settings) as (executor, solve):
         found = plan_fleet(instance_cycle(city, 1, cycle_settings), executor, solve)
-    driven, alone = measured(city, found.choice, True), measured(city, found.base, False)
+    expected = expected_drafting(city.problem, city.snapshot)
+    places = form_platoons(
+        found.choice.routes, city.snapshot, city.sync_window_s, 1, expected=expected
+    )
+    driven, alone = measured(city, found.choice, places), measured(city, found.base, {})
     saving = 1 - found.choice.objective_kwh / found.base.cost_kwh
-    return Plan(seed, objective, price_kw, driven[0], alone[0], driven[1], alone[1], saving)
+    ceilings = ceilings_kwh(city, found.base)
+    return Plan(
+        seed, objective, price_kw, driven[0], alone[0], driven[1], alone[1], saving, ceilings
+    )
 
 
-def measured(city: Instance, choice: Choice, platooning: bool) -> tuple[float, float]:
-    """(physical energy, kWh; time on the road, h) of a plan, whatever it was chosen by."""
+def ceilings_kwh(city: Instance, base: Choice) -> tuple[float, ...]:
+    """`Plan.ceilings_kwh` of routes without platooning."""
+    within = [form_platoons(base.routes, city.snapshot, window_s, 1) for window_s in WINDOWS_S]
+    everywhere = {
+        (route.vehicle, leg, position): segment
+        for route in base.routes
+        for leg, position, segment, _, _ in route.entries_s()
+    }
+    is_open = city.snapshot.segments
+    followed: list[dict[Passage, Place]] = [
+        {passage: _FOLLOWER for passage, segment in everywhere.items() if is_open[segment].open},
+        dict.fromkeys(everywhere, _FOLLOWER),
+    ]
+    return tuple(measured(city, base, places)[0] for places in (*within, *followed))
+
+
+def measured(
+    city: Instance, choice: Choice, places: Mapping[Passage, Place]
+) -> tuple[float, float]:
+    """(physical energy, kWh; time on the road, h) of a plan, whatever it was chosen by.
+
+    Args:
+        places: in platoons; of passages that are left out vehicles are alone.
+    """
     problem = replace(city.problem, objective="energy")
     roads = roads_of(problem, city.snapshot)
-    expected = expected_drafting(problem, city.snapshot)
-    places = form_platoons(choice.routes, city.snapshot, city.sync_window_s, 1, expected=expected)
     kwh = hours = 0.0
     for route in choice.routes:
         legs = tuple(
@@ -84,7 +120,7 @@ def measured(city: Instance, choice: Choice, platooning: bool) -> tuple[float, f
             else leg
             for leg in route.legs
         )
-        energy = route_energy(problem, replace(route, legs=legs), places if platooning else {})
+        energy = route_energy(problem, replace(route, legs=legs), places)
         kwh += energy.driven.total_kwh
         hours += energy.driving_s / 3600
     return kwh, hours
@@ -137,6 +173,17 @@ def report(plans: Sequence[Plan]) -> str:
             f"{price:g} kW: physical saving against the same without platooning "
             f"{statistics.mean(physical):.2%} ({min(physical):.2%} to {max(physical):.2%}), "
             f"objective and energy agree in {agree} of {len(ours)}."
+        )
+        most = [
+            statistics.mean(1 - p.ceilings_kwh[n] / p.alone_kwh for p in ours)
+            for n in range(len(WINDOWS_S) + 2)
+        ]
+        minutes = ", ".join(
+            f"within {s / 60:g} min {share:.2%}" for s, share in zip(WINDOWS_S, most, strict=False)
+        )
+        lines.append(
+            f"{price:g} kW: what drafting could save at most: {minutes}, everybody following "
+            f"behind open gates {most[-2]:.2%}, everywhere {most[-1]:.2%}."
         )
     return "\n".join(lines)
 

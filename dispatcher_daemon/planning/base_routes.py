@@ -47,6 +47,9 @@ _FIRST_PARTS: Final = 2
 """How many times as many stops as a round's the parts of a first search have."""
 _WHOLE_ROUNDS: Final = 5
 """Rounds in one, where a city is one part."""
+_WHOLE_TIMES: Final = 1.6
+"""How many times the iterations of those rounds it has: nothing is searched in parallel but seeds,
+so that there is time for more."""
 _DEEP_ROUNDS: Final = 2
 """Rounds in one in the second half: small steps in many cuts find little more by then."""
 _SEED_STEP: Final = 1_000_003
@@ -137,8 +140,9 @@ def base_routes(
         at_least_s = _MIN_PART_S * math.ceil(len(parts) / settings.workers)
         limit_s = min(left_s, max(limit_s, at_least_s))
         unassigned = set(unserved(stops, routes))
+        times = _WHOLE_TIMES * together if uncut else together
         found, cut = search.round(
-            parts, unassigned, routes, limit_s, seed + number, together, deep=deep
+            parts, unassigned, routes, limit_s, seed + number, times, deep=deep
         )
         routes |= found
         timed_out |= cut
@@ -223,7 +227,7 @@ class _Search:
         routes: StopsByVehicle,
         limit_s: float,
         seed: int,
-        times: int,
+        times: float,
         *,
         deep: bool = False,
     ) -> tuple[StopsByVehicle, bool]:
@@ -246,7 +250,7 @@ class _Search:
             attempt = Attempt(
                 model.data(required),
                 self._penalties if required else HIGH_PENALTIES,
-                most * max(1, len(part.stops)),
+                round(most * max(1, len(part.stops))),
                 deep=deep,
             )
             seeds = self._settings.workers // len(parts) if attempt.is_long else 1

@@ -29,14 +29,19 @@ from benchmarks.routing.figures import (
 )
 from benchmarks.routing.gap_run import improved, measure_gap, undivided
 from benchmarks.routing.instances import answer
+from benchmarks.routing.objectives import WINDOWS_S, ceilings_kwh, measured
 from benchmarks.routing.plots import draw
 from benchmarks.routing.report import Results, checks, markdown
 from benchmarks.routing.tables import percent
 from benchmarks.routing.watch import tree_mb, watched
+from dispatcher_daemon.planning import initial_plans
+from dispatcher_daemon.platooning import form_platoons
 from dispatcher_daemon.problem import Problem, RouteOption, RouteProblem
+from dispatcher_daemon.roads import fleet_travel
 from dispatcher_daemon.settings import CitySettings, SearchSettings
 from dispatcher_daemon.solvers.protocol import Outcome
 from research.cities.generator import generate_city
+from research.instances.forms import instance_cycle
 from slipstream.errors import InputError
 
 RUN = CityRun(
@@ -395,3 +400,19 @@ def test_published_instances_are_read_and_searched(tmp_path: Path) -> None:
     assert "60.0, 0 unserved" in (told := published.measure(cvrp, settings, 1))
     assert "0.00 % above 60;" in told
     assert "59.8, 0 unserved;" in published.measure(solomon, settings, 1)
+
+
+def test_nobody_drafts_more_than_everybody_who_follows() -> None:
+    """Longer windows and more open gates save more; so does any plan less than the last ceiling."""
+    city = generate_city(2, vehicles=16, stops=48, segments=100)
+    vehicles = city.problem.fleet.vehicles
+    stops = [stop.id for stop in city.problem.fleet.stops]
+    visits = {v.id: tuple(stops[n::16]) for n, v in enumerate(vehicles)}
+    travel = fleet_travel(city.problem, city.snapshot)
+    base = initial_plans(instance_cycle(city, 1), travel, visits, {}).base
+    alone = measured(city, base, {})[0]
+    together = form_platoons(base.routes, city.snapshot, city.sync_window_s, 1)
+    minute, ten, opened, everywhere = ceilings_kwh(city, base)
+    assert WINDOWS_S == (60.0, 600.0)
+    assert alone >= measured(city, base, together)[0] >= minute > ten > opened > everywhere
+    assert (alone - everywhere) / alone < 0.2

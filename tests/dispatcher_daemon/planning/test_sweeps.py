@@ -56,7 +56,7 @@ def start() -> tuple[Planner, list[Itinerary]]:
     ).under("paper")
     travel = Travel(city.problem, roads_of(city.problem, city.snapshot))
     names = [stop.id for stop in city.problem.fleet.stops]
-    search = SearchSettings(rounds=2, workers=1)
+    search = SearchSettings(rounds=1, workers=1)
     with ThreadPoolExecutor(1) as thread:
         routes = base_routes(city.problem, travel, names, search, thread, 1)
     missing: dict[str, str] = {}
