@@ -23,7 +23,8 @@ class SearchSettings(Settings):
         default=16,
         ge=1,
         le=100_000,
-        description="Iterations of iterated local search for each stop, in each round.",
+        description="Iterations of iterated local search for each stop, in each round; 1.6 times "
+        "as many where all stops are searched as one part.",
     )
     iterations_to_feasible: int = Field(
         default=20_000,
