@@ -21,7 +21,7 @@ from dispatcher_daemon.planning import plan_fleet
 from dispatcher_daemon.planning.sweeps import Choice
 from dispatcher_daemon.plans import route_energy
 from dispatcher_daemon.platooning import Passage, Place, expected_drafting, form_platoons
-from dispatcher_daemon.roads import leg_along, roads_of
+from dispatcher_daemon.roads import Leg, Route, leg_along, roads_of
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings
 from research.cities.generator import generate_city
 from research.instances.forms import instance_cycle
@@ -74,56 +74,63 @@ def plan(seed: int, objective: Literal["energy", "paper"], price_kw: float) -> P
     )
     with workers(settings) as (executor, solve):
         found = plan_fleet(instance_cycle(city, 1, cycle_settings), executor, solve)
-    expected = expected_drafting(city.problem, city.snapshot)
+    expected = expected_drafting(replace(problem, objective="energy"), city.snapshot)
     places = form_platoons(
         found.choice.routes, city.snapshot, city.sync_window_s, 1, expected=expected
     )
-    driven, alone = measured(city, found.choice, places), measured(city, found.base, {})
+    base = exact_drives(city, found.base)
+    driven, alone = (
+        measured(city, exact_drives(city, found.choice), places),
+        measured(city, base, {}),
+    )
     saving = 1 - found.choice.objective_kwh / found.base.cost_kwh
-    ceilings = ceilings_kwh(city, found.base)
+    ceilings = ceilings_kwh(city, base)
     return Plan(
         seed, objective, price_kw, driven[0], alone[0], driven[1], alone[1], saving, ceilings
     )
 
 
-def ceilings_kwh(city: Instance, base: Choice) -> tuple[float, ...]:
-    """`Plan.ceilings_kwh` of routes without platooning."""
-    within = [form_platoons(base.routes, city.snapshot, window_s, 1) for window_s in WINDOWS_S]
-    everywhere = {
-        (route.vehicle, leg, position): segment
-        for route in base.routes
+def ceilings_kwh(city: Instance, drives: Sequence[Route]) -> tuple[float, ...]:
+    """`Plan.ceilings_kwh` of the exact drives of routes without platooning."""
+    segments = city.snapshot.segments
+    open_or_not = {
+        (route.vehicle, leg, position): segments[segment].open
+        for route in drives
         for leg, position, segment, _, _ in route.entries_s()
     }
-    is_open = city.snapshot.segments
-    followed: list[dict[Passage, Place]] = [
-        {passage: _FOLLOWER for passage, segment in everywhere.items() if is_open[segment].open},
-        dict.fromkeys(everywhere, _FOLLOWER),
+    together = [
+        *(form_platoons(drives, city.snapshot, window_s, 1) for window_s in WINDOWS_S),
+        {passage: _FOLLOWER for passage, is_open in open_or_not.items() if is_open},
+        dict.fromkeys(open_or_not, _FOLLOWER),
     ]
-    return tuple(measured(city, base, places)[0] for places in (*within, *followed))
+    return tuple(measured(city, drives, places)[0] for places in together)
+
+
+def exact_drives(city: Instance, choice: Choice) -> tuple[Route, ...]:
+    """A plan's routes by the exact drives of their paths, whatever the plan was chosen by."""
+    problem = replace(city.problem, objective="energy")
+    roads = roads_of(problem, city.snapshot)
+
+    def exact(leg: Leg) -> Leg:
+        path = [roads.index[segment] for segment in leg.path]
+        return leg_along(roads, path, leg.start, leg.end, problem.style) if path else leg
+
+    return tuple(
+        replace(route, legs=tuple(exact(leg) for leg in route.legs)) for route in choice.routes
+    )
 
 
 def measured(
-    city: Instance, choice: Choice, places: Mapping[Passage, Place]
+    city: Instance, drives: Sequence[Route], places: Mapping[Passage, Place]
 ) -> tuple[float, float]:
-    """(physical energy, kWh; time on the road, h) of a plan, whatever it was chosen by.
+    """(physical energy, kWh; time on the road, h) of exact drives.
 
     Args:
         places: in platoons; of passages that are left out vehicles are alone.
     """
     problem = replace(city.problem, objective="energy")
-    roads = roads_of(problem, city.snapshot)
-    kwh = hours = 0.0
-    for route in choice.routes:
-        legs = tuple(
-            leg_along(roads, [roads.index[s] for s in leg.path], leg.start, leg.end, problem.style)
-            if leg.path
-            else leg
-            for leg in route.legs
-        )
-        energy = route_energy(problem, replace(route, legs=legs), places)
-        kwh += energy.driven.total_kwh
-        hours += energy.driving_s / 3600
-    return kwh, hours
+    energies = [route_energy(problem, route, places) for route in drives]
+    return sum(e.driven.total_kwh for e in energies), sum(e.driving_s for e in energies) / 3600
 
 
 def at_time(plans: Sequence[Plan], hours: float) -> float:
