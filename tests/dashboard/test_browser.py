@@ -44,6 +44,18 @@ LABELS = """() => {
 }"""
 
 
+BOXES = """(nodes) => nodes.map((node) => node.getBoundingClientRect())
+  .map(({x, y, width, height}) => ({x, y, width, height}))"""
+
+
+def _boxes(page: Any, selector: str) -> list[dict[str, float]]:
+    """Where all that match are drawn, px, at one moment: a block is drawn anew by each change, and
+    a node asked for by its number would be gone by then.
+    """
+    boxes: list[dict[str, float]] = page.locator(selector).evaluate_all(BOXES)
+    return [box for box in boxes if box["height"] > 0]
+
+
 @dataclass
 class View:
     """A served 3D view whose data the test may change."""
@@ -121,10 +133,8 @@ def test_the_panel_covers_nothing(browser, view, width):
     """Map and panel stand side by side, figures are one line high, no developer controls."""
     page = _open(browser, view, width, "?select=van/van-a")
     page.get_by_text("Vehicle van-a").wait_for(timeout=30_000)
-    canvas = page.locator("canvas[data-engine]").bounding_box()
-    blocks = page.locator(".sl")
-    boxes = [blocks.nth(index).bounding_box() for index in range(blocks.count())]
-    boxes = [box for box in boxes if box is not None and box["height"] > 0]
+    (canvas,) = _boxes(page, "canvas[data-engine]")
+    boxes = _boxes(page, ".sl")
     assert len(boxes) >= 4
     for box in boxes:
         assert box["x"] >= canvas["x"] + canvas["width"] - 1
@@ -132,14 +142,13 @@ def test_the_panel_covers_nothing(browser, view, width):
     for upper, lower in pairwise(boxes):
         assert lower["y"] >= upper["y"] + upper["height"] - 1
     assert canvas["width"] > width / 2
-    head = page.locator(".sl .head").bounding_box()
+    (head,) = _boxes(page, ".sl .head")
     assert 0 <= head["y"] < 200
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     for selector in (".sl .tile b", ".sl .facts .n"):
-        figures = page.locator(selector)
-        assert figures.count() >= 3
-        for index in range(figures.count()):
-            assert figures.nth(index).bounding_box()["height"] < 30
+        figures = _boxes(page, selector)
+        assert len(figures) >= 3
+        assert all(box["height"] < 30 for box in figures)
     for icon in ("adjustments", "share"):
         assert not page.locator(f".tabler-icon-{icon}").first.is_visible()
     page.close()
@@ -203,7 +212,7 @@ def test_a_click_selects(browser, view):
         wanted = {"rsu-avenue_east"} if kind == "rsu" else set()
         assert view.page.pictured_rsus() == wanted
     other = _open(browser, view, 1024)
-    assert other.get_by_text("Click a vehicle, a road or a camera").count() == 1
+    other.get_by_text("Click a vehicle, a road or a camera").wait_for(timeout=30_000)
     other.close()
     page.mouse.click(20, 760)
     page.get_by_text("Click a vehicle, a road or a camera").wait_for(timeout=30_000)
@@ -265,8 +274,7 @@ def test_north_and_scale_follow_the_camera(browser, view):
     client.camera.position = (3.0, 2.0, 3.0)
     client.camera.look_at = (0.0, 0.0, 0.0)
     assert _until(lambda: abs(_compass(page)[0] - before[0]) > 20)
-    box = page.locator("#sl-scale").bounding_box()
-    canvas = page.locator("canvas[data-engine]").bounding_box()
+    (box,), (canvas,) = _boxes(page, "#sl-scale"), _boxes(page, "canvas[data-engine]")
     assert canvas["x"] < box["x"]
     assert box["x"] + box["width"] < canvas["x"] + 250
     assert canvas["height"] - 80 < box["y"] < canvas["height"] - box["height"]
@@ -279,16 +287,18 @@ def test_a_phone_sees_map_and_panel(browser, view, scheme):
     page = _open(browser, view, 390, scheme=scheme)
     root = "getComputedStyle(document.documentElement).colorScheme"
     assert page.evaluate(root) == scheme
-    canvas = page.locator("canvas[data-engine]")
-    head = page.locator(".sl .head")
+
+    def seen() -> list[dict[str, float]]:
+        return _boxes(page, "canvas[data-engine], .sl .head")
 
     def apart() -> bool:
-        box = canvas.bounding_box()
-        return box["height"] > 250 and head.bounding_box()["y"] >= box["y"] + box["height"]
+        canvas, head = sorted(seen(), key=lambda box: box["y"])
+        return canvas["height"] > 250 and head["y"] >= canvas["y"] + canvas["height"]
 
-    assert _until(apart), (canvas.bounding_box(), head.bounding_box())
-    assert head.bounding_box()["x"] < 40
+    assert _until(lambda: len(seen()) == 2 and apart()), seen()
+    (head,) = _boxes(page, ".sl .head")
+    assert head["x"] < 40
     page.get_by_text("Slipstream in 3D", exact=True).click()
-    assert _until(lambda: canvas.bounding_box()["height"] > 700)
+    assert _until(lambda: _boxes(page, "canvas[data-engine]")[0]["height"] > 700)
     assert page.locator("#sl-scale").is_visible()
     page.close()

@@ -53,7 +53,7 @@ def ask(port: int, *lines: str, upgrade: bool = False) -> str:
             *("Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13"),
             *("Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==", f"Sec-WebSocket-Protocol: {VERSION}"),
         )
-    with socket.create_connection(("127.0.0.1", port), timeout=10) as client:
+    with socket.create_connection(("127.0.0.1", port), timeout=60) as client:
         client.sendall("\r\n".join(("GET / HTTP/1.1", *lines, "", "")).encode("latin-1"))
         return client.makefile("rb").readline().decode().strip()
 
@@ -92,7 +92,10 @@ def until(condition: Callable[[], bool], within_s: float = 60.0) -> bool:
 def client_of(server: viser.ViserServer) -> ClientConnection:
     """A browser's connection."""
     return connect(
-        f"ws://127.0.0.1:{server.get_port()}", subprotocols=[Subprotocol(VERSION)], proxy=None
+        f"ws://127.0.0.1:{server.get_port()}",
+        subprotocols=[Subprotocol(VERSION)],
+        proxy=None,
+        open_timeout=60,
     )
 
 
@@ -253,10 +256,10 @@ def test_bad_frames_write_no_traceback(
                 client.send(frame)
                 try:
                     # A camera's message is answered, most others end the connection.
-                    client.recv(timeout=10)
+                    client.recv(timeout=60)
                     client.send(b"\xc1")
                     while True:
-                        client.recv(timeout=10)
+                        client.recv(timeout=60)
                 except ConnectionClosed:
                     pass
         # asyncio tells of a task that failed when the task is collected.
@@ -278,8 +281,8 @@ def test_garbage_instead_of_a_request_writes_no_traceback(
     with caplog.at_level(logging.INFO):
         for garbage in (b"\x16\x03\x01\x02\x00\x01\x00\r\n\r\n", b"GET\r\n\r\n", b"X" * 20_000):
             for _ in range(20):
-                with socket.create_connection(("127.0.0.1", server.get_port()), 10) as client:
-                    client.settimeout(10)
+                with socket.create_connection(("127.0.0.1", server.get_port()), 60) as client:
+                    client.settimeout(60)
                     try:
                         client.sendall(garbage)
                         client.shutdown(socket.SHUT_WR)
@@ -304,10 +307,11 @@ def test_a_page_of_another_version_is_told_so(
                     f"ws://127.0.0.1:{server.get_port()}",
                     subprotocols=[Subprotocol("viser-v0.0.1")],
                     proxy=None,
+                    open_timeout=60,
                 ) as client,
                 pytest.raises(ConnectionClosed, match="Version mismatch"),
             ):
-                client.recv(timeout=10)
+                client.recv(timeout=60)
     assert len(lines_of(caplog)) == 1
     assert capfd.readouterr().out == ""
 
@@ -320,6 +324,7 @@ def test_a_foreign_handshake_ends_in_the_client(server: viser.ViserServer) -> No
             origin=Origin("https://foreign.example"),
             subprotocols=[Subprotocol(VERSION)],
             proxy=None,
+            open_timeout=60,
         )
     assert caught.value.response.status_code == 403
 

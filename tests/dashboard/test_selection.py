@@ -87,7 +87,7 @@ def server():
 
 def _get(port: int, path: str) -> tuple[int, str | None, bytes]:
     """Status, Location and body of an answer."""
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
     with contextlib.closing(connection):
         connection.request("GET", path)
         answer = connection.getresponse()
@@ -116,6 +116,6 @@ def test_a_connection_knows_its_selection(server: viser.ViserServer):
     protocol = [Subprotocol(f"viser-v{viser.__version__}")]
     for path in ("/select/van/a", "/select/rsu/b~2Fc", "", "/select/order/x"):
         url = f"ws://127.0.0.1:{server.get_port()}{path}"
-        with connect(url, subprotocols=protocol, proxy=None) as socket:
-            socket.recv(timeout=30)
+        with connect(url, subprotocols=protocol, proxy=None, open_timeout=60) as socket:
+            socket.recv(timeout=60)
     assert seen == [Selection("van", "a"), Selection("rsu", "b/c"), None, None]

@@ -133,7 +133,7 @@ def test_the_server_is_replaced_after_its_updates(world, now_ns, monkeypatch):
         for _ in range(10):
             page.show(LiveData(2, lambda: now_ns), now_ns)
             servers.append(page._server)
-            with socket.create_connection((settings.host, settings.scene_port), timeout=5):
+            with socket.create_connection((settings.host, settings.scene_port), timeout=60):
                 pass
         assert [server is servers[0] for server in servers] == [True] * 4 + [False] * 6
     finally:
@@ -175,7 +175,7 @@ def test_a_port_that_comes_free_late_is_waited_for(page_due_for_restart, now_ns,
     monkeypatch.setattr("dashboard.page.start_server", starts)
     page.show(LiveData(2, lambda: now_ns), now_ns)
     assert starts.tries == 3
-    with socket.create_connection((settings.host, settings.scene_port), timeout=5):
+    with socket.create_connection((settings.host, settings.scene_port), timeout=60):
         pass
 
 

@@ -119,7 +119,7 @@ def proxy(
     threading.Thread(target=api.serve_forever, daemon=True).start()
     process = subprocess.Popen([nginx, "-c", str(main)], stderr=subprocess.DEVNULL)
     try:
-        deadline = time.monotonic() + 10
+        deadline = time.monotonic() + 60
         while time.monotonic() < deadline:
             try:
                 _get(tls, {})
@@ -129,7 +129,7 @@ def proxy(
         yield tls
     finally:
         process.terminate()
-        process.wait(timeout=10)
+        process.wait(timeout=60)
         stop_server(server)
         page.close()
         api.shutdown()
@@ -144,7 +144,7 @@ def _trusting() -> ssl.SSLContext:
 
 
 def _fetch(port: int, path: str, headers: dict[str, str]) -> tuple[int, bytes]:
-    connection = http.client.HTTPSConnection("127.0.0.1", port, context=_trusting(), timeout=10)
+    connection = http.client.HTTPSConnection("127.0.0.1", port, context=_trusting(), timeout=60)
     try:
         connection.request("GET", path, headers=headers)
         answer = connection.getresponse()
@@ -168,7 +168,7 @@ def test_only_who_logs_in_sees_the_page(proxy: int) -> None:
     status, body = _fetch(proxy, "/api/config", {**LOGIN, "Host": NAME})
     assert (status, json.loads(body)["live"]) == (200, True)
     with _open_socket(proxy, f"https://{NAME}") as page:
-        assert isinstance(page.recv(timeout=10), bytes)
+        assert isinstance(page.recv(timeout=60), bytes)
 
 
 def test_the_api_gets_tokens_and_no_login_is_asked_for(proxy: int) -> None:
@@ -209,11 +209,12 @@ def _open_socket(proxy: int, origin: str) -> ClientConnection:
 
     return connect(
         f"wss://{NAME}/3d",
-        sock=socket.create_connection(("127.0.0.1", proxy), timeout=10),
+        sock=socket.create_connection(("127.0.0.1", proxy), timeout=60),
         server_hostname=NAME,
         ssl=_trusting(),
         origin=Origin(origin),
         additional_headers=LOGIN,
         subprotocols=[Subprotocol(f"viser-v{__version__}")],
         proxy=None,
+        open_timeout=60,
     )

@@ -430,7 +430,7 @@ def test_what_was_skipped_keeps_its_marks(
         offered.set()
 
     source = LiveSource(capture, "test")  # type: ignore[arg-type]
-    assert offered.wait(5)
+    assert offered.wait(60)
     frames = list(source.frames())
     marks = [(frame.clock_jump, frame.cut) for frame in frames if frame is not None]
     assert marks == [(True, True), (False, False)]

@@ -69,7 +69,7 @@ def test_sigterm_asks_the_daemon_to_stop() -> None:
     with Service("test", ServiceSettings()) as service:
         assert not service.wait(0.0)
         os.kill(os.getpid(), signal.SIGTERM)
-        assert service.wait(2.0)
+        assert service.wait(60.0)
     assert signal.getsignal(signal.SIGTERM) is before
 
 
@@ -100,7 +100,7 @@ def test_metrics_are_served_on_loopback() -> None:
     port = free_port()
     with (
         Service("t", ServiceSettings(metrics_port=port)),
-        urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=5) as answer,
+        urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=60) as answer,
     ):
         assert b"process_resident_memory_bytes" in answer.read()
 
@@ -114,7 +114,7 @@ def test_a_probe_sees_whether_the_work_goes_on(monkeypatch: pytest.MonkeyPatch) 
     port = free_port()
 
     def status(path: str) -> int:
-        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=5)
+        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
         connection.request("GET", path)
         answer = connection.getresponse()
         answer.read()
@@ -142,7 +142,7 @@ def test_readiness_names_what_the_daemon_waits_for() -> None:
     port = free_port()
 
     def probe(method: str = "GET") -> tuple[int, str]:
-        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=5)
+        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
         connection.request(method, "/readyz")
         answer = connection.getresponse()
         text = answer.read().decode()
@@ -191,7 +191,7 @@ def test_a_supervised_daemon_ends_with_its_supervisor() -> None:
     process.kill()
     process.wait()
     process.stdout.close()
-    deadline = time.monotonic() + 5
+    deadline = time.monotonic() + 60
     while _runs(orphan) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not _runs(orphan)

@@ -102,7 +102,7 @@ def test_a_stream_that_changes_its_size_is_left_out_until_it_fits() -> None:
     frames = source.frames()
     take(frames, 3)
     feed.picture = lambda _: SMALLER
-    deadline = time.monotonic() + 10
+    deadline = time.monotonic() + 60
     while source.counters.size_mismatch_s is None and time.monotonic() < deadline:
         next(frames)
     assert source.counters.size_mismatch_s is not None
@@ -157,7 +157,7 @@ def test_a_silent_server_is_given_up_and_tried_again(
     caplog.set_level(logging.WARNING)
     source = open_camera(f"http://user:secret@127.0.0.1:{silent}/x", 0.3)
     frames = source.frames()
-    deadline = time.monotonic() + 10
+    deadline = time.monotonic() + 60
     while source.counters.reconnects < 2 and time.monotonic() < deadline:
         assert next(frames) is None
     source.close()

@@ -138,7 +138,7 @@ def read_at(
         stopping.wait(30)
 
     source = LiveSource(capture, "test")
-    offer, frames = offers.get(timeout=10), source.frames()
+    offer, frames = offers.get(timeout=60), source.frames()
     taken, free_s = [], 0.0
     for number in range(round(seconds * CAMERA_FPS)):
         now_s = number / CAMERA_FPS

@@ -96,7 +96,7 @@ def camera() -> Iterator[tuple[LatestPicture, MjpegServer]]:
 
 
 def _get(server: MjpegServer, path: str) -> http.client.HTTPResponse:
-    connection = http.client.HTTPConnection("127.0.0.1", urlsplit(server.url).port or 0, timeout=5)
+    connection = http.client.HTTPConnection("127.0.0.1", urlsplit(server.url).port or 0, timeout=60)
     connection.request("GET", path)
     return connection.getresponse()
 
