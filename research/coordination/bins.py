@@ -12,7 +12,7 @@ from research.coordination.case import Bools, Case, Floats, Ints
 _LENGTHS_MS: Final = tuple(
     round(1000 * s) for s in (0.5, 1, 2, 3, 4, 5, 8, 10, 16, 20, 25, 40, 50, 80, 100, 200, 400)
 )
-_MAX_BINS: Final = 300
+_MAX_BINS: Final = 400
 """Of a trip: with more of them the descent needs more iterations."""
 _MAX_CELLS: Final = 2_500_000
 """Greatest number of (trip, link, bin), about: memory and time grow with it."""

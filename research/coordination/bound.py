@@ -23,10 +23,14 @@ import numpy.typing as npt
 from research.coordination.bins import Bins, Part, choose_bins
 from research.coordination.case import Case, Floats
 
-_ITERATIONS: Final = (300, 1000)
+_ITERATIONS: Final = (400, 1000)
 """Least and greatest number of steps."""
 _TRIP_ITERATIONS: Final = 300_000
 """Steps times trips, in between: small cases are quick."""
+_STEPS: Final = (1000.0, 100.0)
+"""Steps of the shares' logarithms at begin and end, divided by the number of them: their sum stays
+about the same. Longer ones end in shares that no longer move, shorter ones do not get there.
+"""
 _BACK_STEP: Final = 0.5
 """Step of γ, in L."""
 _TEMPERATURES: Final = (0.3, 0.01)
@@ -62,14 +66,19 @@ def upper_bound(case: Case, iterations: int | None = None) -> Bound:
         iterations = min(most, max(least, _TRIP_ITERATIONS // len(case.link)))
     prices = _Prices(case, bins)
     lowest = np.inf
-    hot, cold = _TEMPERATURES
     for iteration in range(iterations):
         values = prices.answers()
         # A trip's best is never below that of leaving undelayed and alone.
         total = sum(float(np.maximum(value.max(axis=1), 0.0).sum()) for value in values)
         lowest = min(lowest, total)
-        prices.descend(values, hot * (cold / hot) ** (iteration / iterations))
+        done = iteration / iterations
+        prices.descend(values, _between(_TEMPERATURES, done), _between(_STEPS, done) / iterations)
     return Bound(lowest, bins.length_ms / 1000)
+
+
+def _between(ends: tuple[float, float], done: float) -> float:
+    """From the first to the second, by equal factors."""
+    return ends[0] * (ends[1] / ends[0]) ** done
 
 
 class _Prices:
@@ -107,12 +116,13 @@ class _Prices:
             values.append(_answers(self._case, part, follower, charges))
         return values
 
-    def descend(self, values: list[Floats], temperature: float) -> None:
+    def descend(self, values: list[Floats], temperature: float, step: float) -> None:
         """Move shares towards trips that answer with a bin, and γ against its slope.
 
         Args:
             values: as `answers` gave them.
             temperature: of answers, as a share of a trip's drafting ceiling.
+            step: of the logarithms of shares, for an answer that is one bin's.
         """
         slope = np.zeros(len(self._loss))
         for number, (part, value) in enumerate(zip(self._bins.parts, values, strict=True)):
@@ -125,7 +135,7 @@ class _Prices:
                 terms = answers * (1 - 2 * mass / self._total[pool])
                 terms[self._pools[number] != ahead] = 0.0
                 slope += np.bincount(pool.ravel(), terms.ravel(), minlength=len(slope))
-            self._scores[number] = self._scores[number] + answers
+            self._scores[number] = self._scores[number] + step * answers
         moved = np.clip(self._back - _BACK_STEP * self._leader * slope, 0.0, self._leader)
         self._back = np.where(self._is_single, self._leader, moved)
         self._back[0] = 0.0
