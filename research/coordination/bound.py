@@ -78,7 +78,7 @@ def upper_bound(case: Case, iterations: int | None = None) -> Bound:
 
 def _between(ends: tuple[float, float], done: float) -> float:
     """From the first to the second, by equal factors."""
-    return ends[0] * (ends[1] / ends[0]) ** done
+    return float(ends[0] * (ends[1] / ends[0]) ** done)
 
 
 class _Prices:
