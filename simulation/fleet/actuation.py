@@ -13,7 +13,7 @@ from typing import Final
 import libsumo
 
 from simulation.sumo import FLEET_TYPES, TYPES
-from slipstream.messages import VehicleAdvice
+from slipstream.messages import VehicleAdvice, VehicleSensing
 
 SPEED_CHECKS: Final = 0b11011
 """SUMO's speed mode: all checks except the limit on deceleration. With that limit, a vehicle whose
@@ -21,6 +21,12 @@ speed is set would brake no harder than comfortable, even for a red light or a c
 
 ALONE, FOLLOWER = FLEET_TYPES
 
+_HAND_OVER_NS: Final = 3_000_000_000
+"""For so long after a close gap the driver's own model does not take over while the agent commands
+the speed and the own lane is free. A partner that leaves by the other lane of a fork is no longer
+sensed ahead, but SUMO counts it as that until it has cleared the fork: to its gap of 3 m the IDM
+would answer by standing within a step, as the speed mode has no limit on deceleration.
+"""
 _LANE_S: Final = 3.0
 # Lanes are changed for the route and for others, not for speed nor to keep right.
 _BEHIND_LEADER: Final = 0b011000000101
@@ -63,24 +69,25 @@ class Driver:
     close: bool = False
     _held: bool = False
     _factor: float = 1.0
+    _is_follower: bool = False
+    _close_ns: int = 0
 
     def begin(self) -> None:
         """The vehicle has come onto the road."""
         libsumo.vehicle.setSpeedMode(self.name, SPEED_CHECKS)
         self._set_factor(self.pace)
 
-    def obey(self, advice: VehicleAdvice | None, segment: str) -> None:
+    def obey(self, advice: VehicleAdvice | None, sensed: VehicleSensing) -> None:
         """Set what the coming step is driven by.
 
         Args:
             advice: that holds; None: none does.
-            segment: that the vehicle is on.
+            sensed: by the vehicle.
         """
         mode = "none" if advice is None else advice.mode
-        close = mode in ("follow", "open_gap")
-        if close != self.close:
-            self._take_control() if close else self._return_control()
+        self.close = mode in ("follow", "open_gap")
         commanded = advice is not None and mode in ("speed", "follow", "open_gap")
+        self._choose_type(sensed, commanded)
         if advice is not None and commanded:
             assert advice.speed_mps is not None
             libsumo.vehicle.setSpeed(self.name, advice.speed_mps)
@@ -88,7 +95,7 @@ class Driver:
         elif self._held:
             libsumo.vehicle.setSpeed(self.name, -1)
             self._held = False
-        self._set_factor(self.pace if close else self._cruise_factor(advice, segment))
+        self._set_factor(self.pace if self.close else self._cruise_factor(advice, sensed.segment))
         if advice is not None and advice.lane is not None:
             self._change_lane(advice.lane)
 
@@ -112,18 +119,31 @@ class Driver:
         if lane < len(lanes) and lanes[lane][4]:
             vehicle.changeLane(self.name, lane, _LANE_S)
 
+    def _choose_type(self, sensed: VehicleSensing, commanded: bool) -> None:
+        if self.close:
+            self._close_ns = sensed.time_ns
+            if not self._is_follower:
+                self._take_control()
+        elif self._is_follower:
+            alone = TYPES[ALONE]
+            own_gap_m = alone.min_gap_m + alone.time_gap_s * sensed.speed_mps
+            is_free = sensed.ahead is None or sensed.ahead.gap_m > own_gap_m
+            is_soon = sensed.time_ns < self._close_ns + _HAND_OVER_NS
+            if not (commanded and is_free and is_soon):
+                self._return_control()
+
     def _take_control(self) -> None:
         add_follower_type()
         vehicle = libsumo.vehicle
         vehicle.setType(self.name, FOLLOWER)
         vehicle.setSpeedMode(self.name, SPEED_CHECKS)
         vehicle.setLaneChangeMode(self.name, _BEHIND_LEADER)
-        self.close, self._factor = True, 1.0  # SUMO resets the factor with the type
+        self._is_follower, self._factor = True, 1.0  # SUMO resets the factor with the type
 
     def _return_control(self) -> None:
         libsumo.vehicle.setType(self.name, ALONE)
         libsumo.vehicle.setLaneChangeMode(self.name, _AS_DRIVERS_DO)
-        self.close, self._factor = False, 1.0
+        self._is_follower, self._factor = False, 1.0
 
     def _set_factor(self, factor: float) -> None:
         if factor != self._factor:

@@ -269,7 +269,7 @@ class FleetWorld:
             self._navigate(name, van, van.way, advice)
             if advice is not None:
                 self._advice[name] = advice
-            van.driver.obey(advice, self._sensed[name].segment)
+            van.driver.obey(advice, self._sensed[name])
             if van.driver.close and advice is not None:
                 self._following[name] = advice.mode == "follow"
                 if advice.mode == "follow":
