@@ -14,7 +14,7 @@ from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import Any, Final
 
-from research.coordination.cells import NONE_KWH, OWN, Cell, Result, found, measured
+from research.coordination.cells import OWN, Cell, Result, found, measured
 from research.coordination.picture import BOUND, PLACES, PRICES_KW, by_density, draw, shares
 from research.coordination.strategies import STRATEGIES
 from simulation.evaluation.measures import Evaluation, Spread
@@ -24,6 +24,8 @@ from simulation.evaluation.runs import not_writable, write_atomically
 WINDOW_MIN: Final = 10
 """A trip arrives so much before or after the preferred time at most: as long as the scenario's
 vans may wait for each other at their depot."""
+_NOTHING: Final = 0.0005
+"""Of the drafting ceiling: shown as 0.0 %."""
 _CELLS: Final = "planned"
 _START_VEHICLES: Final = 200
 """A cell takes about as long as so many vehicles more."""
@@ -139,7 +141,8 @@ def _table(price_kw: int, rows: tuple[tuple[str, ...], ...]) -> Table:
 
 
 def _row(cells: Sequence[Result]) -> tuple[str, ...]:
-    bounded = [r for r in cells if r.bounded.bound_kwh > NONE_KWH]
+    # The share of a bound that is next to nothing says nothing.
+    bounded = [r for r in cells if r.bound_share >= _NOTHING]
     own = [(r.row(OWN).outcome, r.plans.ceiling_kwh) for r in cells]
 
     def unfair(strategy: str) -> str:

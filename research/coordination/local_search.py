@@ -53,20 +53,32 @@ def local_search(case: Case, seed: int = 1, trials: int | None = None) -> Plan:
 
 
 def nobody_worse_off(case: Case, plan: Plan) -> Plan:
-    """The plan with waits taken out of it until each carrier has at least what it has alone.
+    """The plan changed until each carrier has at least what it has alone.
 
-    Of a carrier that has less, the trip that loses most leaves undelayed; without waits none
-    loses.
+    Of a carrier that has less, the trip that loses most follows whom it waits for instead of
+    leading it, if all together lose no more by that than a millisecond's wait; else it leaves
+    undelayed. Without waits none loses.
     """
     kept = plan.copy()
+    own = trip_values_kwh(case, kept)
+    is_tried = np.zeros(len(plan), dtype=bool)
     while True:
-        own = trip_values_kwh(case, kept)
         carriers = np.bincount(case.carrier, weights=own)
         losing = np.where(carriers[case.carrier] < -_ROUNDING_KWH, own, np.inf)
         trip = int(losing.argmin())
         if losing[trip] == np.inf:
             return kept
+        before, least_kwh = kept[trip].copy(), own.sum() - case.price_kwh_per_ms - _ROUNDING_KWH
+        if not is_tried[trip] and before[-1] < case.slack_ms[trip]:
+            is_tried[trip] = True
+            # Who waits for another enters with it, and then chance has decided who leads.
+            kept[trip] = np.where(before > 0, before + 1, 0)
+            changed = trip_values_kwh(case, kept)
+            if changed[trip] > own[trip] and changed.sum() >= least_kwh:
+                own = changed
+                continue
         kept[trip] = 0
+        own = trip_values_kwh(case, kept)
 
 
 class _Search:

@@ -86,11 +86,21 @@ def test_the_best_answer_waits_at_a_hub_where_that_pays() -> None:
     assert schedule.value_kwh(0, delays, Worth.equally_shared()) == pytest.approx(2.5 * 2 - 0.5)
 
 
-def test_a_carrier_that_would_lose_does_not_wait() -> None:
-    """The leader's 1 kWh is less than its wait of 2; its partner then drives alone, too."""
+def test_who_waits_follows_if_it_would_lose_as_the_leader() -> None:
+    """A leader's 1 kWh is less than its wait of 2, a follower's 4 are more."""
     case = one_segment([0, 10], price_kw=720.0)
     plan = np.array([[10_000], [0]])
-    assert min(evaluate(case, plan).carrier_kwh) == pytest.approx(-1.0)
+    assert evaluate(case, plan).carrier_kwh == pytest.approx((-1.0, 4.0))
+    fair = nobody_worse_off(case, plan)
+    assert fair.tolist() == [[10_001], [0]]
+    assert evaluate(case, fair).carrier_kwh == pytest.approx((2.0, 1.0), abs=0.001)
+
+
+def test_a_carrier_that_would_lose_does_not_wait() -> None:
+    """Even a follower's 4 kWh are less than its wait of 4.5; its partner then drives alone, too."""
+    case = one_segment([0, 10], price_kw=1620.0)
+    plan = np.array([[10_000], [0]])
+    assert min(evaluate(case, plan).carrier_kwh) == pytest.approx(-3.5)
     fair = nobody_worse_off(case, plan)
     assert not fair.any()
     assert min(evaluate(case, fair).carrier_kwh) == 0.0
