@@ -137,7 +137,7 @@ def test_a_stuck_detector_silences_the_watchdog(tmp_path: Path, router: Router) 
         assert manager.hears("WATCHDOG=1", _WATCHDOG_S)
         manager.process.send_signal(signal.SIGTERM)
         assert manager.hears("STOPPING=1", 5)
-        assert manager.process.wait(timeout=60) == 0
+        assert manager.process.wait(timeout=10) == 0
 
 
 @pytest.mark.slow(long=True)
@@ -192,4 +192,4 @@ def test_agents_without_a_vehicle_to_advise_tell_their_progress(tmp_path: Path) 
             assert manager.hears("WATCHDOG=1", _WATCHDOG_S)
         manager.process.send_signal(signal.SIGTERM)
         assert manager.hears("STOPPING=1", 10)
-        assert manager.process.wait(timeout=60) == 0
+        assert manager.process.wait(timeout=10) == 0

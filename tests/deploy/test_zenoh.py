@@ -533,7 +533,7 @@ def test_the_service_carries_messages(tmp_path: Path, users: Path) -> None:
             publisher.put(b"state")
             assert seen.wait_for(b"state", 20)
         process.send_signal(signal.SIGTERM)
-        assert process.wait(timeout=60) == 0
+        assert process.wait(timeout=10) == 0
     finally:
         process.kill()
         process.wait()

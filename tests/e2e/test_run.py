@@ -274,7 +274,7 @@ def test_a_killed_supervisor_leaves_nothing_behind(start: Callable[..., Run]) ->
     run.says(lambda line: "the dashboard is at" in line, 600)
     run.process.kill()
     run.process.wait()
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 10
     while left_over(run.state) and time.monotonic() < deadline:
         time.sleep(0.1)
     assert left_over(run.state) == []

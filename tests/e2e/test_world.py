@@ -106,7 +106,7 @@ def test_plans_move_vehicles_before_cameras_that_rsus_watch(
     output, _ = world.process.communicate(timeout=60)
     assert time.monotonic() - began < 20
     assert world.process.returncode == 0, "\n".join(world.log)
-    _, alive = psutil.wait_procs(children, timeout=60)
+    _, alive = psutil.wait_procs(children, timeout=5)
     assert alive == []
     figures = json.loads(output)
     assert figures["dashboard_http"] == 200

@@ -148,7 +148,7 @@ def test_hung_in_submit_and_found_by_its_tag(
     workers = [p for p in psutil.Process().children() if "spawn_main" in " ".join(p.cmdline())]
     manager.close()
     assert len(workers) == 1
-    psutil.wait_procs(workers, timeout=60)
+    psutil.wait_procs(workers, timeout=5)
     assert not any(worker.is_running() for worker in workers)
 
 

@@ -149,7 +149,7 @@ def test_closing_early_ends_the_threads_and_the_source() -> None:
     stream = detect_stream(source(), Numbered())
     next(stream)
     stream.close()
-    assert closed.wait(60)
+    assert closed.wait(2)
     assert set(threading.enumerate()) <= before
     items = prefetch(iter(source()), 2)
     next(items)

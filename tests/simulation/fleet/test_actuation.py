@@ -73,7 +73,7 @@ def drive(
     session: Session, driver: Driver, told: VehicleAdvice | None, seconds: float = 20.0
 ) -> float:
     """Speed after a while of the same advice."""
-    for _ in range(round(seconds / 0.5)):
+    for _ in range(round(seconds / STEP_S)):
         driver.obey(told, sensing())
         session.advance()
     return float(libsumo.vehicle.getSpeed(NAME))

@@ -221,7 +221,7 @@ def test_workers_end_with_a_killed_parent(tmp_path: Path) -> None:
         children = psutil.Process(parent.pid).children(recursive=True)
         assert children
         parent.kill()
-    _, alive = psutil.wait_procs(children, timeout=60)
+    _, alive = psutil.wait_procs(children, timeout=5)
     assert alive == []
 
 
