@@ -1,8 +1,10 @@
 """The agreement of two vehicles that the front one waits for the rear one, from either side.
 
 The rear vehicle asks the front one, or the leader of its platoon, to take a share b off its speed,
-and asks again each second, with what it needs by then. The other one agrees if nobody else has
-asked it. It goes on as before when the rear one has come, leaves, or has not asked for 5 s.
+and asks again each second, with what it needs by then. The other one agrees if it has heard the
+rear one behind it on its road, nobody else has asked it, and it has not waited for others for 300 s
+in an hour already. It goes on as before when the rear one has come, leaves, or has not asked for
+5 s.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ RENEW_NS: Final = 1_000_000_000
 """Between two requests of a vehicle that catches up."""
 
 _MAX_CLOSING_NS: Final = round(MAX_CLOSING_S * 1e9)
+_HOUR_NS: Final = 3600 * 1_000_000_000
 
 MAX_REASON: Final = 200
 """Letters of a reason in a message."""
@@ -40,15 +43,15 @@ class Joined:
     slowdown: float = 0.0
     _until_ns: int = 0
 
-    def ask(self, request: PlatoonManagement, now_ns: int) -> bool:
-        """Take a request; False: another vehicle has asked before."""
+    def ask(self, request: PlatoonManagement, now_ns: int) -> str | None:
+        """Take a request; or why not, in words for people."""
         self.expire(now_ns)
         if self.by not in (None, request.vehicle):
-            return False
+            return f"{self.by} joins it"
         self.by = request.vehicle
         self.slowdown = min(request.slowdown, MAX_SLOWDOWN)
         self._until_ns = now_ns + EXPIRY_NS
-        return True
+        return None
 
     def expire(self, now_ns: int) -> None:
         """End it if it was not renewed, or if the clock was set back."""
@@ -58,6 +61,34 @@ class Joined:
     def end(self) -> None:
         """Wait for nobody."""
         self.by, self.slowdown, self._until_ns = None, 0.0, 0
+
+
+@dataclass
+class Waits:
+    """For how long a vehicle has driven more slowly for others, whoever they were.
+
+    It counts for an hour from the first wait on, then anew; and anew once another vehicle than the
+    last one has come, as the own sensing has it.
+    """
+
+    _spent_ns: int = 0
+    _hour_began_ns: int = 0
+    _come: str | None = None
+
+    def are_spent(self, now_ns: int) -> bool:
+        """Whether it has waited for as long as it does in an hour."""
+        if self._spent_ns == 0 or not 0 <= now_ns - self._hour_began_ns < _HOUR_NS:
+            self._spent_ns, self._hour_began_ns = 0, now_ns
+        return self._spent_ns >= _MAX_CLOSING_NS
+
+    def add(self, seconds: float) -> None:
+        """It waits for so long."""
+        self._spent_ns += round(seconds * 1e9)
+
+    def end_with(self, vehicle: str) -> None:
+        """A vehicle has come close behind."""
+        if vehicle != self._come:
+            self._come, self._spent_ns = vehicle, 0
 
 
 @dataclass
@@ -114,10 +145,11 @@ class Agreements:
     Attributes:
         joined: whom it waits for.
         joining: whom it catches up with.
+        waits: for how long it has waited.
     """
 
     def __init__(self, vehicle: str) -> None:
-        self.joined, self.joining = Joined(), Joining()
+        self.joined, self.joining, self.waits = Joined(), Joining(), Waits()
         self._vehicle = vehicle
         self._sequences = Sequences(RENEW_NS)
         self._sequence = 0

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 from slipstream.messages import PlatoonControl, PlatoonMode
 from vehicle_agent.leg import Leg
 from vehicle_agent.platooning.gap_control import CLOSE_GAP_M
-from vehicle_agent.platooning.neighbours import Neighbours
 from vehicle_agent.platooning.situation import Situation
 
 _MAX_SEGMENTS: Final = 64
@@ -35,7 +35,7 @@ class ControlMessages:
         ahead: PlatoonControl | None,
         announced_mps: float,
         joined_by: str | None,
-        neighbours: Neighbours,
+        platoon: Sequence[PlatoonControl],
     ) -> PlatoonControl:
         """The next message.
 
@@ -45,7 +45,7 @@ class ControlMessages:
             ahead: last message of the vehicle that it follows; None: it follows none.
             announced_mps: its speed at the end of the interval.
             joined_by: whom it waits for.
-            neighbours: its followers are among them.
+            platoon: of its followers.
         """
         s, state = situation, situation.state
         leader = self._vehicle
@@ -69,7 +69,7 @@ class ControlMessages:
             ahead=None if ahead is None else ahead.vehicle,
             leader=leader,
             joined_by=joined_by,
-            tail_m=self._tail_m(neighbours),
+            tail_m=self._tail_m(platoon),
             gap_m=s.gap_m if sensed else None,
             platoon=s.planned.platoon,
             place=s.planned.place,
@@ -82,12 +82,12 @@ class ControlMessages:
             self._path, self._path_of = leg.path[number : number + _MAX_SEGMENTS], (leg, number)
         return self._path
 
-    def _tail_m(self, neighbours: Neighbours) -> float:
+    def _tail_m(self, platoon: Sequence[PlatoonControl]) -> float:
         """From its front to the rear of its last follower in a close gap."""
         behind_m = max(
             (
                 max(0.0, m.gap_m) + m.tail_m
-                for m in (heard.message for heard in neighbours)
+                for m in platoon
                 if m.ahead == self._vehicle and m.gap_m is not None and m.gap_m <= CLOSE_GAP_M
             ),
             default=0.0,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from bisect import bisect_left, bisect_right
 
 from slipstream.drafting import DragLaw
 from slipstream.messages import PlatoonControl, PlatoonManagement, VehicleSensing
@@ -19,6 +19,7 @@ from vehicle_agent.platooning.catch_up import (
 from vehicle_agent.platooning.control_message import ControlMessages
 from vehicle_agent.platooning.gap_control import CLOSE_GAP_M, IDM
 from vehicle_agent.platooning.interface import Gates, PlatoonStep
+from vehicle_agent.platooning.join_leave import followers, no_waiting_for
 from vehicle_agent.platooning.membership import Membership
 from vehicle_agent.platooning.neighbours import Heard, Neighbours
 from vehicle_agent.platooning.shared_path import MAX_DISTANCE_M
@@ -30,8 +31,6 @@ from vehicle_agent.platooning.speed_commands import (
     leading_mps,
     obeys,
 )
-
-_SEGMENTS_BEHIND: Final = 2
 
 
 class Platooning:
@@ -75,20 +74,21 @@ class Platooning:
         self._drop_back = False
         self._cruise_mps: float | None = None
         self._lead_mps: float | None = None
+        self._commanded_mps: float | None = None
         self._now_ns = self._look_ns = 0
+        self._requests: dict[str, PlatoonManagement] = {}
+        self._platoon: tuple[PlatoonControl, ...] = ()
 
     @staticmethod
     def segments_of_interest(leg: Leg, state: VehicleState) -> tuple[str, ...]:
         """Segments whose vehicles' PlatoonControl it must hear, in the order of the path.
 
-        The path as far ahead as a rendezvous may be from anywhere on the present segment, so that
-        they stay the same on it however long it is, and the two segments behind.
+        The path as far ahead and behind as a rendezvous may be from anywhere on the present
+        segment, so that they stay the same on it however long it is.
         """
-        begins_m, reach_m = leg.begins_m, leg.ends_m[state.number] + MAX_DISTANCE_M
-        last = state.number
-        while last + 1 < len(begins_m) and begins_m[last + 1] <= reach_m:
-            last += 1
-        return leg.path[max(0, state.number - _SEGMENTS_BEHIND) : last + 1]
+        first = bisect_left(leg.ends_m, leg.begins_m[state.number] - MAX_DISTANCE_M)
+        last = bisect_right(leg.begins_m, leg.ends_m[state.number] + MAX_DISTANCE_M)
+        return leg.path[first:last]
 
     def receive(self, message: PlatoonControl | PlatoonManagement, now_ns: int) -> None:
         """Take a message; those of the future, late, out of order or to others are ignored."""
@@ -97,7 +97,7 @@ class Platooning:
         elif self._agreements.admit(message, now_ns):
             self._now_ns = now_ns
             if message.kind == "join_request":
-                self._answer(message)
+                self._requests[message.vehicle] = message
             elif message.kind == "leave":
                 self._other_leaves(message)
             elif not message.accepted:
@@ -121,6 +121,7 @@ class Platooning:
             self._leave(reason, tell=False)
         agreements.joined.end()
         agreements.joining.end()
+        self._requests.clear()
         for partner in sorted(name for name in told if name is not None):
             agreements.send(self._now_ns, "leave", partner, reason=reason)
         self._member.end(reason, self._now_ns)
@@ -150,13 +151,19 @@ class Platooning:
         if len(self._neighbours):
             self._neighbours.forget(now_ns)
         self._agreements.joined.expire(now_ns)
-        if any(one.vehicle == self._agreements.joined.by for one in self._platoon()):
-            self._agreements.joined.end()  # it has come
         s = look(
             *(now_ns, leg, state, sensing, gates),
             *(self._neighbours, self._parameters, self._pace, self._interval_s),
-            self._drafting,
+            *(self._drafting, self._commanded_mps),
         )
+        self._platoon = followers(s, self._neighbours, self._vehicle)
+        if any(one.vehicle == self._agreements.joined.by for one in self._platoon):
+            self._agreements.joined.end()  # it has come
+        for one in self._platoon:
+            close = s.behind is not None and s.behind.gap_m <= CLOSE_GAP_M
+            if s.behind is not None and close and s.behind.vehicle == one.vehicle:
+                self._agreements.waits.end_with(one.vehicle)
+        self._answer(s)
         if len(self._neighbours) or self._member.mode != "alone" or self._agreements.joining.front:
             self._decide(s)
         cap = math.inf if cap_mps is None else cap_mps
@@ -201,18 +208,26 @@ class Platooning:
         if asked is not None:
             self._agreements.send(s.now_ns, "join_request", asked, slowdown=slowdown)
 
-    def _answer(self, request: PlatoonManagement) -> None:
-        joined = self._agreements.joined
-        reason = None
-        if self._member.mode != "alone":
-            reason = f"it is {self._member.mode}"
-        elif not joined.ask(request, self._now_ns):
-            reason = f"{joined.by} joins it"
-        self._agreements.send(
-            *(self._now_ns, "join_response", request.vehicle),
-            accepted=reason is None,
-            reason=reason,
-        )
+    def _answer(self, s: Situation) -> None:
+        """Answer who has asked it to wait since the last step, the first one first."""
+        agreements, requests = self._agreements, self._requests
+        self._requests = {}
+        spent = agreements.waits.are_spent(s.now_ns)
+        if spent:
+            agreements.joined.end()
+        for request in requests.values():
+            if self._member.mode != "alone":
+                reason: str | None = f"it is {self._member.mode}"
+            elif spent:
+                reason = "it has waited for others for long"
+            else:
+                reason = no_waiting_for(s, self._neighbours, request.vehicle)
+                reason = reason or agreements.joined.ask(request, s.now_ns)
+            agreements.send(
+                *(s.now_ns, "join_response", request.vehicle),
+                accepted=reason is None,
+                reason=reason,
+            )
 
     def _other_leaves(self, message: PlatoonManagement) -> None:
         name, agreements = message.vehicle, self._agreements
@@ -234,11 +249,6 @@ class Platooning:
     def _followers(self) -> list[Heard]:
         return [heard for heard in self._neighbours if heard.message.ahead == self._vehicle]
 
-    def _platoon(self) -> list[PlatoonControl]:
-        """Last messages of all who follow it, or others that do."""
-        told = [heard.message for heard in self._neighbours]
-        return [one for one in told if one.mode == "following" and one.leader == self._vehicle]
-
     def _may_be_commanded(self, s: Situation) -> bool:
         """Whether a vehicle alone may be commanded as a leader: on a road without signals, not just
         out of a close gap, and with no vehicle nearer than its driver would let it come. There its
@@ -257,19 +267,25 @@ class Platooning:
         cruise = wanted = None
         partner = self._member.partner
         if mode == "alone":
-            platoon = self._platoon()
+            platoon = self._platoon
             lags = closing_slowdown(s, platoon)
-            waits = DROP_BACK if self._drop_back else max(agreements.joined.slowdown, lags)
+            if agreements.waits.are_spent(s.now_ns):
+                lags = 0.0
+            waits = max(agreements.joined.slowdown, lags)
+            if waits > 0:
+                agreements.waits.add(s.own.interval_s)
+            if self._drop_back:
+                waits = DROP_BACK
             cruise = cruise_mps(s, waits, agreements.joining, self._cruise_mps)
             partner = agreements.joining.front or agreements.joined.by
             if partner is None and lags > 0:
                 partner = platoon[0].vehicle
         elif mode == "following":
-            wanted = s.own.wanted_gap_m
+            wanted = s.own.wanted_gap_m + s.margin_m
         else:
             wanted = IDM.desired_gap_m(s.state.speed_mps)
         self._cruise_mps = cruise
-        leads = mode == "alone" and self._may_be_commanded(s) and bool(self._platoon())
+        leads = mode == "alone" and self._may_be_commanded(s) and bool(self._platoon)
         told_mps, lead_mps = speed, None
         if leads:
             set_mps = s.own.desired_mps if cruise is None else cruise
@@ -277,9 +293,10 @@ class Platooning:
             if obeys(s, self._lead_mps):
                 told_mps = lead_mps
         self._lead_mps = lead_mps
+        self._commanded_mps = lead_mps if speed is None else speed
         announced = announced_mps(s, told_mps, cap_mps if lead_mps is None else lead_mps)
         control = self._controls.make(
-            s, mode, follows, announced, agreements.joined.by, self._neighbours
+            s, mode, follows, announced, agreements.joined.by, self._platoon
         )
         behind = mode != "alone" and s.ahead is not None and s.ahead.vehicle == self._member.partner
         return PlatoonStep(

@@ -1,4 +1,6 @@
-"""Whether a vehicle may follow the one directly ahead: gates, the shared path, what it saves."""
+"""Whether a vehicle may follow the one directly ahead: gates, the shared path, what it saves; and
+which of those behind it it believes that they follow it or come.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +14,14 @@ from vehicle_agent.platooning.gap_control import (
     MIN_SPEED_MPS,
     leaving_distance_m,
 )
+from vehicle_agent.platooning.neighbours import Neighbours
 from vehicle_agent.platooning.rendezvous import MARGIN_KWH, best_rendezvous
-from vehicle_agent.platooning.shared_path import SharedPath, find_shared_path
+from vehicle_agent.platooning.shared_path import (
+    PLACE_TOLERANCE_M,
+    SharedPath,
+    comes_behind,
+    find_shared_path,
+)
 from vehicle_agent.platooning.situation import Situation
 
 _START_M: Final = 10.0
@@ -42,7 +50,55 @@ def obstacle(situation: Situation, *, keeps: bool) -> str | None:
     shared = find_shared_path(s.leg, s.state.number, s.place_m, s.partner, s.partner_age_s)
     if shared is None:
         return f"{s.partner.vehicle} drives another way"
+    if abs(shared.spacing_m - s.partner.length_m - s.gap_m) > PLACE_TOLERANCE_M:
+        return f"{s.partner.vehicle} tells another place than it is sensed at"
     return _worth(s, shared, s.partner, keeps=keeps)
+
+
+def no_waiting_for(situation: Situation, neighbours: Neighbours, vehicle: str) -> str | None:
+    """Why a vehicle that asks is not waited for, in words for people; None: it may come."""
+    heard = neighbours.fresh(vehicle, situation.now_ns)
+    if heard is None:
+        return f"{vehicle} was not heard"
+    if not comes_behind(situation.leg, situation.state, heard[0]):
+        return f"{vehicle} is not behind on the same road"
+    return None
+
+
+def followers(
+    situation: Situation, neighbours: Neighbours, vehicle: str
+) -> tuple[PlatoonControl, ...]:
+    """Last messages of all who follow a vehicle, or others that do, front to back.
+
+    Believed is who comes from behind, is not so far from the one ahead of it that it would leave
+    it, and, directly behind, is where the own sensing has it.
+
+    Args:
+        situation: of the vehicle.
+        neighbours: that it has heard.
+        vehicle: its id.
+    """
+    s, found, chain = situation, [], [vehicle]
+    told = [heard.message for heard in neighbours if heard.message.mode == "following"]
+    for ahead in chain:
+        direct = [one for one in told if one.ahead == ahead and _is_where_it_tells(s, one, vehicle)]
+        found += direct
+        chain += [one.vehicle for one in direct if one.vehicle not in chain]
+    return tuple(found)
+
+
+def _is_where_it_tells(s: Situation, follower: PlatoonControl, vehicle: str) -> bool:
+    gap_m, sensed = follower.gap_m, s.behind
+    if not comes_behind(s.leg, s.state, follower):
+        return False
+    if gap_m is None:
+        return True
+    if gap_m > _KEEP_SPACINGS * _spacing_m(follower.speed_mps):
+        return False
+    if sensed is None or follower.ahead != vehicle:
+        return True
+    recognised = sensed.vehicle in (None, follower.vehicle)
+    return recognised and abs(sensed.gap_m - gap_m) <= PLACE_TOLERANCE_M
 
 
 def turbulent_segment(situation: Situation) -> str | None:
@@ -72,9 +128,7 @@ def _worth(s: Situation, shared: SharedPath, front: PlatoonControl, *, keeps: bo
     if not s.gates.is_open(s.state.segment):
         return f"the gate of {s.state.segment} is not open"
     speed_mps, gap_m, own = s.state.speed_mps, s.gap_m, s.own
-    # From farther away the car-following model does better, with signals and others in between.
-    spacing_m = _START_M + IDM.desired_gap_m(speed_mps)
-    if gap_m > (_KEEP_SPACINGS if keeps else _JOIN_SPACINGS) * spacing_m:
+    if gap_m > (_KEEP_SPACINGS if keeps else _JOIN_SPACINGS) * _spacing_m(speed_mps):
         return f"{front.vehicle} is too far ahead"
     short = "the shared road with open gates is too short"
     if keeps:
@@ -94,3 +148,10 @@ def _worth(s: Situation, shared: SharedPath, front: PlatoonControl, *, keeps: bo
         margin_kwh=0.0 if is_planned_behind(s, front) else MARGIN_KWH,
     )
     return short if rendezvous is None else None
+
+
+def _spacing_m(speed_mps: float) -> float:
+    """Unit of the gaps up to which vehicles join and stay. From farther away the car-following
+    model does better, with signals and others in between.
+    """
+    return _START_M + IDM.desired_gap_m(speed_mps)

@@ -37,9 +37,8 @@ class AheadMotion:
     """The vehicle directly ahead.
 
     Attributes:
-        gap_m: to it, as sensed.
-        speed_mps: its, as sensed.
-        sensed_s: age of both.
+        gap_m: to it now.
+        speed_mps: its, now.
         coming_mps: the latest speed that is known of it: what it announced for a moment that is
             still to come, or the sensed one.
         trusted_s: how much of the control interval its announcement covers; 0: none of it.
@@ -49,7 +48,6 @@ class AheadMotion:
 
     gap_m: float
     speed_mps: float
-    sensed_s: float
     coming_mps: float
     trusted_s: float = 0.0
     coming_in_s: float = 0.0
@@ -78,7 +76,7 @@ def safe_mps(speed_mps: float, ahead: AheadMotion, interval_s: float) -> float:
         ahead: the vehicle directly ahead.
         interval_s: in which the command is reached.
     """
-    room_m = ahead.gap_m - STANDING_M + front_way_m(ahead) - speed_mps * ahead.sensed_s
+    room_m = ahead.gap_m - STANDING_M + front_way_m(ahead)
     room_m -= max(speed_mps, ahead.speed_mps) / 2 * interval_s
     # A slower vehicle ahead must not be met within the interval either.
     approach_mps = speed_mps - min(ahead.speed_mps, ahead.coming_mps)

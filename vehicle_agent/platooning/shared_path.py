@@ -7,10 +7,13 @@ from dataclasses import dataclass
 from typing import Final
 
 from slipstream.messages import PlatoonControl
-from vehicle_agent.leg import Leg
+from vehicle_agent.leg import Leg, VehicleState
 
 MAX_DISTANCE_M: Final = 2000.0
 """Largest distance of a rendezvous."""
+
+PLACE_TOLERANCE_M: Final = 10.0
+"""Between what two vehicles say of a place: each knows its own to some metres."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +68,16 @@ def spacing_m(leg: Leg, number: int, place_m: float, front: PlatoonControl, age_
         return float("inf")
     # The rear one may have come farther through the junction between than the front one beyond it.
     return max(spacing, 0.0) if spacing <= MAX_DISTANCE_M else float("inf")
+
+
+def comes_behind(leg: Leg, state: VehicleState, rear: PlatoonControl) -> bool:
+    """Whether another vehicle's path leads to where this one is, from behind it."""
+    here = leg.path[state.number]
+    if rear.path[0] != here:
+        return here in rear.path and rear.path[0] not in leg.path[state.number :]
+    if rear.crossing != state.crossing:
+        return state.crossing
+    return rear.front_m < state.front_m + PLACE_TOLERANCE_M
 
 
 def find_shared_path(

@@ -25,6 +25,9 @@ _MAX_ADVISED_GAP_M: Final = 50.0
 _MAX_ACCELERATION_MPS2: Final = 3.0
 _MIN_DESIRED_MPS: Final = 0.1
 
+MAX_SENSING_AGE_NS: Final = 300_000_000
+"""With older sensing of its own a vehicle leaves its platoon: two samples in a row were lost."""
+
 
 @dataclass(frozen=True, slots=True)
 class Situation:
@@ -36,10 +39,13 @@ class Situation:
         state: of the vehicle.
         place_m: of its front along the leg.
         limit_mps: speed limit here.
+        lowest_mps: at the end of the interval, by the strongest braking.
         own: its speeds and gap.
         planned: the segment that it is on.
         ahead: the vehicle directly ahead; None: none is sensed.
         motion: that one's; None: as before.
+        behind: the vehicle directly behind; None: none is sensed.
+        margin_m: added to the wanted gap: its way within the age of its own sensing.
         partner: what that one told; None: it is not of the fleet, or silent.
         partner_age_s: of that.
         sensing_in_time: whether the own sensing is neither late nor of the future.
@@ -51,10 +57,13 @@ class Situation:
     state: VehicleState
     place_m: float
     limit_mps: float
+    lowest_mps: float
     own: Own
     planned: PlannedSegment
     ahead: SensedVehicle | None
     motion: AheadMotion | None
+    behind: SensedVehicle | None
+    margin_m: float
     partner: PlatoonControl | None
     partner_age_s: float
     sensing_in_time: bool
@@ -81,33 +90,45 @@ def look(
     vehicle: VehicleParameters,
     pace: float,
     interval_s: float,
-    drafting: DragLaw = "paper",
+    drafting: DragLaw,
+    commanded_mps: float | None,
 ) -> Situation:
-    """The situation of a vehicle now; see `Platooning`."""
+    """The situation of a vehicle now; see `Platooning`.
+
+    Sensing that is late is taken on to now: the vehicle has come to the speed that it was last
+    commanded as far as it can have, and the one ahead has gone on as it moved and told.
+    """
+    late_ns = now_ns - sensing.time_ns
+    late_s = _within(late_ns, 0, SILENT_NS) / 1e9
+    sensed_mps = _within(state.speed_mps, 0.0, MAX_SPEED_MPS)
+    speed_mps = sensed_mps
+    if commanded_mps is not None:
+        least_mps = max(0.0, sensed_mps - MAX_BRAKING_MPS2 * late_s)
+        speed_mps = _within(commanded_mps, least_mps, sensed_mps + _MAX_ACCELERATION_MPS2 * late_s)
+    moved_m = (sensed_mps + speed_mps) / 2 * late_s
     state = VehicleState(
         state.segment,
         state.number,
         state.crossing,
         state.lane,
         min(state.front_m, _MAX_FRONT_M),
-        _within(state.speed_mps, 0.0, MAX_SPEED_MPS),
+        speed_mps,
         _within(state.acceleration_mps2, -MAX_BRAKING_MPS2, _MAX_ACCELERATION_MPS2),
     )
-    planned, place_m = leg.planned[state.number], leg.place_m(state)
+    planned, place_m = leg.planned[state.number], leg.place_m(state) + moved_m
     limit_mps = min(leg.limits_mps[state.number], MAX_SPEED_MPS)
-    late_ns = now_ns - sensing.time_ns
     told = None if sensing.ahead is None else neighbours.fresh(sensing.ahead.vehicle, now_ns)
     partner, age_s = (None, 0.0) if told is None else told
     motion = None
     if sensing.ahead is not None:
-        sensed_s = _within(late_ns, 0, SILENT_NS) / 1e9
-        motion = ahead_motion(sensing.ahead, sensed_s, partner, age_s, interval_s)
+        motion = ahead_motion(sensing.ahead, late_s, moved_m, partner, age_s, interval_s)
     return Situation(
         now_ns=now_ns,
         leg=leg,
         state=state,
         place_m=place_m,
         limit_mps=limit_mps,
+        lowest_mps=max(0.0, min(sensed_mps, speed_mps) - MAX_BRAKING_MPS2 * interval_s),
         own=Own(
             speed_mps=state.speed_mps,
             max_mps=limit_mps,
@@ -120,16 +141,19 @@ def look(
         planned=planned,
         ahead=sensing.ahead,
         motion=motion,
+        behind=sensing.behind,
+        margin_m=sensed_mps * late_s,
         partner=partner,
         partner_age_s=age_s,
-        sensing_in_time=-MAX_AHEAD_NS <= late_ns <= SILENT_NS,
+        sensing_in_time=-MAX_AHEAD_NS <= late_ns <= MAX_SENSING_AGE_NS,
         gates=gates,
     )
 
 
 def ahead_motion(
     sensed: SensedVehicle,
-    sensed_s: float,
+    late_s: float,
+    moved_m: float,
     told: PlatoonControl | None,
     age_s: float,
     interval_s: float,
@@ -138,27 +162,30 @@ def ahead_motion(
 
     Args:
         sensed: by the own sensors.
-        sensed_s: age of that.
+        late_s: age of that.
+        moved_m: own way within it.
         told: by itself; None: nothing.
         age_s: of that.
         interval_s: of its messages.
     """
+    slowing = 0.0
+    if told is not None:
+        slowing = max(-told.acceleration_mps2, (told.speed_mps - told.announced_mps) / interval_s)
+        slowing = _within(slowing, 0.0, MAX_BRAKING_MPS2)
+    sensed_mps = _within(sensed.speed_mps, 0.0, MAX_SPEED_MPS)
+    speed = max(0.0, sensed_mps - slowing * late_s)
     gap_m = _within(sensed.gap_m, -_MAX_GAP_M, _MAX_GAP_M)
-    speed = _within(sensed.speed_mps, 0.0, MAX_SPEED_MPS)
-    if told is None:
-        return AheadMotion(gap_m, speed, sensed_s, speed)
-    slowing = max(-told.acceleration_mps2, (told.speed_mps - told.announced_mps) / interval_s)
-    slowing = _within(slowing, 0.0, MAX_BRAKING_MPS2)
+    gap_m += (sensed_mps + speed) / 2 * late_s - moved_m
     coming_in_s = interval_s - age_s
-    if coming_in_s <= 0:
-        return AheadMotion(gap_m, speed, sensed_s, speed, slowing_mps2=slowing)
+    if told is None or coming_in_s <= 0:
+        return AheadMotion(gap_m, speed, speed, slowing_mps2=slowing)
     announced = _within(
         told.announced_mps,
         max(0.0, speed - MAX_BRAKING_MPS2 * interval_s),
         speed + _MAX_ACCELERATION_MPS2 * interval_s,
     )
     trusted_s = max(0.0, interval_s - max(age_s, RESPONSE_S))
-    return AheadMotion(gap_m, speed, sensed_s, announced, trusted_s, coming_in_s, slowing)
+    return AheadMotion(gap_m, speed, announced, trusted_s, coming_in_s, slowing)
 
 
 def allowed_mps(situation: Situation) -> float:

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 from slipstream.messages import PlatoonControl, PlatoonMode
-from slipstream.spacing import MAX_BRAKING_MPS2
 from vehicle_agent.platooning.agreement import Joining
-from vehicle_agent.platooning.gap_control import IDM, following_mps, leaving_mps, waiting_mps
+from vehicle_agent.platooning.gap_control import (
+    COMFORTABLE_MPS2,
+    IDM,
+    following_mps,
+    leaving_mps,
+    waiting_mps,
+)
 from vehicle_agent.platooning.safe_gap import safe_mps
 from vehicle_agent.platooning.situation import Situation, allowed_mps
 
@@ -20,7 +26,9 @@ def commanded_mps(
     """Speed at the end of the interval, m/s; None while it drives alone.
 
     At most the limit here. Otherwise never less than the strongest braking reaches: where the gap
-    is unsafe at any speed, or a limit was missed, that is what is commanded.
+    is unsafe at any speed, or a limit was missed, that is what is commanded. The age of the own
+    sensing widens the gap by coasting, or comfortable braking where the gap is not safe at that
+    age; never harder for the age alone.
 
     Args:
         situation: now.
@@ -43,8 +51,13 @@ def commanded_mps(
     else:
         law = following_mps if mode == "following" else leaving_mps
         command = min(law(own, ahead), safe_mps(own.speed_mps, ahead, own.interval_s))
-    lowest = max(0.0, own.speed_mps - MAX_BRAKING_MPS2 * own.interval_s)
-    return min(max(min(command, bound), lowest), situation.limit_mps)
+        if situation.margin_m > 0:
+            wider = replace(ahead, gap_m=ahead.gap_m - situation.margin_m)
+            coasting = own.speed_mps - own.coasting_mps2 * own.interval_s
+            gently = own.speed_mps - COMFORTABLE_MPS2 * own.interval_s
+            safe = max(gently, safe_mps(own.speed_mps, wider, own.interval_s))
+            command = min(command, max(coasting, law(own, wider)), safe)
+    return min(max(min(command, bound), situation.lowest_mps), situation.limit_mps)
 
 
 def on_another_lane(situation: Situation, front: PlatoonControl) -> bool:
@@ -71,8 +84,10 @@ def leading_mps(situation: Situation, set_mps: float, cap_mps: float) -> float:
     if ahead is not None:
         wanted = IDM.acceleration_to_mps2(own, ahead.gap_m, ahead.speed_mps)
         command = min(command, own.speed_mps + wanted * own.interval_s)
-    lowest = max(0.0, own.speed_mps - MAX_BRAKING_MPS2 * own.interval_s)
-    return min(max(min(command, allowed_mps(situation), cap_mps), lowest), situation.limit_mps)
+    return min(
+        max(min(command, allowed_mps(situation), cap_mps), situation.lowest_mps),
+        situation.limit_mps,
+    )
 
 
 def cruise_mps(
@@ -107,11 +122,10 @@ def announced_mps(situation: Situation, commanded: float | None, cap_mps: float)
     That of a vehicle alone is its present motion continued, within the cap.
     """
     own, state = situation.own, situation.state
-    lowest = max(0.0, own.speed_mps - MAX_BRAKING_MPS2 * own.interval_s)
     if commanded is None:
         goes_on = max(0.0, own.speed_mps + state.acceleration_mps2 * own.interval_s)
         commanded = min(goes_on, cap_mps)
-    return max(commanded, lowest)
+    return max(commanded, situation.lowest_mps)
 
 
 def obeys(situation: Situation, commanded: float | None) -> bool:

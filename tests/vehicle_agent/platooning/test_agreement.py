@@ -1,5 +1,7 @@
 """What is believed of what others tell, and who waits for whom."""
 
+from collections.abc import Callable
+
 import pytest
 
 from slipstream.drafting import DragLaw
@@ -90,6 +92,15 @@ class Front:
         self.platooning = Platooning("me", PAPER_CAR, 4.6, 0.1)
         self.now_ns = BEGIN_NS
         self.sequence = 0
+        self.place_m = 500.0
+        self.behind: SensedVehicle | None = None
+
+    def hears(self, vehicle: str, place_m: float, **update: object) -> None:
+        """Another vehicle tells where it is."""
+        self.sequence += 1
+        message = told(self.now_ns, self.sequence, place_m, 30.0, 30.0)
+        update = {"vehicle": vehicle, "leader": vehicle} | update
+        self.platooning.receive(message.model_copy(update=update), self.now_ns)
 
     def asked(
         self, by: str, slowdown: float = 0.1, kind: str = "join_request", at_ns: int | None = None
@@ -110,8 +121,8 @@ class Front:
     def step(self, seconds: float = 0.0) -> PlatoonStep:
         """One interval, some time later."""
         self.now_ns += round(seconds * NS)
-        state = VehicleState("a", 0, False, 0, 500.0, 30.0)
-        sensing = sensing_of(state, None, self.now_ns)
+        state = VehicleState("a", 0, False, 0, self.place_m, 30.0)
+        sensing = sensing_of(state, None, self.now_ns).model_copy(update={"behind": self.behind})
         return self.platooning.step(self.now_ns, LEG, state, sensing, Roadside())
 
     def answers(self, step: PlatoonStep) -> list[tuple[str, bool | None]]:
@@ -122,6 +133,8 @@ class Front:
 def test_one_vehicle_is_waited_for_at_a_time() -> None:
     """The first that asks; another one when that one leaves."""
     front = Front()
+    front.hears("r1", 300.0)
+    front.hears("r2", 200.0)
     front.asked("r1")
     front.asked("r2")
     step = front.step()
@@ -143,6 +156,7 @@ def test_nobody_waits_who_was_not_asked_for_five_seconds() -> None:
     front = Front()
     for number in range(300):
         if number % 10 == 0:
+            front.hears("r1", 300.0)
             front.asked("r1", slowdown=0.9)
         step = front.step(0.1)
     assert step.cruise_mps == pytest.approx(25.5, abs=0.1)
@@ -154,9 +168,170 @@ def test_nobody_waits_who_was_not_asked_for_five_seconds() -> None:
 def test_a_clock_that_is_set_back_ends_waiting() -> None:
     """The end of the agreement would lie far ahead."""
     front = Front()
+    front.hears("r1", 300.0)
     front.asked("r1")
     assert front.step().control.joined_by == "r1"
     assert front.step(-600.0).control.joined_by is None
+
+
+@pytest.mark.parametrize(
+    ("told_place", "reason"),
+    [
+        pytest.param(None, "r was not heard", id="never heard"),
+        pytest.param({"front_m": 700.0}, "r is not behind on the same road", id="ahead"),
+        pytest.param(
+            {"front_m": 10.0, "path": ("b", "c")},
+            "r is not behind on the same road",
+            id="far ahead",
+        ),
+        pytest.param(
+            {"front_m": 10.0, "path": ("x", "y")},
+            "r is not behind on the same road",
+            id="elsewhere",
+        ),
+        pytest.param({"front_m": 10.0, "path": ("x", "a")}, None, id="from a side road"),
+        pytest.param({"front_m": 470.0}, None, id="behind"),
+    ],
+)
+def test_who_is_not_heard_behind_on_its_road_is_not_waited_for(
+    told_place: dict[str, object] | None, reason: str | None
+) -> None:
+    """Whatever name it asks by; the answer says why."""
+    front = Front()
+    if told_place is not None:
+        front.hears("r", 0.0, **told_place)
+    front.asked("r")
+    step = front.step()
+    assert front.answers(step) == [("r", reason is None)]
+    assert (step.messages[0].reason, step.cruise_mps is None) == (reason, reason is not None)
+
+
+def waited_s(front: Front, seconds: float, tells: Callable[[int], None]) -> float:
+    """For how long it drives more slowly for others, who tell something each second."""
+    waited = 0.0
+    for number in range(round(seconds * 10)):
+        if number % 5 == 0:
+            tells(number)
+        waited += 0.1 * (front.step(0.1).cruise_mps is not None)
+    return waited
+
+
+@pytest.mark.slow
+def test_nobody_is_slowed_down_for_more_than_300_s_in_an_hour() -> None:
+    """By another name each ten seconds, from where a vehicle may come, in 50 min; then anew."""
+    front = Front()
+
+    def asks(number: int) -> None:
+        name = f"r{number // 100}"
+        front.hears(name, 300.0)
+        front.asked(name, slowdown=1.0)
+
+    assert 280.0 < waited_s(front, 3000.0, asks) <= 301.0
+    asks(30000)
+    (answer,) = front.step(0.1).messages
+    assert (answer.accepted, answer.reason) == (False, "it has waited for others for long")
+    front.step(601.0)
+    assert waited_s(front, 60.0, asks) > 50.0
+
+
+FOLLOWS = {"mode": "following", "ahead": "me", "leader": "me", "gap_m": 60.0}
+
+
+@pytest.mark.parametrize(
+    ("tells", "behind", "believed"),
+    [
+        pytest.param({}, None, True, id="follower"),
+        pytest.param(
+            {}, SensedVehicle(track="t", vehicle="f", gap_m=63.0, speed_mps=30.0), True, id="sensed"
+        ),
+        pytest.param({"gap_m": 1e9}, None, False, id="gap that nobody follows at"),
+        pytest.param({"front_m": 900.0}, None, False, id="ahead"),
+        pytest.param({"path": ("x", "y")}, None, False, id="on another road"),
+        pytest.param({"ahead": "g"}, None, False, id="behind nobody"),
+        pytest.param(
+            {},
+            SensedVehicle(track="t", vehicle="f", gap_m=8.0, speed_mps=30.0),
+            False,
+            id="sensed elsewhere",
+        ),
+        pytest.param(
+            {},
+            SensedVehicle(track="t", vehicle="g", gap_m=60.0, speed_mps=30.0),
+            False,
+            id="another one sensed",
+        ),
+    ],
+)
+def test_a_leader_waits_for_followers_only_where_they_can_be(
+    tells: dict[str, object], behind: SensedVehicle | None, believed: bool
+) -> None:
+    """Their gap, place and the chain to the leader agree with each other and its own sensing."""
+    front = Front()
+    front.behind = behind
+    front.hears("f", 435.0, **(FOLLOWS | tells))
+    assert (front.step().cruise_mps is not None) == believed
+
+
+@pytest.mark.slow
+def test_followers_that_never_close_up_are_waited_for_no_longer_than_askers() -> None:
+    """A made-up one that tells all that can be told; both count to the same 300 s."""
+    front = Front()
+
+    def asks(_number: int) -> None:
+        front.hears("r", 300.0)
+        front.asked("r", slowdown=1.0)
+
+    assert waited_s(front, 200.0, asks) > 180.0
+    rest = waited_s(front, 600.0, lambda _number: front.hears("f", 435.0, **FOLLOWS))
+    assert 80.0 < rest <= 121.0
+
+
+@pytest.mark.slow
+def test_a_wait_that_another_vehicle_has_ended_by_coming_does_not_count() -> None:
+    """The own sensing must have it close behind; the same vehicle ends no second one."""
+    front = Front()
+
+    def asks(_number: int) -> None:
+        front.hears("r", 300.0)
+        front.asked("r", slowdown=1.0)
+
+    def comes(vehicle: str, gap_m: float | None) -> None:
+        close = SensedVehicle(track="t", vehicle=vehicle, gap_m=gap_m or 0.0, speed_mps=30.0)
+        front.behind = None if gap_m is None else close
+        front.hears(vehicle, 490.0, **(FOLLOWS | {"gap_m": 4.5}))
+        front.step(0.1)
+        front.behind = None
+        front.asked(vehicle, kind="leave")
+        front.hears(vehicle, 490.0, mode="alone", ahead=None, leader=vehicle)
+
+    waited_s(front, 250.0, asks)
+    comes("f", None)
+    assert waited_s(front, 100.0, asks) < 51.0
+    comes("f", 4.5)
+    assert waited_s(front, 250.0, asks) > 200.0
+    comes("f", 4.5)
+    assert waited_s(front, 100.0, asks) < 51.0
+    comes("g", 4.5)
+    assert waited_s(front, 100.0, asks) > 90.0
+
+
+def test_who_tells_another_place_than_it_is_sensed_at_is_not_followed_closely() -> None:
+    """Ten metres are what both may know their places by; a follower leaves."""
+    for shift_m, mode in ((9.0, "following"), (11.0, "alone"), (-11.0, "alone")):
+        platooning = Platooning("me", PAPER_CAR, 4.6, 0.1)
+        state = VehicleState("a", 0, False, 0, 500.0, 25.0)
+        ahead = SensedVehicle(track="t", vehicle="p", gap_m=12.0, speed_mps=25.0)
+        sensing = sensing_of(state, ahead, BEGIN_NS)
+        platooning.receive(told(BEGIN_NS, 1, 516.6 + shift_m, 25.0, 25.0), BEGIN_NS)
+        step = platooning.step(BEGIN_NS, LEG, state, sensing, Roadside())
+        assert step.mode == mode
+        if mode == "alone":
+            assert step.reason == "p tells another place than it is sensed at"
+            continue
+        later_ns = BEGIN_NS + NS // 10
+        platooning.receive(told(later_ns, 2, 516.6 + 30.0, 25.0, 25.0), later_ns)
+        sensing = sensing_of(state, ahead, later_ns)
+        assert platooning.step(later_ns, LEG, state, sensing, Roadside()).mode == "leaving"
 
 
 def test_requests_late_of_the_future_or_again_are_ignored() -> None:
@@ -240,11 +415,13 @@ def test_a_vehicle_that_follows_sends_askers_away() -> None:
     assert (answer.partner, answer.accepted, answer.reason) == ("r", False, "it is following")
 
 
-def test_it_listens_two_kilometres_ahead_and_two_segments_back() -> None:
-    """Segments of its path; ahead from the end of its own segment, on which the topics stay."""
+def test_it_listens_two_kilometres_ahead_and_behind() -> None:
+    """Segments of its path, from the ends of its own one, on which the topics stay."""
     leg = road("abcdefghij", 800.0)
     state = VehicleState("d", 3, False, 0, 100.0, 20.0)
-    assert Platooning.segments_of_interest(leg, state) == tuple("bcdefg")
+    assert Platooning.segments_of_interest(leg, state) == tuple("abcdefg")
+    last = VehicleState("j", 9, False, 0, 100.0, 20.0)
+    assert Platooning.segments_of_interest(leg, last) == tuple("ghij")
     first = VehicleState("a", 0, False, 0, 0.0, 0.0)
     assert Platooning.segments_of_interest(leg, first) == tuple("abcd")
 

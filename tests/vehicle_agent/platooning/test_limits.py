@@ -199,13 +199,13 @@ def least_gap_m(
         gap_m: as sensed.
         own: speed now, and commanded for the end of the interval.
         front: speed as sensed, and at the moment when it begins to brake.
-        front_brakes_s: that moment, from now; negative where the sensing is older than now.
+        front_brakes_s: that moment, from now.
         interval_s: of the command.
     """
-    begin_s, dt = min(0.0, front_brakes_s), 0.01
-    t = begin_s + np.arange(0.0, 12.0, dt)
+    dt = 0.01
+    t = np.arange(0.0, 12.0, dt)
     (v, c), (w, then) = own, front
-    rear = np.where(t < 0, v, np.minimum(v + (c - v) * t / interval_s, max(v, c)))
+    rear = np.minimum(v + (c - v) * t / interval_s, max(v, c))
     rear = np.where(t < interval_s, rear, np.maximum(0.0, c - BRAKING * (t - interval_s)))
     ahead = w + (then - w) * t / (front_brakes_s or 1.0)
     brakes = np.maximum(0.0, then - BRAKING * (t - front_brakes_s))
@@ -283,6 +283,7 @@ def test_the_vehicle_ahead_may_brake_as_hard_as_it_can(
 ) -> None:
     """Ten times a second: whatever it announced, it brakes with 9 m/s² from now on.
 
+    Where the own sensing is late, both are taken to have driven on as they did, and as they told.
     After the interval this vehicle brakes as hard, and they do not touch; or it is told to brake
     with 9 m/s² already, which is all that is left.
     """
@@ -302,7 +303,8 @@ def test_the_vehicle_ahead_may_brake_as_hard_as_it_can(
     if command <= max(0.0, speed - BRAKING * 0.1) + 1e-9:
         return
     own, front = (speed, command), (ahead_mps, ahead_mps)
-    assert least_gap_m(gap_m, own, front, 0.1, -sensed_s) >= 0.0
+    now_m = gap_m + (ahead_mps - speed) * sensed_s
+    assert least_gap_m(now_m, own, front, 0.1, 0.0) >= 0.0
 
 
 @given(

@@ -229,6 +229,61 @@ def test_with_three_messages_in_ten_lost_a_platoon_forms_and_keeps(seed: int) ->
         assert hardest(world.speeds[name], 0.1) < 2.6
 
 
+@pytest.mark.parametrize("late_s", [0.05, 0.1, 0.15, 0.2, 0.3, 0.45])
+@pytest.mark.parametrize("speed_mps", [15.0, 20.0, 30.0])
+def test_late_sensing_alone_is_no_emergency(speed_mps: float, late_s: float) -> None:
+    """In a steady platoon a follower brakes comfortably at most, and leaves after 0.3 s."""
+    leg = road("abcdefghij", 2000.0, 30.0, platoon="p", place=1)
+    world = World(string(2, lambda _: speed_mps, 1.5 + 0.1 * speed_mps, speed_mps, leg))
+    world.run(5.0)
+    car = world.car("v1")
+    sensing = world.sensing(car, world.car("v0"))
+    now_ns = world.now_ns + round(late_s * 1e9)
+    assert car.platooning is not None
+    step = car.platooning.step(now_ns, leg, car.state(), sensing, world.gates)
+    assert step.speed_mps is not None
+    assert step.speed_mps - car.speed_mps >= -0.2501
+    assert step.mode == ("following" if late_s <= 0.3 else "leaving")
+    wider_m = speed_mps * late_s
+    if step.mode == "following":
+        assert step.gap_m == pytest.approx(1.5 + 0.1 * speed_mps + wider_m, abs=0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("unsensed", [0.01, 0.1])
+def test_lost_samples_of_the_own_sensing_do_not_part_a_platoon(unsensed: float) -> None:
+    """One in a hundred, and one in ten: nobody brakes harder than comfortably."""
+    world = World(string(3, lambda _: 28.0, 4.3, 28.0), unsensed=unsensed)
+    world.run(120.0)
+    for name in ("v1", "v2"):
+        assert world.modes[name].count("following") > 0.9 * len(world.modes[name])
+        assert min(world.gaps[name]) > 3.0
+        assert hardest(world.speeds[name], 0.1) <= 2.7
+
+
+@pytest.mark.parametrize("latency", [1, 2])
+def test_sensing_that_is_always_late_keeps_a_wider_gap(latency: int) -> None:
+    """By the way in its age, 0.1 or 0.2 s."""
+    world = World(string(2, lambda _: 20.0, 10.0, 20.0), latency=latency)
+    world.run(60.0)
+    assert world.modes["v1"][-1] == "following"
+    assert world.gap_m("v1") == pytest.approx(3.5 + 2.0 * latency, abs=0.3)
+    assert hardest(world.speeds["v1"][5:], 0.1) <= 2.6
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_who_misses_samples_still_brakes_as_hard_as_it_must(seed: int) -> None:
+    """The leader brakes with 6 m/s² to a stand, one sample in ten is lost; nobody is touched."""
+    world = World(
+        string(3, lambda t: max(0.0, 25.0 - 6.0 * max(0.0, t - 10.0)), 4.0, 25.0),
+        unsensed=0.1,
+        seed=seed,
+    )
+    world.run(20.0)
+    assert [car.speed_mps for car in world.cars] == pytest.approx([0.0, 0.0, 0.0], abs=0.01)
+    assert min(min(world.gaps[name]) for name in ("v1", "v2")) > 0.0
+
+
 @pytest.mark.parametrize(("interval_s", "delayed"), MODES)
 def test_whoever_cuts_in_is_given_room(interval_s: float, delayed: bool) -> None:
     """A vehicle that is not of the fleet comes between: the follower leaves at once."""

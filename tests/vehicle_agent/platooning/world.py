@@ -95,6 +95,7 @@ class Car:
     last: PlatoonStep | None = None
     silent: bool = False
     sequence: int = 0
+    samples: list[tuple[VehicleState, VehicleSensing]] = field(default_factory=list)
 
     def state(self) -> VehicleState:
         """Where it is on its leg."""
@@ -114,6 +115,8 @@ class World:
         interval_s: of control and messages.
         delayed: messages come one interval late; else within the step to those behind.
         loss: share of messages that get lost, for each receiver anew.
+        unsensed: share of samples of the own sensing that get lost: the one before is used again.
+        latency: steps by which sensing is late.
         gates: of segments.
     """
 
@@ -121,6 +124,8 @@ class World:
     interval_s: float = 0.1
     delayed: bool = True
     loss: float = 0.0
+    unsensed: float = 0.0
+    latency: int = 0
     gates: Roadside = field(default_factory=Roadside)
     seed: int = 1
     steps: int = 0
@@ -201,7 +206,10 @@ class World:
             told = [self._scripted(car, state, coming, now_ns)] if car.fleet else []
             return coming, [] if car.silent else [*told]
         assert car.platooning is not None
-        step = car.platooning.step(now_ns, car.leg, state, self.sensing(car, ahead), self.gates)
+        if not (car.samples and self.unsensed and self._random.random() < self.unsensed):
+            car.samples.append((state, self.sensing(car, ahead)))
+        seen, sensing = car.samples[max(0, len(car.samples) - 1 - self.latency)]
+        step = car.platooning.step(now_ns, car.leg, seen, sensing, self.gates)
         car.last = step
         messages = [] if car.silent else [step.control, *step.messages]
         commanded = step.lead_mps if step.speed_mps is None else step.speed_mps
