@@ -63,8 +63,12 @@ def chosen_times(
         if not given.tasks:
             continue
         key = f"vehicles.{given.van.spec.id}.steps"
-        if max(travels(given.van, given.tasks)) >= NO_WAY:
-            raise InputError(source, "no road leads between the steps", "mend them", key=key)
+        driven = travels(given.van, given.tasks)
+        if max(driven) >= NO_WAY:
+            names = ["its start", *(task.key for task in given.tasks), "its end"]
+            missing = driven.index(max(driven))
+            problem_text = f"no way leads from {names[missing]} to {names[missing + 1]}"
+            raise InputError(source, problem_text, "change the order of the steps", key=key)
         try:
             begins = _begins(given, ends)
         except TimeoutError:
