@@ -201,6 +201,38 @@ def test_described_routes_over_a_missing_way_are_refused_by_its_ends(no: int | N
     assert "no way leads" in solve_vroom(data, None, 5, 1)["error"]
 
 
+@pytest.mark.parametrize("zero", [0, 1_740_999_600])
+def test_a_route_that_keeps_its_windows_has_no_violations_in_plan_mode(zero: int) -> None:
+    """Whatever the clock that its times are of, with and without a window of a task."""
+
+    def windows(*of: tuple[int, int]) -> list[list[int]]:
+        return [[zero + start, zero + end] for start, end in of]
+
+    pause = {"id": 1, "service": 600, "time_windows": windows((4000, 6000), (7000, 9000))}
+    vehicle: dict[str, Any] = {"id": 7, "start_index": 0, "end_index": 1, "breaks": [pause]}
+    vehicle |= {"time_window": [zero, zero + 15000], "speed_factor": 1.7}
+    jobs = [
+        {"id": 1, "location_index": 1, "setup": 98, "service": 273},
+        {"id": 2, "location_index": 2, "setup": 35, "service": 184},
+        {"id": 3, "location_index": 3, "service": 45},
+    ]
+    jobs[0]["time_windows"] = windows((1710, 3978), (4322, 7184), (7994, 10855))
+    jobs[1]["time_windows"] = windows((1144, 1861), (3460, 6413), (7687, 8029))
+    data = request(vehicles=[vehicle], jobs=jobs)
+    (route,) = solved(data)["routes"]
+    vehicle["steps"] = [
+        {"type": step["type"], **({"id": step["id"]} if "id" in step else {})}
+        for step in route["steps"]
+    ]
+    answer = solved(data, choose_eta=True)
+    assert answer["summary"]["violations"] == []
+    assert answer["routes"][0]["steps"][-1]["arrival"] <= route["steps"][-1]["arrival"]
+    vehicle["time_window"] = [zero + 20000, zero + 30000]
+    late = solved(data, choose_eta=True)["summary"]["violations"]
+    assert {one["cause"] for one in late} <= {"delay", "lead_time"}
+    assert late
+
+
 @st.composite
 def requests(draw: st.DrawFn) -> dict[str, Any]:
     """Small requests with every rule."""
