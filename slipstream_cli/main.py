@@ -8,6 +8,7 @@ import os
 import sys
 from collections.abc import Mapping, Sequence
 from importlib import import_module
+from pathlib import Path
 from typing import Final
 
 from slipstream import __version__
@@ -63,6 +64,8 @@ GROUPS: Final[Mapping[str, Mapping[str, str]]] = {
 COMMANDS: Final = {name: module for group in GROUPS.values() for name, module in group.items()}
 
 _EXIT_INTERRUPTED: Final = 130
+_STDOUT, _STDERR = 1, 2
+_STDOUT_NAMES: Final = ("/dev/stdout", "/dev/fd/1", "/proc/self/fd/1")
 _EXTRA_OF: Final = {
     "alembic": "dispatcher",
     "apscheduler": "dispatcher",
@@ -111,13 +114,42 @@ def parser() -> argparse.ArgumentParser:
     return top
 
 
+def _keep_libraries_out(out: io.TextIOWrapper) -> None:
+    """Leave standard output to `print`: what compiled libraries, and processes that are started,
+    write to descriptor 1 goes to standard error, and never stands in an answer in JSON.
+    """
+    try:
+        if out.fileno() != _STDOUT:
+            return  # it is so already
+    except io.UnsupportedOperation:
+        return  # a caller in Python has put something else there
+    out.flush()
+    own = os.fdopen(os.dup(_STDOUT), "wb", 0 if out.write_through else -1)
+    try:
+        os.dup2(_STDERR, _STDOUT)
+    except OSError:  # standard error is closed
+        os.dup2(os.open(os.devnull, os.O_WRONLY), _STDOUT)
+    sys.stdout = io.TextIOWrapper(
+        own, out.encoding, out.errors, None, out.line_buffering, out.write_through
+    )
+
+
+def _name_stdout(options: argparse.Namespace) -> None:
+    """Standard output as a file's name is the one that `print` has."""
+    for name, value in vars(options).items():
+        if str(value) in _STDOUT_NAMES and isinstance(value, Path):
+            setattr(options, name, Path(f"/dev/fd/{sys.stdout.fileno()}"))
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return the exit status."""
     follow_supervisor()
     if isinstance(sys.stdout, io.TextIOWrapper):
         # A file's name may hold what is no text.
         sys.stdout.reconfigure(errors="backslashreplace")
+        _keep_libraries_out(sys.stdout)
     options = parser().parse_args(arguments)
+    _name_stdout(options)
     try:
         return int(options.run(options))
     except InputError as error:

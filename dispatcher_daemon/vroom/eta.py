@@ -1,21 +1,17 @@
 """VROOM's plan mode: times for described routes that break time windows as little as possible.
 
-A mixed-integer programme for each route, in two steps: the least sum of being early and late, then
-with that the earliest end, the latest start for it, and everything between as early as possible.
+The least sum of being early and late, then with that the earliest end, the latest start for it, and
+everything between as early as possible.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from itertools import pairwise
-
-import numpy as np
-from scipy.optimize import Bounds, LinearConstraint, milp
-from scipy.sparse import coo_array
+from typing import Final
 
 from dispatcher_daemon.vroom.given_routes import GivenRoute, described
+from dispatcher_daemon.vroom.least_missed import Event, least_missed
 from dispatcher_daemon.vroom.model import (
     FOREVER,
     NO_WAY,
@@ -38,11 +34,8 @@ from dispatcher_daemon.vroom.timing import (
 )
 from slipstream.errors import InputError
 
-_END_WEIGHT = 10.0
-_START_WEIGHT = 5.0
-_MIN_S = 0.1
-_TIME_LIMIT = 1
-"""Status of a search that time ended."""
+_MIN_S: Final = 1.0
+"""For a route, however late it is."""
 
 
 def chosen_times(
@@ -63,10 +56,14 @@ def chosen_times(
         if not given.tasks:
             continue
         key = f"vehicles.{given.van.spec.id}.steps"
-        if max(travels(given.van, given.tasks)) >= NO_WAY:
-            raise InputError(source, "no road leads between the steps", "mend them", key=key)
+        driven = travels(given.van, given.tasks)
+        if max(driven) >= NO_WAY:
+            names = ["its start", *(task.key for task in given.tasks), "its end"]
+            missing = driven.index(max(driven))
+            problem_text = f"no way leads from {names[missing]} to {names[missing + 1]}"
+            raise InputError(source, problem_text, "change the order of the steps", key=key)
         try:
-            begins = _begins(given, ends)
+            begins = least_missed(_events(given), max(ends, time.monotonic() + _MIN_S))
         except TimeoutError:
             problem_text = "no times found before the deadline"
             raise InputError(source, problem_text, "give more time", key=key) from None
@@ -79,109 +76,22 @@ def chosen_times(
     return routes, violations
 
 
-@dataclass
-class _Programme:
-    """Rows of a mixed-integer programme; columns are made by `column`."""
-
-    bounds: list[tuple[float, float]] = field(default_factory=list)
-    binary: list[bool] = field(default_factory=list)
-    rows: list[tuple[dict[int, float], float]] = field(default_factory=list)
-
-    def column(self, low: float = 0.0, high: float = np.inf, *, binary: bool = False) -> int:
-        """Number of a new variable."""
-        self.bounds.append((low, high))
-        self.binary.append(binary)
-        return len(self.bounds) - 1
-
-    def at_least(self, terms: dict[int, float], low: float) -> None:
-        """Add the row Σ terms ≥ low."""
-        self.rows.append((terms, low))
-
-    def solve(self, costs: dict[int, float], ends: float) -> list[float] | None:
-        """The best values; None: there are none.
-
-        Raises:
-            TimeoutError: none were found in time.
-        """
-        objective = np.zeros(len(self.bounds))
-        for column, cost in costs.items():
-            objective[column] = cost
-        entries = [(i, j, v) for i, (terms, _) in enumerate(self.rows) for j, v in terms.items()]
-        i, j, v = zip(*entries, strict=True)
-        shape = (len(self.rows), len(self.bounds))
-        low, high = zip(*self.bounds, strict=True)
-        found = milp(
-            objective,
-            integrality=np.array(self.binary, dtype=int),
-            bounds=Bounds(np.array(low), np.array(high)),
-            constraints=LinearConstraint(
-                coo_array((v, (i, j)), shape=shape).tocsc(), [at for _, at in self.rows], np.inf
-            ),
-            options={"time_limit": max(_MIN_S, ends - time.monotonic())},
-        )
-        if found.x is None and found.status == _TIME_LIMIT:
-            raise TimeoutError
-        return None if found.x is None else [float(x) for x in found.x]
-
-
-def _begins(given: GivenRoute, ends: float) -> list[int] | None:
-    """When each step begins, hundredths of a second; None: hard times contradict each other."""
+def _events(given: GivenRoute) -> list[Event]:
+    """The steps of a route, hundredths of a second."""
     van, tasks = given.van, given.tasks
-    whole: Windows = (van.window,)
-    windows = [whole if one is None else one.windows for one in given.of]
-    finite = [moment for of in windows for w in of for moment in w if moment < FOREVER] + [
-        PER_SECOND * s for step in given.steps for s in _hard(step) if s is not None
-    ]
-    driven, worked = travels(van, tasks), actions(van, tasks)
-    drive = sum(driven) + sum(map(sum, worked)) + sum(p.service for p in van.pauses)
-    # Large absolute times would leave the tolerances of the search no digits.
-    zero = max(0, min(finite, default=0) - drive)
-    far = float(max(finite, default=0) - zero + 2 * drive + 1)
-    programme = _Programme()
-    times, outside = [], []
-    for step, of in zip(given.steps, windows, strict=True):
+    worked, driven = iter(actions(van, tasks)), iter(travels(van, tasks))
+    found = []
+    for step, one in zip(given.steps, given.of, strict=True):
         at, after, before = _hard(step)
-        low = max((PER_SECOND * s - zero for s in (at, after) if s is not None), default=0)
-        high = min((PER_SECOND * s - zero for s in (at, before) if s is not None), default=far)
-        if high < max(low, 0):
-            return None
-        begin = programme.column(max(low, 0), high)
-        early, late = programme.column(), programme.column()
-        chosen = [programme.column(0, 1, binary=True) for _ in of] if len(of) > 1 else []
-        if chosen:
-            programme.at_least(dict.fromkeys(chosen, 1.0), 1.0)
-            programme.at_least(dict.fromkeys(chosen, -1.0), -1.0)
-        for number, (start, end) in enumerate(of):
-            slack = {chosen[number]: -far} if chosen else {}
-            by = far if chosen else 0.0
-            programme.at_least({begin: 1, early: 1, **slack}, max(0, start - zero) - by)
-            if end < FOREVER:
-                programme.at_least({begin: -1, late: 1, **slack}, zero - end - by)
-        times.append(begin)
-        outside += [early, late]
-    places = [n for n, one in enumerate(given.of) if not isinstance(one, Pause)]
-    durations = [0, *(sum(one) for one in worked)]
-    for number, (a, b) in enumerate(pairwise(places)):
-        between = range(a + 1, b)
-        pauses = [one.service for one in given.of[a + 1 : b] if isinstance(one, Pause)]
-        whole_s = durations[number] + driven[number] + sum(pauses)
-        programme.at_least({times[b]: 1, times[a]: -1}, whole_s)
-        lasts = [durations[number], *pauses]
-        for (n, m), duration in zip(pairwise([a, *between, b]), lasts, strict=True):
-            programme.at_least({times[m]: 1, times[n]: -1}, duration)
-    first = programme.solve(dict.fromkeys(outside, 1.0), ends)
-    if first is None:
-        return None
-    least = round(sum(first[column] for column in outside))
-    programme.at_least(dict.fromkeys(outside, -1.0), -float(least))
-    soon = dict.fromkeys(times, 1.0 / len(times))
-    weights = {times[-1]: _END_WEIGHT, times[0]: -_START_WEIGHT}
-    try:
-        best = programme.solve(soon | weights, ends)
-    except TimeoutError:
-        best = None
-    found = first if best is None else best
-    return [round(found[begin]) + zero for begin in times]
+        low = max((PER_SECOND * s for s in (at, after) if s is not None), default=0)
+        high = min((PER_SECOND * s for s in (at, before) if s is not None), default=FOREVER)
+        if isinstance(one, Pause):
+            found.append(Event(one.windows, low, high, one.service, None))
+        elif one is None:
+            found.append(Event((van.window,), low, high, 0, next(driven, 0)))
+        else:
+            found.append(Event(one.windows, low, high, sum(next(worked)), next(driven)))
+    return found
 
 
 def _hard(step: VehicleStep) -> tuple[int | None, int | None, int | None]:

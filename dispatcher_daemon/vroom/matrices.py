@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from dispatcher_daemon.roads.given import given_matrices
 from dispatcher_daemon.vroom.build import build_problem, check_size
 from dispatcher_daemon.vroom.engine import RoadWays, RoutingEngine
 from dispatcher_daemon.vroom.model import Matrices, Problem
@@ -101,8 +102,8 @@ def _places(request: Request) -> Iterator[_Place]:
 
 def _arrays(given: ProfileMatrices) -> Matrices:
     durations, distances, costs = (
-        None if rows is None else np.array(rows, dtype=np.int64)
-        for rows in (given.durations, given.distances, given.costs)
+        None if values is None else np.where(np.isinf(values), -1, values).astype(np.int64)
+        for values in given_matrices(given.durations, given.distances, given.costs)
     )
     assert durations is not None  # the caller has looked
     return Matrices(durations, distances, costs)

@@ -18,7 +18,7 @@ _Longitude = Annotated[float, Field(ge=-180, le=180, allow_inf_nan=False)]
 _Latitude = Annotated[float, Field(ge=-90, le=90, allow_inf_nan=False)]
 Coordinates = tuple[_Longitude, _Latitude]
 _Amount = Annotated[tuple[_Whole, ...], Field(max_length=50)]
-_Matrix = Annotated[tuple[tuple[_Whole, ...], ...], Field(min_length=1, max_length=3000)]
+_Matrix = Annotated[tuple[tuple[_Whole | None, ...], ...], Field(min_length=1, max_length=3000)]
 _Skills = Annotated[tuple[_Whole, ...], Field(max_length=1000)]
 
 
@@ -145,7 +145,7 @@ class Vehicle(Settings):
 
 
 class ProfileMatrices(Settings):
-    """Matrices of one profile, (from, to)."""
+    """Matrices of one profile, (from, to); see `given_matrices` for where no way leads."""
 
     durations: _Matrix | None = None
     distances: _Matrix | None = None

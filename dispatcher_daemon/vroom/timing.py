@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Final
 
 from dispatcher_daemon.vroom.model import COST_UNITS, NO_WAY, PER_SECOND, Pause, Task, Van, Windows
 
@@ -109,6 +110,10 @@ class Fault:
     reason: str
 
 
+NO_WAY_STAGE: Final = 4
+"""Stage of a fault that is mended where other tasks lie between."""
+
+
 def fault(van: Van, tasks: Sequence[Task]) -> Fault | None:
     """The first rule that a route breaks; None: none, and its times are found."""
     spec = van.spec
@@ -126,7 +131,7 @@ def fault(van: Van, tasks: Sequence[Task]) -> Fault | None:
         return Fault(3, "the load would be above every capacity")
     driven = travels(van, tasks)
     if max(driven) >= NO_WAY:
-        return Fault(4, "no road leads there and back")
+        return Fault(NO_WAY_STAGE, "no way leads there and back")
     if spec.max_travel_time is not None and sum(driven) > PER_SECOND * spec.max_travel_time:
         return Fault(5, f"max_travel_time ({spec.max_travel_time} s) would be exceeded")
     if spec.max_distance is not None and metres(van, tasks) > spec.max_distance:

@@ -126,6 +126,8 @@ def _limits(instance: MatrixInstance, path: Path) -> tuple[list[int], int, int]:
     if len(fleet.depots) > 1 or len(rooms) > 1 or not room or windows:
         problem = "not one depot and vehicles with one capacity, without time windows"
         raise InputError(path, problem, "give a CVRP")
+    if not np.isfinite(instance.measures[instance.minimise]).all():
+        raise InputError(path, "ways are missing", "give one whose matrix has all")
     demands = [stop.demand for stop in fleet.stops]
     if len(demands) > _MAX_STOPS:
         problem = f"{len(demands)} stops; the most is {_MAX_STOPS}"

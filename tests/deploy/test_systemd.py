@@ -135,6 +135,15 @@ def test_each_unit_gets_its_own_secrets_only(unit: Path) -> None:
 
 
 @pytest.mark.parametrize("unit", UNITS, ids=lambda unit: unit.name)
+def test_a_refused_system_call_kills_no_daemon(unit: Path) -> None:
+    """It ends with EPERM; processes that search may lower their priority."""
+    assert values(unit, "SystemCallErrorNumber") == ["EPERM"]
+    allowed = values(unit, "SystemCallFilter")
+    searches = "dispatcher" in unit.name or "worker" in unit.name
+    assert ("setpriority" in allowed[2:]) == searches
+
+
+@pytest.mark.parametrize("unit", UNITS, ids=lambda unit: unit.name)
 def test_nothing_speaks_to_the_world(unit: Path) -> None:
     """All addresses are denied but loopback; an edge daemon also reaches private networks."""
     assert values(unit, "IPAddressDeny") == ["any"]

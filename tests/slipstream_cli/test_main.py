@@ -230,3 +230,45 @@ def test_a_missing_extra_is_named() -> None:
         [sys.executable, "-c", code], capture_output=True, text=True, check=False, env=os.environ
     )
     assert "slipstream[dashboard]" in one_line(result)
+
+
+NOISY = """
+import ctypes, os, subprocess, sys
+from dispatcher_daemon import vroom
+from slipstream_cli.main import main
+
+sound = vroom.solve_vroom
+
+def noisy(*arguments, **options):
+    os.write(1, b"by its number\\n")
+    ctypes.CDLL(None).puts(b"by the C library, which keeps it until the end")
+    subprocess.run(["echo", "by a process"])
+    return sound(*arguments, **options)
+
+vroom.solve_vroom = noisy
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+@pytest.mark.process
+@pytest.mark.slow
+@pytest.mark.parametrize("out", [(), ("--out", "/dev/stdout")])
+def test_no_library_writes_to_the_standard_output(tmp_path: Path, out: tuple[str, ...]) -> None:
+    """Whatever compiled code and started processes print, a command's output is its answer."""
+    request = tmp_path / "request.json"
+    request.write_text(
+        '{"vehicles": [{"id": 1, "start_index": 0}], "jobs": [{"id": 1, "location_index": 1}],'
+        ' "matrix": [[0, 7], [7, 0]]}'
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", NOISY, "solve", "--vroom", str(request), "--json", *out],
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["summary"]["cost"] == 7
+    assert sorted(done.stderr.splitlines()) == [
+        "by a process",
+        "by its number",
+        "by the C library, which keeps it until the end",
+    ]

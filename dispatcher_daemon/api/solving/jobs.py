@@ -30,6 +30,8 @@ OVERHEAD_S: Final = 120.0
 """Beyond its deadline, for the start of a process, reading roads and verifying plans, s."""
 
 _STOP_WITHIN_S: Final = 5.0
+_NICENESS: Final = 10
+"""The dispatcher's own cycles come first."""
 
 MakeTask = Callable[[], Task]
 Run = Callable[[Task], bytes]
@@ -88,7 +90,7 @@ class SolveJobs:
         self._condition = threading.Condition()
         self._closed = False
         self._keeper = ThreadPoolExecutor(1, thread_name_prefix="solve-process")
-        self._processes = Processes(1, self._keeper, "worker of solve jobs")
+        self._processes = Processes(1, self._keeper, "worker of solve jobs", _NICENESS)
         self._thread = threading.Thread(target=self._serve, name="solve-jobs", daemon=True)
         self._thread.start()
 

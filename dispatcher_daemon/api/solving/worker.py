@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final, Protocol
+from typing import Protocol
 
 from pydantic import BaseModel, Field
 
@@ -25,9 +24,6 @@ from slipstream.messages import CycleReport, SegmentState, VehiclePlan
 from slipstream.roads import RoadNetwork
 from slipstream.sumo_net import load_network
 
-NICENESS: Final = 10
-"""The dispatcher's own cycles come first."""
-
 
 class Task(Protocol):
     """What a worker runs; it can be pickled."""
@@ -38,9 +34,7 @@ class Task(Protocol):
 
 
 def run_task(task: Task) -> bytes:
-    """Run a task in this process; the dispatcher's own cycles come first."""
-    niceness = max(NICENESS, os.getpriority(os.PRIO_PROCESS, 0))
-    os.setpriority(os.PRIO_PROCESS, 0, niceness)
+    """Run a task in this process."""
     return task.run()
 
 

@@ -9,6 +9,7 @@ import signal
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from contextlib import suppress
 from multiprocessing import connection
 from typing import Any, ParamSpec, TypeVar
 
@@ -22,9 +23,11 @@ _NICENESS = 5
 """Of workers: whoever waits for this process, which does little itself, comes before a search."""
 
 
-def start_worker(parent: int) -> None:
+def start_worker(parent: int, niceness: int = _NICENESS) -> None:
     """End the worker when its parent ends; leave Ctrl-C to the parent, and other work its turn."""
-    os.nice(_NICENESS)
+    with suppress(OSError):
+        # A service may be refused it by its system call filter; the work is the same without.
+        os.nice(niceness)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # The kernel's signal holds even while compiled code keeps the interpreter lock. It also fires
     # when the creating thread ends: SolverPool makes workers in threads that live as long as it.
@@ -47,10 +50,14 @@ class Processes:
         size: number of processes.
         spawner: starts the processes, in a thread that outlives them: see `start_worker`.
         name: for the log.
+        niceness: of the processes above this one's.
     """
 
-    def __init__(self, size: int, spawner: ThreadPoolExecutor, name: str) -> None:
+    def __init__(
+        self, size: int, spawner: ThreadPoolExecutor, name: str, niceness: int = _NICENESS
+    ) -> None:
         self.size = size
+        self._niceness = niceness
         self._spawner = spawner
         self._name = name
         self._pool: Any = None
@@ -81,7 +88,7 @@ class Processes:
                 max_workers=self.size,
                 context=multiprocessing.get_context("spawn"),
                 initializer=start_worker,
-                initargs=(os.getpid(),),
+                initargs=(os.getpid(), self._niceness),
             )
             # Reading `active` starts the pool, in the calling thread.
             self._spawner.submit(lambda: pool.active).result()

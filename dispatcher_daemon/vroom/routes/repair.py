@@ -12,8 +12,9 @@ from typing import Final
 import numpy as np
 
 from dispatcher_daemon.vroom.model import Problem, Task, Van
+from dispatcher_daemon.vroom.routes.reach import Reach
 from dispatcher_daemon.vroom.routes.vrp_data import Routes
-from dispatcher_daemon.vroom.timing import Fault, cost_of, fault
+from dispatcher_daemon.vroom.timing import NO_WAY_STAGE, Fault, cost_of, fault
 
 Unit = tuple[Task, ...]
 """A job, or pickup and delivery of a shipment."""
@@ -36,12 +37,12 @@ def units_of(problem: Problem) -> list[Unit]:
 def unservable(problem: Problem, units: Sequence[Unit]) -> dict[int, str]:
     """Reason by number of each task that no vehicle can serve, even alone."""
     found: dict[int, str] = {}
-    vans = list(_distinct(problem.vans))
+    vans, reach = list(_distinct(problem.vans)), Reach(problem)
     for unit in units:
         faults: list[Fault] = []
         for van in vans:
             wrong = fault(van, unit)
-            if wrong is None:
+            if wrong is None or (wrong.stage == NO_WAY_STAGE and reach.serves(van, unit)):
                 break
             faults.append(wrong)
         else:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from dispatcher_daemon.fleet import Fleet, check_fleet
+from dispatcher_daemon.roads.given import given_matrices
 from dispatcher_daemon.roads.weights import Floats
 from research.instances.matrices.schema import MatrixFile, MatrixTable, Measure
 from slipstream.config import check, read_data
@@ -59,22 +60,28 @@ class MatrixInstance:
 
     @cached_property
     def measures(self) -> Mapping[Measure, Floats]:
-        """What is known of ways, shape (n, n) each; durations are always known."""
+        """What is known of ways, shape (n, n) each; durations are always known; inf in all of them
+        where no way leads.
+        """
         table = self.file.matrix
+        distances, durations, energies = given_matrices(
+            table.distances_m, table.durations_s, table.energy_kwh
+        )
         found: dict[Measure, Floats] = {}
-        if table.distances_m is not None:
-            found["distance"] = np.array(table.distances_m)
+        if distances is not None:
+            found["distance"] = distances
         elif table.euclidean is not None:
             found["distance"] = _rounded(self.straight_m, table)
         size = len(table.places)
         found["duration"] = np.zeros((size, size))
-        if table.durations_s is not None:
-            found["duration"] = np.array(table.durations_s)
+        if durations is not None:
+            found["duration"] = durations
         elif table.speed_mps is not None:
             found["duration"] = found["distance"] / table.speed_mps
-        if table.energy_kwh is not None:
-            found["energy"] = np.array(table.energy_kwh)
-        return found
+        if energies is not None:
+            found["energy"] = energies
+        blocked = np.any([np.isinf(values) for values in found.values()], axis=0)
+        return {name: np.where(blocked, np.inf, values) for name, values in found.items()}
 
     @cached_property
     def row(self) -> dict[str, int]:

@@ -17,8 +17,9 @@ MAX_PLACES = 2000
 
 _Name = Annotated[str, StringConstraints(min_length=1, max_length=200)]
 _Coordinate = Annotated[float, Field(ge=-1e8, le=1e8, allow_inf_nan=False)]
-_Entry = Annotated[float, Field(ge=0, le=1e9, allow_inf_nan=False)]
-_Matrix = tuple[tuple[_Entry, ...], ...]
+_Entry = Annotated[float, Field(ge=0, lt=2**32, allow_inf_nan=False)]
+_Matrix = tuple[tuple[_Entry | None, ...], ...]
+"""See `given_matrices` for where no way leads."""
 
 Rounding = Literal["none", "nearest", "tenths"]
 Measure = Literal["distance", "duration", "energy"]

@@ -57,7 +57,7 @@ class _MatrixWays:
 
     def __init__(self, instance: MatrixInstance) -> None:
         cost = instance.measures[instance.minimise]
-        positive = cost[cost > 0]
+        positive = cost[(cost > 0) & np.isfinite(cost)]
         per_kwh = float(np.median(positive)) / _TYPICAL_KWH if positive.size else 1.0
         self.row = instance.row
         self.search_cost_kwh: Floats = cost / per_kwh
@@ -127,13 +127,19 @@ def _faults(
         # It may leave later, to wait less; nothing is served sooner by that.
         time_s = vehicle.ready_s
         for stop in stops:
-            time_s += float(instance.measures["duration"][row[place], row[stop.id]])
+            way_s = float(instance.measures["duration"][row[place], row[stop.id]])
+            if math.isinf(way_s):
+                yield f"no way leads from {place} to {stop.id}"
+            time_s += way_s
             time_s = max(time_s, stop.earliest_s)
             if stop.latest_s is not None and time_s > stop.latest_s + _TOLERANCE_S:
                 yield f"{vehicle.id} is at {stop.id} at {time_s:g} s, after {stop.latest_s:g} s"
             time_s += stop.service_s
             place = stop.id
-        time_s += float(instance.measures["duration"][row[place], row[depot]])
+        way_s = float(instance.measures["duration"][row[place], row[depot]])
+        if math.isinf(way_s):
+            yield f"no way leads from {place} to {depot}"
+        time_s += way_s
         late = vehicle.return_by_s is not None and time_s > vehicle.return_by_s + _TOLERANCE_S
         if stops and late:
             yield f"{vehicle.id} is back at {time_s:g} s"

@@ -107,11 +107,8 @@ def test_a_fleet_is_planned_in_a_process_of_its_own(serve: Callable[..., Api]) -
     assert api.ask("DELETE", address, "controller").json["state"] == "done"
 
 
-def test_roads_that_have_changed_since_are_not_planned_on(
-    demo: RoutingProblem, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_roads_that_have_changed_since_are_not_planned_on(demo: RoutingProblem) -> None:
     """The worker reads the network's file again, and refuses one that is not the dispatcher's."""
-    monkeypatch.setattr(os, "setpriority", lambda *_: None)
     learned = Learned({}, {}, None)
     task = SolveTask(DispatcherSettings(), "other roads", demo.fleet, (), learned, 0, 1)
     with pytest.raises(InputError, match="changed since"):

@@ -140,6 +140,99 @@ def test_described_routes_get_the_times_that_break_least() -> None:
     assert "unknown job 99" in refused["error"]
 
 
+NO_WAY = (None, 2**31 - 1, 2**31, 2**32 - 1)
+"""What routing engines answer where no way leads."""
+
+
+@pytest.mark.parametrize("no", NO_WAY)
+@pytest.mark.parametrize("name", ["durations", "distances", "costs"])
+def test_no_way_is_driven_where_a_matrix_has_none(name: str, no: int | None) -> None:
+    """In whichever matrix it is missing; the task is left out with its reason, also one that counts
+    most, and the others are served.
+    """
+    matrices: dict[str, Any] = {
+        key: [list(row) for row in DURATIONS] for key in ("durations", "distances", "costs")
+    }
+    for i in range(4):
+        matrices[name][3][i] = matrices[name][i][3] = no
+    data = request(matrices={"car": matrices})
+    data["jobs"][2]["priority"] = 100
+    answer = solved(data)
+    (route,) = answer["routes"]
+    best = min(300 + 250 + 400, 420 + 260 + 310)
+    assert [s["id"] for s in route["steps"] if s["type"] == "job"] in ([10, 20], [20, 10])
+    assert route["cost"] == route["duration"] == route["distance"] == best
+    (left,) = answer["unassigned"]
+    assert (left["id"], left["reason"]) == (30, "no way leads there and back")
+
+
+def test_a_direct_way_may_be_missing_where_another_one_leads() -> None:
+    """A job that is reached by way of another one only; staying at a place needs no way."""
+    durations = [[None, 10, None], [20, None, 5], [7, None, 2**31 - 1]]
+    jobs = [{"id": i, "location_index": i} for i in (1, 2, 2)]
+    jobs[2]["id"] = 3
+    data = request(jobs=jobs, matrices={"car": {"durations": durations}})
+    answer = solved(data)
+    assert (answer["summary"]["cost"], answer["unassigned"]) == (22, [])
+    pair = {"id": 1, "location_index": 1}, {"id": 1, "location_index": 2}
+    back = {"pickup": pair[1], "delivery": pair[0]}
+    answer = solved({**data, "jobs": [], "shipments": [{"pickup": pair[0], "delivery": pair[1]}]})
+    assert answer["summary"]["cost"] == 22
+    data = {**data, "jobs": [], "shipments": [back]}
+    data["vehicles"] = [{"id": 7, "start_index": 2, "end_index": 1}]
+    durations[2][0] = None
+    reasons = {row["reason"] for row in solved(data)["unassigned"]}
+    assert reasons == {"no way leads there and back"}
+
+
+@pytest.mark.parametrize("no", NO_WAY)
+def test_described_routes_over_a_missing_way_are_refused_by_its_ends(no: int | None) -> None:
+    """In plan mode, and as the start of a search."""
+    durations = [[0 if a == b else 10 for b in range(4)] for a in range(4)]
+    durations[1][3] = no  # type: ignore[call-overload]
+    steps = [{"type": "job", "id": 10}, {"type": "job", "id": 30}]
+    data = request(
+        vehicles=[{"id": 7, "start_index": 0, "steps": steps}],
+        matrices={"car": {"durations": durations}},
+    )
+    refused = solve_vroom(data, None, 5, 1, choose_eta=True)
+    assert refused["code"] == 2
+    assert "vehicles.7.steps: no way leads from job 10 to job 30" in refused["error"]
+    assert "no way leads" in solve_vroom(data, None, 5, 1)["error"]
+
+
+@pytest.mark.parametrize("zero", [0, 1_740_999_600])
+def test_a_route_that_keeps_its_windows_has_no_violations_in_plan_mode(zero: int) -> None:
+    """Whatever the clock that its times are of, with and without a window of a task."""
+
+    def windows(*of: tuple[int, int]) -> list[list[int]]:
+        return [[zero + start, zero + end] for start, end in of]
+
+    pause = {"id": 1, "service": 600, "time_windows": windows((4000, 6000), (7000, 9000))}
+    vehicle: dict[str, Any] = {"id": 7, "start_index": 0, "end_index": 1, "breaks": [pause]}
+    vehicle |= {"time_window": [zero, zero + 15000], "speed_factor": 1.7}
+    jobs = [
+        {"id": 1, "location_index": 1, "setup": 98, "service": 273},
+        {"id": 2, "location_index": 2, "setup": 35, "service": 184},
+        {"id": 3, "location_index": 3, "service": 45},
+    ]
+    jobs[0]["time_windows"] = windows((1710, 3978), (4322, 7184), (7994, 10855))
+    jobs[1]["time_windows"] = windows((1144, 1861), (3460, 6413), (7687, 8029))
+    data = request(vehicles=[vehicle], jobs=jobs)
+    (route,) = solved(data)["routes"]
+    vehicle["steps"] = [
+        {"type": step["type"], **({"id": step["id"]} if "id" in step else {})}
+        for step in route["steps"]
+    ]
+    answer = solved(data, choose_eta=True)
+    assert answer["summary"]["violations"] == []
+    assert answer["routes"][0]["steps"][-1]["arrival"] <= route["steps"][-1]["arrival"]
+    vehicle["time_window"] = [zero + 20000, zero + 30000]
+    late = solved(data, choose_eta=True)["summary"]["violations"]
+    assert {one["cause"] for one in late} <= {"delay", "lead_time"}
+    assert late
+
+
 @st.composite
 def requests(draw: st.DrawFn) -> dict[str, Any]:
     """Small requests with every rule."""

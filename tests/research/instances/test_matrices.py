@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
@@ -98,6 +99,33 @@ def test_what_is_minimised_is_what_the_file_says() -> None:
         assert plan.routes["v"] == order
         assert plan.sums[instance.minimise] == 3
         assert (plan.unserved, plan.faults) == ((), ())
+
+
+@pytest.mark.parametrize("no", [None, 2.0**31 - 1, 2**32 - 1])
+@pytest.mark.parametrize("name", ["distances_m", "durations_s", "energy_kwh"])
+def test_no_way_is_driven_where_a_matrix_has_none(name: str, no: float | None) -> None:
+    """Whichever matrix it is missing in: the stop is not served, and the others are."""
+    data = plain()
+    data["matrix"]["durations_s"] = [[0, 1, 5], [5, 0, 1], [1, 5, 0]]
+    for i in range(3):
+        data["matrix"][name][2][i] = data["matrix"][name][i][2] = no
+    instance = matrix_instance_from(data, "two.json")
+    with ThreadPoolExecutor(1) as executor:
+        plan = search_matrix_instance(instance, SearchSettings(rounds=1), executor, 1)
+    assert (plan.routes["v"], plan.unserved, plan.faults) == (("b",), ("c",), ())
+    assert dict(plan.sums) == {"distance": 6, "duration": 6, "energy": 10}
+
+
+def test_an_explicit_matrix_of_a_published_set_may_miss_ways(tmp_path: Path) -> None:
+    """Its largest number means that no way leads between these two stops."""
+    text = VRP.replace("EUC_2D", "EXPLICIT\nEDGE_WEIGHT_FORMAT : LOWER_ROW")
+    text = text.replace("EOF", "EDGE_WEIGHT_SECTION\n1 2 3\n4 5 6 7 8 9 2147483647\nEOF")
+    instance = read_published(written(tmp_path, "e.vrp", text), "vrplib")
+    assert instance.measures["distance"][4].tolist() == [7, 8, 9, math.inf, 0]
+    with ThreadPoolExecutor(1) as executor:
+        plan = search_matrix_instance(instance, SearchSettings(rounds=1), executor, 1)
+    assert (plan.unserved, plan.faults) == ((), ())
+    assert math.isfinite(plan.sums["distance"])
 
 
 def test_the_sets_distances_are_rounded_as_they_say(tmp_path: Path) -> None:

@@ -36,6 +36,14 @@ def loose(tmp_path: Path) -> Case:
     return made(tmp_path, instance_text("loose-k3", 276), "loose-k3")
 
 
+def test_a_matrix_that_misses_ways_is_refused(tmp_path: Path) -> None:
+    """The model knows no route that cannot be driven."""
+    instance, _ = made(tmp_path, instance_text(), "full-k3")
+    instance.measures["distance"][0, 1] = np.inf
+    with pytest.raises(InputError, match="ways are missing"):
+        build_cover(instance, tmp_path / "full-k3.vrp")
+
+
 def length(instance: MatrixInstance, route: tuple[int, ...]) -> float:
     """Of a route by numbers of stops, from the depot and back."""
     of, row = instance.measures["distance"], instance.row
