@@ -18,9 +18,9 @@ from edge_daemon import metrics
 from edge_daemon.calibration.calibration import stated_calibration
 from edge_daemon.camera import Camera, load_camera
 from edge_daemon.detection import Detections, Detector, detect_stream, open_detector
-from edge_daemon.frame import Frame
+from edge_daemon.frame import Frame, Image
 from edge_daemon.pipeline import Pipeline
-from edge_daemon.preview import annotate, scaled
+from edge_daemon.preview import annotate, draw_time, past_picture, scaled, utc_date_and_time
 from edge_daemon.runtime import TRIM_INTERVAL_S, StageTimer, configure_allocator, trim_memory
 from edge_daemon.settings import EdgeSettings
 from edge_daemon.sources import FrameSource, mark_repeats, open_source
@@ -38,6 +38,7 @@ from slipstream.messages import (
     rsu_health_key,
     state_key,
     stopped_key,
+    with_capture_time,
 )
 from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
 from slipstream.tracing import span
@@ -181,6 +182,7 @@ class EdgeDaemon:
                     next(publishing, None)
                     if frame is None:
                         _finish(publishing)
+                        self._publish_past_picture()
                 if frame is not None and now >= preview_due_s:
                     with stages.measure("preview"):
                         self._publish_preview(frame)
@@ -188,6 +190,7 @@ class EdgeDaemon:
                 done_s = time.monotonic()
         _finish(publishing)
         _finish(self._publish("ended"))
+        self._publish_past_picture(ended=True)
 
     def _now_s(self, frame: Frame | None) -> float:
         """The clock of the state interval: media time of a fast clip, else monotonic time, s."""
@@ -375,7 +378,6 @@ class EdgeDaemon:
         )
 
     def _publish_preview(self, frame: Frame) -> None:
-        quality = [cv2.IMWRITE_JPEG_QUALITY, self._settings.preview.jpeg_quality]
         width = self._settings.preview.width
         for publisher, boxes in self._preview_publishers:
             if not publisher.has_subscribers():
@@ -391,9 +393,25 @@ class EdgeDaemon:
                 )
             else:
                 picture = scaled(frame.image, width)
-            ok, data = cv2.imencode(".jpg", picture, quality)
-            if ok:
-                publisher.put(data.tobytes())
+            draw_time(picture, utc_date_and_time(frame.captured_ns))
+            self._put_picture(publisher, picture, frame.captured_ns)
+
+    def _publish_past_picture(self, *, ended: bool = False) -> None:
+        """Replace the last picture, which may still be shown, once no frame comes any more."""
+        last = self._last_frame
+        if last is None or not (ended or self._fault == "stale"):
+            return
+        for publisher, _ in self._preview_publishers:
+            if publisher.has_subscribers():
+                width = self._settings.preview.width
+                picture = past_picture(last.image, self._camera, last.captured_ns, width)
+                self._put_picture(publisher, picture, last.captured_ns)
+
+    def _put_picture(self, publisher: Publisher, picture: Image, captured_ns: int) -> None:
+        quality = [cv2.IMWRITE_JPEG_QUALITY, self._settings.preview.jpeg_quality]
+        ok, data = cv2.imencode(".jpg", picture, quality)
+        if ok:
+            publisher.put(with_capture_time(data.tobytes(), captured_ns))
 
 
 def _finish(steps: Iterator[None]) -> None:

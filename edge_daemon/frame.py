@@ -31,6 +31,7 @@ class Frame:
         cut: True if the scene before it is another one (a loop, a reconnect).
         clock_jump: True if the stream's own clock stepped before it; the media time is corrected.
         repeated: True if it shows the frame before once more: nothing is measured in it.
+        left_out_s: of a leap of the clip's time stamps before it, what media time does not count.
     """
 
     image: Image
@@ -40,6 +41,7 @@ class Frame:
     cut: bool = False
     clock_jump: bool = False
     repeated: bool = False
+    left_out_s: float = 0.0
 
 
 def read_image(path: Path) -> Image | None:

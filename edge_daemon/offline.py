@@ -18,10 +18,11 @@ from edge_daemon.detection import detect_stream, open_detector, prefetch
 from edge_daemon.features import VehicleMotion
 from edge_daemon.frame import Frame
 from edge_daemon.pipeline import Pipeline
-from edge_daemon.preview import annotate
+from edge_daemon.preview import annotate, draw_time
 from edge_daemon.settings import TrackSettings
 from edge_daemon.sources import mark_repeats
 from edge_daemon.sources.clip import FastClip, open_clip
+from edge_daemon.sources.rate import Rate
 from edge_daemon.tracking import Sightings
 from edge_daemon.watch import Watch, read_reference
 from slipstream.errors import InputError
@@ -37,15 +38,13 @@ class Recorder:
     """Records sightings, speeds and states of a run, for scoring."""
 
     frame_times_s: list[float] = field(default_factory=list)
-    frame_numbers: list[int] = field(default_factory=list)
     sightings: list[Sightings] = field(default_factory=list)
     states: list[tuple[float, SegmentState]] = field(default_factory=list)
     speeds: list[tuple[int, float, float, float]] = field(default_factory=list)
 
-    def frame(self, number: int, time_s: float, sightings: Sightings) -> None:
-        """Note one frame, by its number in the video, and the sightings that it confirmed."""
+    def frame(self, time_s: float, sightings: Sightings) -> None:
+        """Note one frame, by its media time, and the sightings that it confirmed."""
         self.frame_times_s.append(time_s)
-        self.frame_numbers.append(number)
         self.sightings.append(sightings)
 
     def tick(
@@ -82,6 +81,8 @@ class TrackResult:
         recorder: what scores are made from; frames under a fault of the camera are left out.
         done_s: monotonic time at which each frame had gone through, s.
         latency_s: of each frame, from decoded to processed, s.
+        rate: of the video, and who says it.
+        gap_s: time that its time stamps leave out between its frames, s.
         decode_errors: frames that could not be read.
         repeated: frames that repeated the one before, which nothing was measured in.
         fault_s: for how long each fault of the frame was reported, s: it begins after its wait
@@ -89,10 +90,12 @@ class TrackResult:
         rss_mb: resident memory at the end.
     """
 
+    rate: Rate
     states: list[SegmentState] = field(default_factory=list)
     recorder: Recorder = field(default_factory=Recorder)
     done_s: list[float] = field(default_factory=list)
     latency_s: list[float] = field(default_factory=list)
+    gap_s: float = 0.0
     decode_errors: int = 0
     repeated: int = 0
     fault_s: dict[CameraFault, float] = field(default_factory=dict)
@@ -104,6 +107,7 @@ def track(
     camera: Camera,
     settings: TrackSettings,
     *,
+    fps: float | None = None,
     annotated: Path | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> TrackResult:
@@ -113,21 +117,22 @@ def track(
         video: the file.
         camera: its calibration.
         settings: of the pipeline.
+        fps: frames a second that it was filmed at; None: as it says.
         annotated: where to write the video with what was seen drawn over it.
         progress: called with the numbers of processed and of expected frames.
 
     Raises:
-        InputError: the video, the model, the reference frame or the target cannot be used, or
-            the frames are not of the calibrated size.
+        InputError: the video, the model, the reference frame or the target cannot be used, the
+            frames are not of the calibrated size, or nothing says their rate.
     """
     watch = Watch(camera, settings.watch, read_reference(camera))
-    reader = open_clip(video, loop=False, size=camera.size)
+    reader = open_clip(video, loop=False, size=camera.size, fps=fps)
     detector = open_detector(settings.detector, camera)
     pipeline = Pipeline(
         "offline", camera, detector, settings.tracker, settings.stability, settings.window_s
     )
-    result = TrackResult()
-    due_s = last_s = 0.0
+    result = TrackResult(reader.rate)
+    due_s = last_s = left_out_s = 0.0
     fault: CameraFault | None = None
     boxes: npt.NDArray[np.float32] | None = None
     all_boxes: npt.NDArray[np.float32] | None = None
@@ -138,43 +143,56 @@ def track(
         for frame, detections in frames:
             if frame is None:
                 continue
-            now = frame.media_time_s
+            left_out_s += frame.left_out_s
+            now = frame.media_time_s + left_out_s
             result.repeated += frame.repeated
             # A recording's own time: this machine's clocks say when it was read, not taken.
-            seen = replace(frame, captured_s=now, captured_ns=round(now * 1e9))
+            seen = replace(frame, media_time_s=now, captured_s=now, captured_ns=round(now * 1e9))
             if detections is not None:
                 boxes = detections.boxes_above(settings.tracker.high_score)
                 all_boxes = detections.boxes
             before, fault = fault, watch.look(seen, boxes, all_boxes)
             if fault is None and detections is not None:
-                result.recorder.frame(len(result.done_s), now, pipeline.update(frame, detections))
+                result.recorder.frame(now, pipeline.update(seen, detections))
             elif fault is not None:
-                result.fault_s[fault] = result.fault_s.get(fault, 0.0) + now - last_s
+                result.fault_s[fault] = result.fault_s.get(fault, 0.0) + (
+                    frame.media_time_s - last_s
+                )
                 if fault != before:
                     pipeline.reset()
-            last_s = now
+            last_s = frame.media_time_s
             if now >= due_s:
                 states = pipeline.states(round(now * 1e9), fault=fault)
                 result.recorder.tick(now, settings.state_interval_s, states, pipeline.vehicles)
                 result.states += states
                 latest |= {state.segment: state for state in states}
-                due_s += settings.state_interval_s
+                # One state after a gap, not one for each that would have been due in it.
+                due_s += settings.state_interval_s * (
+                    1 + int((now - due_s) / settings.state_interval_s)
+                )
             result.done_s.append(time.monotonic())
             result.latency_s.append(result.done_s[-1] - frame.captured_s)
-            annotated_video.add(frame, pipeline, latest)
+            annotated_video.add(seen, pipeline, latest, frame.media_time_s)
             if progress is not None:
                 progress(len(result.done_s), reader.expected_frames)
+    result.gap_s = source.counters.gap_s
     result.decode_errors = source.counters.decode_errors
     result.rss_mb = rss_mb()
     return result
 
 
 class _AnnotatedVideo:
-    """The annotated video, if one is wanted; under its name only when complete."""
+    """The annotated video, if one is wanted; under its name only when complete.
+
+    Its frames are evenly spaced: those of the clip are repeated or left out so that it plays at the
+    clip's own speed.
+    """
 
     def __init__(self, path: Path | None, fps: float, camera: Camera) -> None:
         self._path = path
         self._camera = camera
+        self._fps = fps
+        self._written = 0
         self._writer: cv2.VideoWriter | None = None
         if path is None:
             return
@@ -187,18 +205,35 @@ class _AnnotatedVideo:
                 path, "no video can be written here", "give a .mp4 in a folder of yours"
             )
 
-    def add(self, frame: Frame, pipeline: Pipeline, states: dict[str, SegmentState]) -> None:
-        """Draw one frame."""
-        if self._writer is not None:
-            picture = annotate(
-                frame.image,
-                self._camera,
-                pipeline.tracks,
-                states,
-                frame.media_time_s,
-                self._camera.size[0],
-            )
+    def add(
+        self, frame: Frame, pipeline: Pipeline, states: dict[str, SegmentState], at_s: float
+    ) -> None:
+        """Draw one frame.
+
+        Args:
+            frame: with its time in the clip.
+            pipeline: what was seen.
+            states: the latest.
+            at_s: when it is shown, media time.
+        """
+        if self._writer is None:
+            return
+        due = round(at_s * self._fps) + 1
+        if due <= self._written:
+            return
+        picture = annotate(
+            frame.image,
+            self._camera,
+            pipeline.tracks,
+            states,
+            frame.media_time_s,
+            self._camera.size[0],
+            _clip_time,
+        )
+        draw_time(picture, _clip_time(frame.captured_ns))
+        for _ in range(due - self._written):
             self._writer.write(picture)
+        self._written = due
 
     def __enter__(self) -> Self:
         return self
@@ -210,6 +245,10 @@ class _AnnotatedVideo:
                 self._part.replace(self._path)
             else:
                 self._part.unlink(missing_ok=True)
+
+
+def _clip_time(time_ns: int) -> str:
+    return f"{time_ns / 1e9:.1f} s"
 
 
 def frame_times_ms(result: TrackResult) -> tuple[float, float, float, float]:

@@ -1,15 +1,20 @@
-"""The annotated frame: segments in the colour of their flag, boxes, track ids and speeds."""
+"""The annotated frame: segments in the colour of their flag, boxes, track ids and speeds.
+
+A picture outlives its moment, on a page or in a file: it shows when it was taken, and each flag
+when it held.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from datetime import UTC, datetime
 from typing import Final
 
 import cv2
 import numpy as np
 
 from edge_daemon.camera import Camera
-from edge_daemon.drawing import WHITE, Colour, Labels, tint
+from edge_daemon.drawing import DARK, WHITE, Colour, Labels, tint
 from edge_daemon.frame import Image
 from edge_daemon.tracking import Track
 from slipstream.messages import SegmentState
@@ -27,6 +32,35 @@ _KNOWN_AFTER_S: Final = 0.5
 _MIN_FONT_SCALE: Final = 0.38
 _LABELLED_OF_FONT: Final = 50  # px of box a unit of font scale
 _TINT: Final = 0.22
+_SMALLER: Final = (1.0, 0.75, 0.5)
+_PAST: Final = 0.5
+
+
+def utc_date_and_time(time_ns: int) -> str:
+    """A moment as a picture shows it."""
+    return f"{datetime.fromtimestamp(time_ns // 10**9, UTC):%Y-%m-%d %H:%M:%S} UTC"
+
+
+def utc_time(time_ns: int) -> str:
+    """A moment of the picture's day."""
+    return f"{datetime.fromtimestamp(time_ns // 10**9, UTC):%H:%M:%S} UTC"
+
+
+def draw_time(picture: Image, text: str) -> None:
+    """Draw when a picture was taken into its lower left corner."""
+    height, width = picture.shape[:2]
+    labels = Labels(picture)
+    _put(labels, text, (0.015 * width, height - 0.02 * width), height / 640)
+    labels.draw()
+
+
+def past_picture(image: Image, camera: Camera, taken_ns: int, width: int) -> Image:
+    """The last frame of a camera that sends none: without colour, its segments unknown."""
+    grey = cv2.cvtColor(scaled(image, width), cv2.COLOR_BGR2GRAY)
+    past = np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR) * _PAST, np.uint8)
+    picture = annotate(past, camera, (), {}, 0.0, width)
+    draw_time(picture, f"no picture since {utc_date_and_time(taken_ns)}")
+    return picture
 
 
 def scaled(image: Image, width: int) -> Image:
@@ -45,14 +79,17 @@ def annotate(
     states: Mapping[str, SegmentState],
     time_s: float,
     width: int,
+    clock: Callable[[int], str] = utc_time,
 ) -> Image:
     """Draw what the pipeline knows at a media time over a copy of the frame, ``width`` px wide.
+
+    Beside each flag stands the end of its window, as ``clock`` writes it.
 
     Boxes of vehicles seen just now, each with its number where there is room, nearer ones first;
     speeds are shown inside segments only, as the calibration is not checked elsewhere, and of
     vehicles that have been followed for half a second.
     """
-    zoom = width / image.shape[1]
+    zoom = width / camera.size[0]
     picture = scaled(image, width)
     height = len(picture)
     stroke = max(1, round(height / 360))
@@ -65,11 +102,12 @@ def annotate(
         corners = outline.round().astype(np.int32)
         cv2.polylines(picture, [corners], True, colour, stroke + 1, cv2.LINE_AA)
         scale = height / 640
-        labels.put(
-            f"{segment.id}: {_verdict(state)}",
-            [(0.015 * width, 45 * scale * (row + 1))],
+        _put(
+            labels,
+            f"{segment.id}: {_verdict(state, clock)}",
+            (0.015 * width, 45 * scale * (row + 1)),
             scale,
-            background=colour,
+            colour,
         )
     # A track that coasts is not shown: its last box is somewhere it no longer is.
     shown = [track for track in tracks if time_s - track.last_seen_s <= _SEEN_S]
@@ -101,6 +139,15 @@ def _watched(camera: Camera, tracks: Sequence[Track]) -> list[bool]:
     return [bool(one) for one in inside]
 
 
-def _verdict(state: SegmentState | None) -> str:
-    word = _WORD[state.y_e if state else None]
-    return f"{word} ({state.reason.replace('_', ' ')})" if state and state.reason else word
+def _put(
+    labels: Labels, text: str, place: tuple[float, float], scale: float, background: Colour = DARK
+) -> None:
+    """Place a label that must not be left out: smaller where it is too wide."""
+    any(labels.put(text, [place], scale * share, background=background) for share in _SMALLER)
+
+
+def _verdict(state: SegmentState | None, clock: Callable[[int], str]) -> str:
+    if state is None:
+        return _WORD[None]
+    why = f" ({state.reason.replace('_', ' ')})" if state.reason else ""
+    return f"{_WORD[state.y_e]}{why}, {clock(state.time_ns)}"

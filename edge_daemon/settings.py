@@ -15,8 +15,10 @@ from slipstream.config import BusSettings, ServiceSettings, Settings
 from slipstream.messages import Identifier
 
 BUILTIN_MODEL: Final = "builtin"
+MAX_FPS: Final = 480.0
 
 Share = Annotated[float, Field(gt=0, lt=1)]
+FramesPerSecond = Annotated[float, Field(gt=0, le=MAX_FPS, allow_inf_nan=False)]
 FaultSeconds = Annotated[float, Field(gt=0, le=60, allow_inf_nan=False)]
 WindowSeconds = Annotated[float, Field(ge=2.0, le=60.0)]
 StateInterval = Annotated[float, Field(gt=0, le=10.0)]
@@ -38,6 +40,11 @@ class SourceSettings(Settings):
         pattern=r"^(rtsp|rtsps|http|https)://",
         description="Address of a camera: RTSP or HTTP MJPEG.",
     )
+    fps: FramesPerSecond | None = Field(
+        default=None,
+        description="Frames a second that a clip was filmed at, for one that does not say it, as "
+        "raw H.264 or MJPEG; it goes before what the clip says.",
+    )
     loop: bool = Field(default=False, description="Start a clip again at its end.")
     pace: Literal["real_time", "fast"] = Field(
         default="real_time",
@@ -57,8 +64,8 @@ class SourceSettings(Settings):
     def _one_source(self) -> Self:
         if (self.clip is None) == (self.url is None):
             raise ValueError("give either clip or url")
-        if self.url is not None and (self.loop or self.pace == "fast"):
-            raise ValueError("loop and pace are for clips")
+        if self.url is not None and (self.loop or self.pace == "fast" or self.fps is not None):
+            raise ValueError("fps, loop and pace are for clips")
         return self
 
 

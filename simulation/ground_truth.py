@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from array import array
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Final, Literal
@@ -35,6 +35,9 @@ _COLUMNS: Final = (
     "visible_fraction",
     "length_m",
 )
+_ROUNDING_S: Final = 2e-3
+"""Containers round time stamps, to milliseconds at most."""
+_MAX_STEPS: Final = 1.5
 _KINDS: Final = {name: index for index, name in enumerate(VEHICLE_CLASSES)}
 
 
@@ -72,6 +75,35 @@ class Truth:
     def take(self, rows: npt.NDArray[np.bool_] | npt.NDArray[np.intp]) -> Truth:
         """Some of the rows."""
         return Truth(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
+
+    def at(self, times_s: Array) -> list[Truth]:
+        """The vehicles at each of some media times, whatever frames a clip has of it.
+
+        Between two frames of the truth they are interpolated. Where the truth has none so near,
+        there is no vehicle.
+        """
+        own_s, begins = np.unique(self.time_s, return_index=True)
+        ends = np.append(begins[1:], len(self))
+        usual_s = float(np.median(np.diff(own_s))) if len(own_s) > 1 else _ROUNDING_S
+
+        def frame(number: int) -> Truth:
+            exists = 0 <= number < len(own_s)
+            return self.take(np.arange(begins[number], ends[number]) if exists else np.arange(0))
+
+        found = []
+        for time_s in times_s:
+            after = int(np.searchsorted(own_s, time_s))
+            around = own_s[max(0, after - 1) : after + 1]
+            apart_s = np.abs(around - time_s)
+            nearest = max(0, after - 1) + int(apart_s.argmin()) if len(around) else -1
+            if len(around) == 2 and apart_s.min() > _ROUNDING_S:
+                before, behind = frame(after - 1), frame(after)
+                if _follow(before, behind, usual_s):
+                    found.append(_between(before, behind, float(time_s)))
+                    continue
+            is_near = len(around) > 0 and apart_s.min() <= max(_ROUNDING_S, usual_s / 2)
+            found.append(frame(nearest if is_near else -1))
+        return found
 
 
 def load_truth(path: Path) -> Truth:
@@ -117,6 +149,33 @@ def _truth(table: Array) -> Truth:
         table[:, 11],
         table[:, 12],
         table[:, 13].astype(np.int64),
+    )
+
+
+def _follow(before: Truth, after: Truth, usual_s: float) -> bool:
+    """Whether no frame lies between two: one without vehicles has no row."""
+    step_s = after.time_s[0] - before.time_s[0]
+    return bool(after.frame[0] - before.frame[0] == 1 or step_s <= _MAX_STEPS * usual_s)
+
+
+def _between(before: Truth, after: Truth, time_s: float) -> Truth:
+    """The vehicles that are in both of two frames, at a time between them."""
+    _, first, second = np.intersect1d(before.vehicle, after.vehicle, return_indices=True)
+    before, after = before.take(first), after.take(second)
+    share = (time_s - before.time_s) / (after.time_s - before.time_s)
+
+    def mixed(here: Array, there: Array) -> Array:
+        return np.asarray(here + (share if here.ndim == 1 else share[:, None]) * (there - here))
+
+    return replace(
+        before,
+        time_s=mixed(before.time_s, after.time_s),
+        centre_m=mixed(before.centre_m, after.centre_m),
+        speed_mps=mixed(before.speed_mps, after.speed_mps),
+        acceleration_mps2=mixed(before.acceleration_mps2, after.acceleration_mps2),
+        box_px=mixed(before.box_px, after.box_px),
+        visible=mixed(before.visible, after.visible),
+        length_m=mixed(before.length_m, after.length_m),
     )
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from edge_daemon.settings import BUILTIN_MODEL
 from slipstream.errors import InputError
+from slipstream_cli.clip_options import add_fps
 
 if TYPE_CHECKING:
     from edge_daemon.calibration.calibration import Calibration
@@ -35,6 +36,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         action="store_true",
         help="open a page on this machine to find the points in; its address is printed",
     )
+    add_fps(command)
     command.add_argument(
         "--model",
         default=BUILTIN_MODEL,
@@ -63,6 +65,8 @@ def run(options: argparse.Namespace) -> int:
 
     if options.serve:
         return _serve(options)
+    if options.fps is not None:
+        raise InputError("--fps", "is for --serve", "leave it out: one picture is taken")
     if options.points is None:
         raise InputError("--points", "is missing", "give a points file, or --serve to find points")
     image = Path(options.image)
@@ -98,7 +102,7 @@ def _serve(options: argparse.Namespace) -> int:
         raise InputError(options.out, "is the picture itself", "write to another file")
     start = options.points or (options.out if options.out.exists() else None)
     points = None if start is None else read_points(start)
-    recording = record(options.image)
+    recording = record(options.image, options.fps)
     still = None if recording.times_s else Path(options.image)
     session = Session(recording, still, options.out, options.model, points, options.name)
     with PageServer(session) as server:

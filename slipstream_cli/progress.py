@@ -21,8 +21,10 @@ class Progress:
         self._began_s = time.monotonic()
 
     def update(self, done: int, total: int) -> None:
-        """Report that ``done`` of ``total`` steps are done."""
-        percent = 100 * done // max(total, 1)
+        """Report that ``done`` of ``total`` steps are done; nothing is shown without a total."""
+        if total <= 0:
+            return
+        percent = min(100, 100 * done // total)
         if self._stream.isatty() and percent != self._percent:
             self._percent = percent
             left = self._left(done, total)

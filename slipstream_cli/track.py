@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 from edge_daemon.settings import DetectorSettings, StabilitySettings, TrackSettings
 from slipstream.config import check
 from slipstream.errors import InputError
+from slipstream_cli.clip_options import add_config, add_fps, settings_of
 from slipstream_cli.progress import Progress
 
 if TYPE_CHECKING:
@@ -40,6 +41,8 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     command.add_argument("--annotated", type=Path, metavar="MP4", help="write the video drawn over")
     command.add_argument("--model", default=None, help="another YOLO11 export (.xml, folder, .pt)")
     command.add_argument("--full", action="store_true", help="search the whole picture")
+    add_fps(command)
+    add_config(command)
     for option, model, key in (
         ("--threads", DetectorSettings, "threads"),
         ("--window", TrackSettings, "window_s"),
@@ -49,8 +52,8 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         command.add_argument(
             option,
             type=type(field.default),
-            default=field.default,
-            help=field.description,
+            help=f"{(field.description or '').removesuffix('.')} "
+            f"(default: that of --config, or {field.default})",
         )
     command.add_argument(
         "--bare", action="store_true", help="the paper's rule without hysteresis and error bars"
@@ -66,18 +69,7 @@ def run(options: argparse.Namespace) -> int:
 
     camera = load_camera(options.camera)
     scores = _scores_against(options.truth, camera) if options.truth else None
-    detector: dict[str, Any] = {"threads": options.threads, "region": not options.full}
-    if options.model is not None:
-        detector["model"] = options.model
-    settings = check(
-        {
-            "window_s": options.window,
-            "state_interval_s": options.every,
-            "detector": detector,
-        },
-        TrackSettings,
-        "command line",
-    )
+    settings = _settings(options)
     if options.bare:
         settings = settings.model_copy(update={"stability": settings.stability.bare()})
     out = options.out or Path(f"{options.video.stem}.states.jsonl")
@@ -86,6 +78,7 @@ def run(options: argparse.Namespace) -> int:
             options.video,
             camera,
             settings,
+            fps=options.fps,
             annotated=options.annotated,
             progress=progress.update,
         )
@@ -96,6 +89,9 @@ def run(options: argparse.Namespace) -> int:
         "video": str(options.video),
         "states_file": str(out),
         "frames": len(result.done_s),
+        "fps": round(result.rate.fps, 3),
+        "fps_from": result.rate.source,
+        "gap_s": round(result.gap_s, 1),
         "decode_errors": result.decode_errors,
         "fault_s": {fault: round(seconds, 1) for fault, seconds in result.fault_s.items()},
         "states": len(result.states),
@@ -110,6 +106,30 @@ def run(options: argparse.Namespace) -> int:
         summary |= scores(result.recorder, settings.stability)
     print(json.dumps(summary) if options.json else _in_words(summary))
     return 0
+
+
+def _settings(options: argparse.Namespace) -> TrackSettings:
+    """Those of `--config` or the defaults, with what the command line says instead.
+
+    Raises:
+        InputError: the file or a value cannot be used.
+    """
+    base = settings_of(options)
+    given = {"window_s": options.window, "state_interval_s": options.every}
+    searched = {"model": options.model, "threads": options.threads}
+    if options.full:
+        searched["region"] = False
+    detector = base.detector.model_dump() | _without_none(searched)
+    fields = {name: getattr(base, name) for name in ("window_s", "state_interval_s")}
+    checked = check(
+        {**fields, **_without_none(given), "detector": detector}, TrackSettings, "command line"
+    )
+    kept = {name: getattr(base, name) for name in ("tracker", "stability", "watch")}
+    return checked.model_copy(update=kept)
+
+
+def _without_none(values: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def _scores_against(

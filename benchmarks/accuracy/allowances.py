@@ -129,8 +129,8 @@ def _rows(folder: Path) -> list[tuple[str, tuple[float, float, float]]]:
     )
     recorder, windows, due_s = Recorder(), dict[int, WindowFeatures](), 0.0
     clip = FastClip(open_clip(folder / "video.mp4", loop=False, size=camera.size))
-    for number, frame in enumerate(clip.frames()):
-        recorder.frame(number, frame.media_time_s, pipeline.process(frame))
+    for frame in clip.frames():
+        recorder.frame(frame.media_time_s, pipeline.process(frame))
         if frame.media_time_s < due_s:
             continue
         due_s += settings.state_interval_s

@@ -92,8 +92,11 @@ def load_labels(path: Path) -> Labels:
 
 def find_clip(labels: Labels, folder: Path) -> Path | None:
     """The clip that the labels were drawn on, by its contents."""
-    for path in sorted(folder.glob("*.mp4")):
-        if hashlib.sha256(path.read_bytes()).hexdigest() == labels.sha256:
+    for path in sorted(folder.iterdir()):
+        if (
+            path.suffix.lower() == ".mp4"
+            and hashlib.sha256(path.read_bytes()).hexdigest() == labels.sha256
+        ):
             return path
     return None
 

@@ -16,7 +16,7 @@ import tomli_w
 from edge_daemon.calibration.calibration import Calibration
 from edge_daemon.frame import MAX_PIXELS, Image, read_image
 from edge_daemon.settings import PointsSettings, SegmentSettings
-from edge_daemon.sources.clip import first_frame
+from edge_daemon.sources.clip_file import first_frame
 from slipstream.config import MAX_TOML_BYTES, check, load
 from slipstream.errors import InputError
 from slipstream.files import read_file

@@ -46,11 +46,12 @@ class Recording:
             yield time_s, np.asarray(image, dtype=np.uint8)
 
 
-def record(image: str) -> Recording:
+def record(image: str, fps: float | None = None) -> Recording:
     """Look at a picture, the first seconds of a clip, or some seconds of a camera.
 
     Args:
         image: a path, or a URL as `source.url` has it.
+        fps: frames a second that a clip was filmed at; None: as it says.
 
     Raises:
         InputError: it is none of them, or no frame came.
@@ -67,7 +68,7 @@ def record(image: str) -> Recording:
     picture = read_image(path)
     if picture is not None:
         return Recording(picture, (), ())
-    clip = FastClip(open_clip(path, loop=False))
+    clip = FastClip(open_clip(path, loop=False, fps=fps))
     try:
         return _recorded(clip.frames(), image)
     finally:

@@ -89,7 +89,7 @@ def builtin_model() -> Path:
 
 
 def _detector_for(path: Path) -> str:
-    name = _DETECTOR_OF_SUFFIX.get(path.suffix)
+    name = _DETECTOR_OF_SUFFIX.get(path.suffix.lower())
     if name is None:
         raise InputError(
             path,

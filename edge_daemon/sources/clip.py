@@ -9,24 +9,23 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import cycle
 from pathlib import Path
+from typing import Final
 
 import cv2
 import numpy as np
 
-from edge_daemon.frame import MAX_PIXELS, Frame, Image
+from edge_daemon.frame import Frame, Image
+from edge_daemon.sources.clip_file import Clip, open_file
 from edge_daemon.sources.image_pool import ImagePool
 from edge_daemon.sources.live import LiveSource, Offer
 from edge_daemon.sources.protocol import SourceCounters
-from slipstream.errors import InputError
-from slipstream.files import silent_libraries
+from edge_daemon.sources.timeline import Timeline
 from slipstream.service import LogLimiter
 
 log = logging.getLogger(__name__)
 
-_MAX_FPS = 480.0
-_LEAP_S = 10.0
-_BACK_S = 0.5
-_MAX_STEP_S = 1.0
+_MIN_SHOWN: Final = 0.98
+_ROUNDING_STEPS: Final = 1.5
 
 
 @dataclass(frozen=True)
@@ -37,6 +36,7 @@ class ClipFrame:
     media_time_s: float
     cut: bool
     clock_jump: bool
+    left_out_s: float = 0.0
 
     def now(self) -> Frame:
         """The frame as if it were taken at this moment."""
@@ -47,36 +47,35 @@ class ClipFrame:
             time.monotonic(),
             self.cut,
             self.clock_jump,
+            left_out_s=self.left_out_s,
         )
 
 
 class ClipReader:
     """Decodes video files in turn, with times that go on where the next one or a loop begins."""
 
-    def __init__(
-        self,
-        clips: Sequence[tuple[Path, cv2.VideoCapture]],
-        shape: tuple[int, ...],
-        *,
-        loop: bool,
-    ) -> None:
+    def __init__(self, clips: Sequence[Clip], shape: tuple[int, ...], *, loop: bool) -> None:
         """Read from captures that stand at their first frames.
 
         Args:
-            clips: files, each with a capture that is opened on it; a file may be there twice.
+            clips: in order; one may be there twice.
             shape: (height, width, 3) of their frames; others are left out.
             loop: start again after the last one.
         """
         self._clips = clips
-        self.path, capture = clips[0]
+        self.path, self.rate = clips[0].path, clips[0].rate
         self._shape = shape
         self._pool = ImagePool(shape)
         self._loop = loop
-        fps = float(capture.get(cv2.CAP_PROP_FPS))
-        self.fps = fps if 0 < fps <= _MAX_FPS else 30.0
-        self._expected = int(sum(c.get(cv2.CAP_PROP_FRAME_COUNT) for _, c in clips))
+        counts = [clip.capture.get(cv2.CAP_PROP_FRAME_COUNT) for clip in clips]
+        self._expected = int(sum(max(0.0, count) for count in counts))
         self.counters = SourceCounters()
         self._limiter = LogLimiter()
+
+    @property
+    def fps(self) -> float:
+        """The rate of the first clip."""
+        return self.rate.fps
 
     @property
     def expected_frames(self) -> int:
@@ -85,46 +84,54 @@ class ClipReader:
 
     def read_all(self) -> Iterator[ClipFrame]:
         """All frames in order; ends with the last clip unless they loop."""
+        times: Timeline | None = None
         cut = False
-        start, step = 0.0, min(1 / self.fps, _MAX_STEP_S)
-        for path, capture in cycle(self._clips) if self._loop else self._clips:
-            shown, last, before = 0, start - step, 0.0
+        for clip in cycle(self._clips) if self._loop else self._clips:
+            begin_s, step_s = (0.0, None) if times is None else (times.next_s, times.step_s)
+            cut = times is not None
+            times = Timeline(clip.rate, begin_s, step_s)
             while True:
                 self.counters.tried_s = time.monotonic()
-                ok, image = capture.read(self._pool.acquire())
+                ok, image = clip.capture.read(self._pool.acquire())
                 if not ok or image is None:
                     break
-                position = capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
-                jumped = shown > 0 and not -_BACK_S < position - before < _LEAP_S
-                before = position
-                if jumped or (shown == 0 and position > _LEAP_S):
-                    start = last + step - position
-                # A stream without usable time stamps is taken to run at its nominal rate.
-                at = start + position if start + position > last else last + step
-                cut = cut or jumped or (shown == 0 and start > 0)
-                if shown > 0:
-                    step = min(at - last, _MAX_STEP_S)
-                last = at
-                shown += 1
+                before_s = times.next_s
+                moment = times.next(clip.capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3)
+                cut = cut or moment.jumped
+                self._note_gap(clip, moment.gap_s, before_s - begin_s)
                 if image.shape != self._shape:
                     self._leave_out(image.shape)
                     continue
-                yield ClipFrame(np.asarray(image, dtype=np.uint8), at, cut, jumped)
+                pixels = np.asarray(image, dtype=np.uint8)
+                yield ClipFrame(pixels, moment.time_s, cut, moment.jumped, moment.left_out_s)
                 cut = False
-            expected = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
-            if shown < 0.98 * expected:
-                self.counters.decode_errors += 1
-                if self._limiter.allow("short"):
-                    log.warning(
-                        "%s: %d of %d frames could be read; the rest is lost",
-                        path,
-                        shown,
-                        expected,
-                    )
-            if shown == 0:
+            self._note_end(clip, times)
+            if times.frames == 0:
                 return
-            start = last + step
-            capture.set(cv2.CAP_PROP_POS_FRAMES, 0)
+            clip.capture.set(cv2.CAP_PROP_POS_FRAMES, 0)
+
+    def _note_gap(self, clip: Clip, gap_s: float, after_s: float) -> None:
+        if gap_s > 0:
+            self.counters.gap_s += gap_s
+            if self._limiter.allow(f"gap {clip.path}"):
+                log.warning("%s: a gap of %.1f s after %.1f s of it", clip.path, gap_s, after_s)
+
+    def _note_end(self, clip: Clip, times: Timeline) -> None:
+        if times.differs and self._limiter.allow(f"differs {clip.path}"):
+            log.warning(
+                "%s: its time stamps contradict the given %g frames a second, which are used",
+                clip.path,
+                clip.rate.fps,
+            )
+        if not _is_whole(clip.capture, times):
+            self.counters.decode_errors += 1
+            if self._limiter.allow("short"):
+                log.warning(
+                    "%s: %d frames could be read, %.1f s, less than it says; the rest is lost",
+                    clip.path,
+                    times.frames,
+                    times.shown_s,
+                )
 
     def _leave_out(self, shape: tuple[int, ...]) -> None:
         self.counters.decode_errors += 1
@@ -139,63 +146,47 @@ class ClipReader:
 
     def close(self) -> None:
         """Release the files."""
-        for _, capture in self._clips:
-            capture.release()
+        for clip in self._clips:
+            clip.capture.release()
 
 
-def open_clip(*paths: Path, loop: bool, size: tuple[int, int] | None = None) -> ClipReader:
+def _is_whole(capture: cv2.VideoCapture, times: Timeline) -> bool:
+    """Whether all frames were read that a clip's container says it has.
+
+    Some containers know the number of frames, others the duration alone, which FFmpeg makes a
+    number of; Matroska counts it from time 0, also where the first frame comes later.
+    """
+    expected = capture.get(cv2.CAP_PROP_FRAME_COUNT)
+    nominal_fps = capture.get(cv2.CAP_PROP_FPS)
+    if expected <= 0 or nominal_fps <= 0 or times.frames >= _MIN_SHOWN * expected:
+        return True
+    duration_s = expected / nominal_fps
+    slack_s = (1 - _MIN_SHOWN) * times.shown_s + _ROUNDING_STEPS * times.step_s
+    end_s = capture.get(cv2.CAP_PROP_PTS) / nominal_fps + times.step_s
+    return times.shown_s >= duration_s - slack_s or abs(end_s - duration_s) <= slack_s
+
+
+def open_clip(
+    *paths: Path, loop: bool, size: tuple[int, int] | None = None, fps: float | None = None
+) -> ClipReader:
     """Open video files that are played in turn.
 
     Args:
         paths: the files, at least one.
         loop: start again after the last one.
         size: (width, height) that they must have, px; None takes that of the first one.
+        fps: frames a second that they were filmed at; None: as they say.
 
     Raises:
-        InputError: one is missing, no video, of another size, or its first frame is unreadable.
+        InputError: one is missing, no video, of another size, or its first frame is unreadable; or
+            it does not say its rate, and none is given.
     """
-    captures: dict[Path, cv2.VideoCapture] = {}
+    clips: dict[Path, Clip] = {}
     for path in paths:
-        if path not in captures:
-            captures[path], size = _open(path, size)
+        if path not in clips:
+            clips[path], size = open_file(path, size, fps)
     assert size is not None
-    return ClipReader([(path, captures[path]) for path in paths], (size[1], size[0], 3), loop=loop)
-
-
-def _open(path: Path, size: tuple[int, int] | None) -> tuple[cv2.VideoCapture, tuple[int, int]]:
-    """(capture that stands at its first frame, its width and height)."""
-    if not path.is_file():
-        raise InputError(path, "no such video", "check the path")
-    first = first_frame(path)
-    if first is None:
-        raise InputError(
-            path, "not a readable video (truncated, or no video stream)", "record or copy it again"
-        )
-    height, width = first.shape[:2]
-    if size not in (None, (width, height)):
-        raise InputError(
-            path,
-            f"its pictures are {width}×{height} px, the calibration is for {size[0]}×{size[1]}",
-            "calibrate this camera",
-        )
-    # Opened again: going back to the start would lose the first frame of a file without an index.
-    # Decoding overlaps with everything else as it is: more threads would only hold frames back.
-    capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1])
-    return capture, (width, height)
-
-
-def first_frame(path: Path) -> Image | None:
-    """The first readable frame of a video file; None where there is none, or a huge one."""
-    with silent_libraries():
-        capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
-        try:
-            pixels = capture.get(cv2.CAP_PROP_FRAME_WIDTH) * capture.get(cv2.CAP_PROP_FRAME_HEIGHT)
-            image = capture.read()[1] if capture.isOpened() and pixels <= MAX_PIXELS else None
-        except cv2.error:  # such as a frame that is not of the size that the file says
-            return None
-        finally:
-            capture.release()
-    return None if image is None else np.asarray(image, dtype=np.uint8)
+    return ClipReader([clips[path] for path in paths], (size[1], size[0], 3), loop=loop)
 
 
 class FastClip:

@@ -51,6 +51,8 @@ class StreamClock:
         self._stream_s: float | None = None
         self._anchor: tuple[float, float] | None = None
         self._resets = 0
+        self._jumps = 0
+        self._advances = False
         self._late_since_s: float | None = None
         self._interval_s: float | None = None
         self._outliers = 0
@@ -64,8 +66,15 @@ class StreamClock:
             stream_s: its time stamp in the stream; None where it has none.
         """
         resets = self._resets
+        if stream_s is not None and self._stream_s is not None:
+            self._advances |= stream_s > self._stream_s
         jumped = self._jumped(arrival_s, stream_s)
-        if stream_s is not None and not jumped and self._resets < _MAX_RESETS:
+        self._jumps = self._jumps + 1 if jumped else 0
+        if self._jumps > _MAX_RESETS:
+            # It stands still, or says anything: no clock.
+            self._resets = _MAX_RESETS
+        is_used = self._resets < _MAX_RESETS and (self._advances or self._stream_s is None)
+        if stream_s is not None and not jumped and is_used:
             time_s = self._by_stream(arrival_s, stream_s)
         else:
             self._anchor = None
@@ -78,6 +87,8 @@ class StreamClock:
 
     def _jumped(self, arrival_s: float, stream_s: float | None) -> bool:
         if stream_s is None or self._stream_s is None or self._arrival_s is None:
+            return False
+        if not self._advances or self._resets >= _MAX_RESETS:
             return False
         step_s = stream_s - self._stream_s
         return step_s <= 0 or step_s > arrival_s - self._arrival_s + _LEAP_S

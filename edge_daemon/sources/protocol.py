@@ -18,6 +18,7 @@ class SourceCounters:
         skipped: frames for which there was no time, and those that came in a burst after a stall.
         decode_errors: frames or clip ends that could not be used.
         reconnects: times that the camera was lost.
+        gap_s: time that a clip's time stamps leave out between its frames.
         size_mismatch_s: monotonic time of the last frame that had not the calibrated size.
         tried_s: monotonic time of the last attempt to read or connect; old if capture hangs.
     """
@@ -25,6 +26,7 @@ class SourceCounters:
     skipped: int = 0
     decode_errors: int = 0
     reconnects: int = 0
+    gap_s: float = 0.0
     size_mismatch_s: float | None = None
     tried_s: float = field(default_factory=time.monotonic)
 

@@ -17,11 +17,11 @@ def open_source(settings: SourceSettings, size: tuple[int, int] | None = None) -
         size: (width, height) of the calibrated frame, px; None takes any.
 
     Raises:
-        InputError: a clip that is missing, no video, or of another size. A camera need not be
-            reachable yet.
+        InputError: a clip that is missing, no video, of another size, or that does not say its
+            rate. A camera need not be reachable yet.
     """
     if settings.clips:
-        reader = open_clip(*settings.clips, loop=settings.loop, size=size)
+        reader = open_clip(*settings.clips, loop=settings.loop, size=size, fps=settings.fps)
         return FastClip(reader) if settings.pace == "fast" else paced_clip(reader)
     if settings.url is None:
         raise InputError("source", "neither clip nor url", "give one of them")

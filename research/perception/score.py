@@ -219,30 +219,29 @@ def _match(
     # Those from before a track was confirmed came later: back to the frames they were seen in.
     everything = everything.take(np.argsort(everything.time_s, kind="stable"))
     places = np.searchsorted(everything.time_s, [*times, np.inf])
-    begins = np.searchsorted(truth.frame, recorder.frame_numbers, "left")
-    ends = np.searchsorted(truth.frame, recorder.frame_numbers, "right")
-    wanted_all = _in_segments(truth.centre_m, camera) & (truth.visible >= _MIN_VISIBLE)
-    frames, owners = [], {}
-    followed, shown = (np.zeros(len(truth), dtype=np.bool_) for _ in range(2))
-    for i in range(len(times)):
+    frames: list[FrameIdentities] = []
+    owners: dict[tuple[int, int], int] = {}
+    none = truth.take(np.arange(0))
+    boxes = [(none.vehicle, none.kind, np.zeros(0, dtype=np.bool_))]
+    for i, true in enumerate(truth.at(times)):
         seen = everything.take(slice(places[i], places[i + 1]))
-        rows = slice(begins[i], ends[i])
-        wanted, identity = wanted_all[rows], truth.vehicle[rows]
-        shown[rows] = True
-        overlap = box_iou(truth.box_px[rows], seen.box.astype(np.float64))
+        wanted = _in_segments(true.centre_m, camera) & (true.visible >= _MIN_VISIBLE)
+        followed = np.zeros(len(true), dtype=np.bool_)
+        overlap = box_iou(true.box_px, seen.box.astype(np.float64))
         counts = _in_segments(seen.point_m, camera)
         for row, column in zip(*linear_sum_assignment(overlap, maximize=True), strict=True):
             if overlap[row, column] >= _SAME_OVERLAP:
-                owners[int(seen.track[column]), i] = int(identity[row])
-                followed[begins[i] + row] = True
+                owners[int(seen.track[column]), i] = int(true.vehicle[row])
+                followed[row] = True
                 # On a vehicle outside, or one hidden: neither asked for nor held against.
                 counts[column] = wanted[row]
         frames.append(
-            FrameIdentities(identity[wanted], seen.track[counts], overlap[np.ix_(wanted, counts)])
+            FrameIdentities(
+                true.vehicle[wanted], seen.track[counts], overlap[np.ix_(wanted, counts)]
+            )
         )
-    wanted_all &= shown
-    boxes = TrueBoxes(truth.vehicle[wanted_all], truth.kind[wanted_all], followed[wanted_all])
-    return frames, owners, boxes
+        boxes.append((true.vehicle[wanted], true.kind[wanted], followed[wanted]))
+    return frames, owners, TrueBoxes(*(np.concatenate(part) for part in zip(*boxes, strict=True)))
 
 
 def _in_segments(points_m: Array, camera: Camera) -> npt.NDArray[np.bool_]:

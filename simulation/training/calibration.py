@@ -60,10 +60,9 @@ def _from_folder(folder: Path, shape: tuple[int, int], count: int, seed: int) ->
 def _from_clip(clip: Path, shape: tuple[int, int], count: int, camera: Path | None) -> list[Image]:
     if not clip.is_file():
         raise InputError(clip, "no such clip or folder", "check the path")
+    every = max(1, _frames_in(clip) // count)
     capture = cv2.VideoCapture(str(clip), cv2.CAP_FFMPEG)
     try:
-        total = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
-        every = max(1, total // count)
         inputs: list[Image] = []
         placement = None
         number = 0
@@ -82,6 +81,18 @@ def _from_clip(clip: Path, shape: tuple[int, int], count: int, camera: Path | No
     if not inputs:
         raise InputError(clip, "not a readable video", "record or copy it again")
     return inputs
+
+
+def _frames_in(clip: Path) -> int:
+    """Counted: what a container says includes the time before its first frame."""
+    capture = cv2.VideoCapture(str(clip), cv2.CAP_FFMPEG)
+    try:
+        count = 0
+        while capture.grab():
+            count += 1
+        return count
+    finally:
+        capture.release()
 
 
 def _road(size: tuple[int, int], path: Path | None, clip: Path) -> Region:

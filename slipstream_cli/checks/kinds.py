@@ -165,7 +165,8 @@ def _check_edge(path: Path, _: str) -> Checked:
     read_reference(camera)
     open_detector(settings.detector)
     if settings.source.clips:
-        open_clip(*settings.source.clips, loop=False, size=camera.size).close()
+        source = settings.source
+        open_clip(*source.clips, loop=False, size=camera.size, fps=source.fps).close()
     return Checked(path, "edge", settings)
 
 

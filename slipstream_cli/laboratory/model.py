@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from slipstream.errors import InputError
+from slipstream_cli.clip_options import add_config, add_fps, settings_of
 from slipstream_cli.progress import Progress
 
 if TYPE_CHECKING:
@@ -63,6 +64,8 @@ def _add_check(actions: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
     check.add_argument("model", metavar="MODEL", help="'builtin', an .xml, its folder, or a .pt")
     check.add_argument("clip", type=Path, metavar="CLIP", help="of what the camera shows, 15 s up")
     check.add_argument("--camera", type=Path, help="its calibration: only the road counts")
+    add_fps(check)
+    add_config(check)
     check.add_argument("--json", action="store_true", help="print the figures as JSON")
     check.set_defaults(run=run_check)
 
@@ -208,12 +211,19 @@ def run_check(options: argparse.Namespace) -> int:
     """Measure, and print what is covered."""
     from edge_daemon.camera import load_camera
     from edge_daemon.coverage import measure_coverage
-    from edge_daemon.settings import DetectorSettings
 
+    settings = settings_of(options)
+    detector = settings.detector.model_copy(update={"model": options.model, "backend": None})
     camera = None if options.camera is None else load_camera(options.camera)
     with Progress("looking", sys.stderr) as progress:
         coverage = measure_coverage(
-            options.clip, DetectorSettings(model=options.model), camera, progress.update
+            options.clip,
+            detector,
+            camera,
+            progress.update,
+            fps=options.fps,
+            sample_interval_s=settings.watch.sample_interval_s,
+            min_score=settings.tracker.high_score,
         )
     if options.json:
         print(json.dumps(asdict(coverage) | {"things": coverage.things, "share": coverage.share}))

@@ -105,3 +105,25 @@ def test_a_missing_truth_file_is_one_line(tmp_path: Path) -> None:
     """Not a traceback."""
     with pytest.raises(InputError, match="no such file"):
         load_truth(tmp_path / "none.csv")
+
+
+def test_the_truth_is_told_for_any_time_of_a_clip() -> None:
+    """A clip of the same traffic may have other frames: those between are interpolated."""
+    truth = drive([16.0, 10.0])
+    own, between, rounded = truth.at(np.array([2.0, 2.05, 2.0004]))
+    assert list(own.vehicle) == [0, 1]
+    assert own.centre_m[0, 0] == pytest.approx(75 - 0.02)
+    assert between.centre_m[0, 0] == pytest.approx(75 - 0.0205)
+    assert between.time_s == pytest.approx(2.05)
+    assert (rounded.centre_m == own.centre_m).all()
+
+
+def test_where_the_truth_has_no_frame_nobody_is() -> None:
+    """Before and after it, in a stretch without a vehicle; one that comes later is not there."""
+    truth = drive([16.0, 10.0])
+    truth = truth.take((truth.time_s < 2.0) | (truth.time_s > 4.0))
+    late = (truth.vehicle == 1) & (truth.time_s < 5.0)
+    truth = truth.take(~late)
+    found = truth.at(np.array([-1.0, 1.0, 3.0, 4.96, 20.0]))
+    assert [list(vehicles.vehicle) for vehicles in found] == [[], [0], [], [0], []]
+    assert [len(vehicles) for vehicles in truth.take(np.arange(0)).at(np.array([1.0]))] == [0]

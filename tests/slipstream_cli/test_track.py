@@ -62,6 +62,40 @@ def test_a_clip_is_followed_scored_and_drawn(
     assert (cv2.absdiff(drawn, plain) > 60).any()
 
 
+def thinned(folder: Path, to: Path, every: int, fps: float) -> Path:
+    """One frame of so many of a clip, as a video of its own."""
+    capture = cv2.VideoCapture(str(folder / "video.mp4"))
+    writer = cv2.VideoWriter(str(to), cv2.VideoWriter.fourcc(*"mp4v"), fps, (1280, 720))
+    number = 0
+    while capture.grab():
+        if number % every == 0:
+            writer.write(capture.retrieve()[1])
+        number += 1
+    writer.release()
+    return to
+
+
+@pytest.mark.slow(long=True)
+def test_a_clip_of_fewer_frames_is_scored_by_its_times(
+    street_clips: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """At a third of the rate each frame still shows what was true at its time, not at its number;
+    the video drawn over plays at the same speed.
+    """
+    folder = street_clips["stable"]
+    clip, film = thinned(folder, tmp_path / "THIN.MP4", 3, 5.0), tmp_path / "drawn.mp4"
+    line = ["track", str(clip), "--camera", str(folder / "camera.toml")]
+    line += ["--truth", str(folder / "truth.csv"), "--out", str(tmp_path / "s.jsonl"), "--json"]
+    assert main([*line, "--annotated", str(film)]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert (summary["fps"], summary["fps_from"]) == (5.0, "time stamps")
+    assert summary["idf1"] > 0.9
+    assert summary["speed_mae_kmh"] < 1.5
+    drawn = cv2.VideoCapture(str(film))
+    assert drawn.get(cv2.CAP_PROP_FPS) == 5.0
+    assert drawn.get(cv2.CAP_PROP_FRAME_COUNT) == 14 * 5
+
+
 @pytest.mark.slow(long=True)
 def test_states_can_go_into_a_device(
     street_clips: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -138,6 +172,7 @@ def test_a_fault_of_the_camera_is_seen_in_a_recording_too(
         (["--model", "none.xml"], "none.xml"),
         (["--window", "1"], "window_s"),
         (["--every", "0"], "state_interval_s"),
+        (["--config", "none.toml"], "none.toml"),
         (["--out", "/proc/none/states.jsonl"], "cannot be written"),
         (["--out", "."], "cannot be written"),
         (["--annotated", "/proc/none/film.mp4"], "no video can be written"),
@@ -180,3 +215,47 @@ def test_a_video_of_another_size_is_one_line(
     camera = street_clips["stable"] / "camera.toml"
     assert main(["track", str(small), "--camera", str(camera)]) == 2
     assert "640×360" in capsys.readouterr().err
+
+
+def test_a_clip_without_a_rate_asks_for_it(
+    street_clips: dict[str, Path],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A row of JPEGs says none: one line names the option, and nothing is written."""
+    monkeypatch.chdir(tmp_path)
+    capture = cv2.VideoCapture(str(street_clips["stable"] / "video.mp4"))
+    raw = tmp_path / "raw.mjpeg"
+    raw.write_bytes(b"".join(cv2.imencode(".jpg", capture.read()[1])[1] for _ in range(5)))
+    camera = street_clips["stable"] / "camera.toml"
+    assert main(["track", str(raw), "--camera", str(camera)]) == 2
+    assert "--fps" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["raw.mjpeg"]
+    assert main(["model", "check", "builtin", str(raw)]) == 2
+    assert "--fps" in capsys.readouterr().err
+    line = ["track", str(raw), "--camera", str(camera), "--fps", "15", "--json"]
+    assert main([*line, "--out", str(tmp_path / "s.jsonl")]) == 0
+    assert json.loads(capsys.readouterr().out)["fps_from"] == "given"
+
+
+def test_the_watch_of_a_roadside_unit_is_taken(
+    street_clips: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What its edge.toml says of faults, window and intervals holds for its recordings too."""
+    folder = street_clips["stable"]
+    clip = thinned(folder, tmp_path / "short.mp4", 3, 5.0)
+    config = tmp_path / "edge.toml"
+    config.write_text(
+        f'''
+rsu = "r"
+camera = "{folder / "camera.toml"}"
+state_interval_s = 7.0
+source.clip = "{clip}"
+watch.max_shift_share = 0.0001
+watch.moved_after_s = 1.0
+'''
+    )
+    line = ["track", str(clip), "--camera", str(folder / "camera.toml"), "--json"]
+    assert main([*line, "--config", str(config), "--out", str(tmp_path / "s.jsonl")]) == 0
+    assert json.loads(capsys.readouterr().out)["states"] == 2
