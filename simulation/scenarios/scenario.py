@@ -195,11 +195,7 @@ def day_spec(
     begin_s: float = 0.0,
     end_s: float = 86400.0,
 ) -> DaySpec:
-    """What `simulation.scenarios.day.run_day` needs for a day of a scenario.
-
-    Raises:
-        InputError: fixed-time signals of a net that has none.
-    """
+    """What `simulation.scenarios.day.run_day` needs for a day of a scenario."""
     additional = background.additional
     if signals == "fixed":
         path = folder / f"{scenario.name}-fixed.add.xml"
