@@ -35,9 +35,10 @@ class RoutingProblem:
         standing_kw: cost of waiting for other vehicles at a stop, kWh an hour; None: as driving
             time costs, and no less than waiting at the depot.
         advised_gap_m: that plans advise to followers.
-        drafting: with objective "energy", what platoons save. "ideal": each is close from where it
-            forms. "expected": less what its vehicles need to close up, and by the chance that
-            signals keep them together; see `dispatcher_daemon.platooning.expected`.
+        drafting: what platoons save. "ideal": each is close from where it forms. "expected": less
+            what its vehicles need to close up, and by the chance that signals keep them together;
+            see `dispatcher_daemon.platooning.expected`. The objective "paper" counts the ideal; the
+            energy that is reported of its plans is by this all the same.
     """
 
     network: RoadNetwork
@@ -94,7 +95,9 @@ def routing_problem(
 ) -> RoutingProblem:
     """The problem of a dispatcher's fleet under its settings' objective and prices."""
     if settings.objective == "paper":
-        return RoutingProblem(network, fleet, objective="paper", advised_gap_m=settings.gap_m)
+        return RoutingProblem(
+            network, fleet, objective="paper", advised_gap_m=settings.gap_m, drafting="expected"
+        )
     prices = settings.prices
     return RoutingProblem(
         network,

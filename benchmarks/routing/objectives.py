@@ -74,7 +74,7 @@ def plan(seed: int, objective: Literal["energy", "paper"], price_kw: float) -> P
     )
     with workers(settings) as (executor, solve):
         found = plan_fleet(instance_cycle(city, 1, cycle_settings), executor, solve)
-    expected = expected_drafting(replace(problem, objective="energy"), city.snapshot)
+    expected = expected_drafting(problem, city.snapshot)
     places = form_platoons(
         found.choice.routes, city.snapshot, city.sync_window_s, 1, expected=expected
     )
@@ -107,7 +107,9 @@ def ceilings_kwh(city: Instance, drives: Sequence[Route]) -> tuple[float, ...]:
 
 
 def exact_drives(city: Instance, choice: Choice) -> tuple[Route, ...]:
-    """A plan's routes by the exact drives of their paths, whatever the plan was chosen by."""
+    """A plan's routes by the exact drives of their paths, in the time that these are expected to
+    take, whatever the plan was chosen by.
+    """
     problem = replace(city.problem, objective="energy")
     roads = roads_of(problem, city.snapshot)
 
@@ -128,8 +130,7 @@ def measured(
     Args:
         places: in platoons; of passages that are left out vehicles are alone.
     """
-    problem = replace(city.problem, objective="energy")
-    energies = [route_energy(problem, route, places) for route in drives]
+    energies = [route_energy(city.problem, route, places) for route in drives]
     return sum(e.driven.total_kwh for e in energies), sum(e.driving_s for e in energies) / 3600
 
 

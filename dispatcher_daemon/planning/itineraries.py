@@ -23,7 +23,7 @@ from dispatcher_daemon.platooning import (
     RoadUser,
     Shares,
     Traversals,
-    expected_drafting,
+    counted_drafting,
     open_shares,
     traversals_on_road,
 )
@@ -121,7 +121,7 @@ class Planner:
         }
         self.reference_s = reference_s
         self.batteries = Batteries(problem)
-        self.expected = expected_drafting(problem, snapshot, commitments, on_road)
+        self.expected = counted_drafting(problem, snapshot, commitments, on_road)
         self._passages = OpenPassages(self.shares, self.expected)
         self.on_road = traversals_on_road(on_road, self.shares, self.expected)
         # A vehicle on the road that has left the fleet counts as one of its first profile.

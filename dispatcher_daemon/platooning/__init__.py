@@ -30,6 +30,7 @@ from dispatcher_daemon.platooning.shares import Shares, open_shares
 from dispatcher_daemon.platooning.stretches import Traversal
 from dispatcher_daemon.platooning.vehicles_on_road import (
     RoadUser,
+    counted_drafting,
     expected_drafting,
     joined_segments,
     on_road,
@@ -51,6 +52,7 @@ __all__ = [
     "Traversal",
     "Traversals",
     "apart_at_the_end",
+    "counted_drafting",
     "drag_reductions",
     "expected_drafting",
     "form_platoons",

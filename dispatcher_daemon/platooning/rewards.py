@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from dispatcher_daemon.platooning.expected import Approach, ExpectedDrafting
 from dispatcher_daemon.platooning.reductions import planned_reductions
-from dispatcher_daemon.platooning.vehicles_on_road import expected_drafting
+from dispatcher_daemon.platooning.vehicles_on_road import counted_drafting
 from dispatcher_daemon.problem import ArcReward, RoutingProblem
 from dispatcher_daemon.roads import RoutedArc, planning_speed_mps
 from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot
@@ -88,7 +88,7 @@ def judge_pairs(
         sync_window_s: Δt_sync; the largest difference of entry times that still counts.
         watched_only: leave out segments that no RSU has reported on, where every reward is 0.
     """
-    expected = expected_drafting(problem, snapshot)
+    expected = counted_drafting(problem, snapshot)
     users: dict[str, list[tuple[int, float]]] = {}
     for index, arc in enumerate(arcs):
         for name, entry in arc.entries_s().items():

@@ -83,19 +83,30 @@ def expected_drafting(
     commitments: Iterable[Commitment] = (),
     users: Iterable[RoadUser] = (),
 ) -> ExpectedDrafting | None:
-    """What is expected of platoons; None: they are close from where they form, as the paper has it.
-
-    See `RoutingProblem.drafting`.
+    """What is expected of platoons, whatever the objective; None: they are close from where they
+    form. See `RoutingProblem.drafting`.
 
     Args:
         commitments: of vehicles whose routes may begin under way.
         users: vehicles on the road that the cycle does not plan.
     """
-    if problem.objective == "paper" or problem.drafting == "ideal":
+    if problem.drafting == "ideal":
         return None
     begun = {own.vehicle: _begun_leg(own) for own in commitments if own.moving is not None}
     known = {(user.vehicle, number): leg for user in users for number, leg in user.legs.items()}
     return ExpectedDrafting(problem, snapshot, begun, known)
+
+
+def counted_drafting(
+    problem: RoutingProblem,
+    snapshot: TrafficSnapshot,
+    commitments: Iterable[Commitment] = (),
+    users: Iterable[RoadUser] = (),
+) -> ExpectedDrafting | None:
+    """The same, as the objective counts it: by the paper's they are close from where they form."""
+    if problem.objective == "paper":
+        return None
+    return expected_drafting(problem, snapshot, commitments, users)
 
 
 def _begun_leg(own: Commitment) -> LegFrom:

@@ -209,13 +209,10 @@ def leg_along(roads: Roads, path: Sequence[int], start: str, end: str, style: Dr
         turns_taken = [roads.turn_number[pair] for pair in pairwise(path)]
         drive = drive.delayed([*costs.waiting_s[turns_taken].tolist(), 0.0])
     names = tuple(roads.ids[i] for i in path)
-    if costs.beyond is not None:
-        beyond_kwh = roads.cost(costs.beyond, path)
-        energy_kwh = drive_energy_kwh(drive, roads.profile.physics) + beyond_kwh
-        cost_kwh = roads.searched_kwh(energy_kwh, drive.duration_s)
-        return Leg(start, end, names, cost_kwh, drive, beyond_kwh)
-    beyond_kwh = 0.0
-    if costs.waiting_s is not None:
-        beyond_kwh = roads.cost(costs.energy, path)
-        beyond_kwh -= drive_energy_kwh(drive, roads.profile.physics)
-    return Leg(start, end, names, roads.cost(roads.objective, path), drive, beyond_kwh)
+    drive_kwh = drive_energy_kwh(drive, roads.profile.physics)
+    beyond_kwh = roads.cost(costs.expected, path) - (drive_kwh if costs.observed else 0.0)
+    if costs.exact:
+        cost_kwh = roads.searched_kwh(drive_kwh + beyond_kwh, drive.duration_s)
+    else:
+        cost_kwh = roads.cost(roads.objective, path)
+    return Leg(start, end, names, cost_kwh, drive, beyond_kwh)

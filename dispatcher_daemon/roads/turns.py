@@ -21,16 +21,22 @@ class TurnCosts:
     """What paths cost; see `dispatcher_daemon.roads.travel.Roads`.
 
     Attributes:
-        energy: kWh.
+        energy: as the objective counts it, kWh.
         time: s.
+        expected: physical energy that is expected of a path whatever the objective, kWh: what it
+            takes beyond its drive at planning speeds; where movements were observed, all of it.
         waiting_s: expected delay before each turn, s, shape (t,); None: not known.
-        beyond: of the energy, what a drive at planning speeds does not need; None: not known apart.
+        observed: whether movements were.
+        exact: whether a path costs its drive and what is expected beyond it; `energy` is that to
+            about as much. Otherwise it costs `energy`.
     """
 
     energy: Weights
     time: Weights
+    expected: Weights
     waiting_s: Floats | None = None
-    beyond: Weights | None = None
+    observed: bool = False
+    exact: bool = False
 
 
 @dataclass(frozen=True)
@@ -68,6 +74,7 @@ class Basis:
                 free_s + _change_s(rest, speed, self.style),
                 speed / (2 * self.style.braking_mps2),
             ),
+            self._beyond(self._stop()[0]),
         )
 
     def drive_costs(self) -> TurnCosts:
@@ -83,7 +90,6 @@ class Basis:
         kinetic_kwh = self.vehicle.electrical_kwh(0.5 * self.vehicle.mass_kg) * speed**2
         stop_kwh, stop_s = self._stop()
         lost_kwh = self._turn_kwh + kinetic_kwh[origin] - kinetic_kwh[onto]
-        turbulence = self.held_kwh - self.steady_kwh
         driving = self._driving_s(stop_s)
         return TurnCosts(
             Weights(
@@ -93,8 +99,9 @@ class Basis:
                 on_exit=True,
             ),
             driving,
+            self._beyond(stop_kwh),
             stop_s,
-            Weights(turbulence[origin] + stop_kwh, rest, turbulence, on_exit=True),
+            exact=True,
         )
 
     def observed_costs(
@@ -109,8 +116,8 @@ class Basis:
                 of speed, or what their segment does.
         """
         origin, speed = self.turn[0], self.speed_mps
+        drive = self.drive_costs()
         if exact:
-            drive = self.drive_costs()
             assert drive.waiting_s is not None
             energy, unknown_s = drive.energy, drive.waiting_s
         else:
@@ -120,12 +127,21 @@ class Basis:
         pairs = [(self.ids[a], self.ids[b]) for a, b in self.turn.T.tolist()]
         factor = np.broadcast_to(loss_factor, len(speed))[origin]
         loss = factor * np.array([expected.loss_kwh.get(pair, np.nan) for pair in pairs])
-        loss = np.where(np.isnan(loss), energy.turn, loss)
+        counted, physical = (
+            replace(of, turn=np.where(np.isnan(loss), of.turn, loss))
+            for of in (energy, drive.energy)
+        )
         # No movement is faster than the planning speeds allow.
         unhindered_s = self.length_m[origin] / speed[origin] + self._change_s
         seconds = np.array([expected.seconds.get(pair, np.nan) for pair in pairs])
         waiting_s = np.where(np.isnan(seconds), unknown_s, np.maximum(seconds - unhindered_s, 0.0))
-        return TurnCosts(replace(energy, turn=loss), self._driving_s(waiting_s), waiting_s)
+        return TurnCosts(counted, self._driving_s(waiting_s), physical, waiting_s, observed=True)
+
+    def _beyond(self, stop_kwh: Floats) -> Weights:
+        """What turbulence and expected stops take beyond a drive at planning speeds."""
+        turbulence = self.held_kwh - self.steady_kwh
+        rest = np.zeros(len(turbulence))
+        return Weights(turbulence[self.turn[0]] + stop_kwh, rest, turbulence, on_exit=True)
 
     @property
     def _change_s(self) -> Floats:

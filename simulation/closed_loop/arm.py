@@ -14,7 +14,7 @@ from simulation.closed_loop.policy import AS_DRIVING, Policy, WaitingPrices
 from simulation.closed_loop.record import ArmResult, Others, Service
 from simulation.rsus import Rsu
 from simulation.scenarios.day import DaySpec, sumo_options
-from simulation.scenarios.demand import draw_deliveries
+from simulation.scenarios.demand import DAY_S, FleetSettings, draw_deliveries
 from simulation.scenarios.gridlock import CHECK_S, GridlockWatch
 from simulation.scenarios.record import read_statistics, read_trips
 from simulation.scenarios.scenario import Scenario, load_scenario
@@ -27,6 +27,9 @@ STEP_S: Final = 0.5
 
 _LOOK_S: Final = 5.0
 """Between, nothing but a plan or an order served changes what a standing vehicle is advised."""
+
+_HOME_S: Final = 3600.0
+"""After the last order's latest time: who is not at home by then makes the arm less than whole."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,9 @@ class ArmSpec:
         additional: further SUMO files, as another signal program.
         history: what movements cost on another day; the lever "routes" needs it.
         begin_s: simulated, s since midnight; a multiple of 300.
-        end_s: simulated.
+        end_s: orders are released until then. The arm goes on until these are served and everybody
+            is at home, an hour after the last one is due at most, and not beyond the day: cut off,
+            arms would be compared by what each had not yet driven.
         step_s: of the simulation; a second must be a multiple of it.
         database: SQLite file that is made, with the arm's cycles, plans and energy ledger; None:
             none is. Its times count from midnight of 1970-01-01, UTC.
@@ -73,6 +78,12 @@ class ArmSpec:
             raise ValueError("begin_s must be a multiple of 300 and before end_s")
         if self.history is None and "routes" in self.policy.levers:
             raise ValueError("the lever 'routes' needs a history")
+
+
+def home_by_s(fleet: FleetSettings, end_s: float) -> float:
+    """When an arm ends at the latest whose orders are released until a time, s since midnight."""
+    due_s = max(*fleet.wave_due_s, *fleet.express_due_s)
+    return max(end_s, min(end_s + due_s + _HOME_S, DAY_S))
 
 
 def run_arm(order: ArmSpec, progress: Progress | None = None) -> ArmResult:
@@ -113,7 +124,9 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
     lengths_m = {name: segment.length_m for name, segment in network.segments.items()}
     deliveries = draw_deliveries(scenario.fleet, network, order.seed)
     orders = {one.id: one for one in deliveries.orders}
-    over = {one.id for one in deliveries.orders if one.release_s < order.begin_s}
+    due = {one.id: one for one in deliveries.orders if order.begin_s <= one.release_s < order.end_s}
+    over = orders.keys() - due.keys()
+    home_s = home_by_s(scenario.fleet, order.end_s)
     history = None if order.history is None else History.load(order.history)
     roadside = Roadside(order.rsus, order.seed, policy.noise, policy.gating)
     day = DaySpec(
@@ -122,7 +135,7 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
         tuple(network.segments),
         order.additional,
         begin_s=order.begin_s,
-        end_s=order.end_s,
+        end_s=home_s,
         step_s=order.step_s,
     )
     with (
@@ -174,8 +187,17 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
                 _LOOK_S,
                 policy.pace,
             )
+
+            def is_over(now_s: float) -> bool:
+                if now_s < order.end_s:
+                    return False
+                whole = (
+                    world.tours_begun == world.tours_finished and due.keys() <= world.begun_s.keys()
+                )
+                return whole or now_s >= home_s
+
             states: object = ()
-            while (now_s := session.time_s) < order.end_s:
+            while not is_over(now_s := session.time_s):
                 if "platoons" in policy.levers and roadside.states is not states:
                     states = roadside.states
                     exchange.send_states(roadside.told)
@@ -188,15 +210,20 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
                 exchange.begin_step()
                 legs += world.step()
                 roadside.sample(session.time_s)
-            end_s = session.time_s
-            dispatching.close(end_s)
+            ended_s = session.time_s
+            dispatching.close(ended_s)
         ended = read_trips(trips)
         counts = read_statistics(statistics, ended)
-        others = [trip for trip in ended if not trip.id.startswith(PREFIX)]
+        end_s = min(ended_s, order.end_s)
+        others = [
+            trip
+            for trip in ended
+            if not trip.id.startswith(PREFIX) and trip.depart_s + trip.duration_s <= end_s
+        ]
     services = tuple(
         Service(one.id, one.latest_s, world.begun_s.get(one.id))
-        for one in deliveries.orders
-        if one.id not in over and one.release_s < end_s
+        for one in due.values()
+        if one.release_s < end_s
     )
     return ArmResult(
         scenario=order.scenario,
@@ -218,8 +245,11 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
         collisions=counts.collisions,
         emergency_stops=counts.emergency_stops,
         gridlock_s=gridlock.since_s,
-        unfinished=world.unfinished,
+        unfinished=world.tours_begun - world.tours_finished,
         served_again=len(world.again),
+        ended_s=ended_s,
+        watched=roadside.watched,
+        opened=tuple(sorted(roadside.opened)),
     )
 
 

@@ -30,6 +30,11 @@ class Roadside:
         seed: of errors, and of random gates.
         noise: the paper's, on the features.
         gating: what opens a gate.
+
+    Attributes:
+        watched: segments.
+        opened: those whose gate has been open at any time.
+        states: as reported last.
     """
 
     def __init__(self, rsus: Sequence[Rsu], seed: int, noise: float, gating: Gating) -> None:
@@ -43,6 +48,7 @@ class Roadside:
         self._looked = 0
         self.watched = tuple(sorted({s.segment for rsu in rsus for s in rsu.watch}))
         self.states: tuple[SegmentState, ...] = ()
+        self.opened: set[str] = set()
         self._open: frozenset[str] = frozenset()
         self._turbulent: frozenset[str] = frozenset()
 
@@ -85,6 +91,7 @@ class Roadside:
         closed = {s.segment for s in self.states if s.y_e == 0}
         reported = {s.segment for s in self.states if s.y_e == 1} - closed
         self._open = open_gates(self._gating, self.watched, reported, self._seed)
+        self.opened |= self._open
         self._turbulent = frozenset(o.segment for o in observations if is_turbulent(o.truth))
 
 

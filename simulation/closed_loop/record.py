@@ -71,7 +71,7 @@ class ArmResult:
         seed: of the day.
         policy: name of the arm.
         begin_s: simulated, s since midnight.
-        end_s: simulated.
+        end_s: orders were released until then; earlier after a gridlock.
         legs: in the order of arrival.
         services: one an order that was released.
         cycles: those that had something to plan.
@@ -81,8 +81,11 @@ class ArmResult:
         collisions: at least one vehicle ran into another.
         emergency_stops: brakings above the vehicle's emergency deceleration.
         gridlock_s: when most vehicles had stood for long; None: never.
-        unfinished: vehicles of the fleet still on the road at the end.
+        unfinished: tours that had begun and not ended when the arm did.
         served_again: services of orders that had been served.
+        ended_s: when everybody was at home, or the arm was given up.
+        watched: segments that an RSU watches.
+        opened: those of them whose gate was open at any time.
     """
 
     scenario: str
@@ -101,3 +104,6 @@ class ArmResult:
     gridlock_s: float | None
     unfinished: int
     served_again: int = 0
+    ended_s: float = 0.0
+    watched: tuple[str, ...] = ()
+    opened: tuple[str, ...] = ()

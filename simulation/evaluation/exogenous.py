@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
+from simulation.closed_loop.arm import home_by_s
 from simulation.closed_loop.policy import Policy
 from simulation.closed_loop.record import ArmResult
 from simulation.evaluation.arms import BASELINE, COOPERATIVE, NOISES, POLICIES, gated, noisy
@@ -42,7 +43,7 @@ class ExogenousSpec:
         policy: of the arm.
         seed: of the deliveries, the perception's errors and the searches.
         signals: how they were run when the background was recorded.
-        span_s: begin and end of the record.
+        span_s: begin and end of the orders' release; the record goes on until their arms end.
     """
 
     files: WorldFiles
@@ -117,6 +118,7 @@ def run_exogenous(spec: ExogenousSpec, report_time: Callable[[float], None]) -> 
         _recorded(spec),
         spec.policy,
         spec.seed,
+        end_s=spec.span_s[1],
         progress=lambda now_s, _: report_time(now_s),
     )
     return day.arm
@@ -124,12 +126,13 @@ def run_exogenous(spec: ExogenousSpec, report_time: Callable[[float], None]) -> 
 
 def _recorded(spec: ExogenousSpec) -> RecordedTraffic:
     begin_s, end_s = spec.span_s
+    scenario = spec.files.load()
     return record_background(
-        spec.files.load(),
+        scenario,
         spec.background,
         spec.folder,
         watched=spec.watched,
         signals=spec.signals,
         begin_s=begin_s,
-        end_s=end_s,
+        end_s=home_by_s(scenario.fleet, end_s),
     )

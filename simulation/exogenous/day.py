@@ -95,6 +95,7 @@ def exogenous_day(
     policy: Policy,
     seed: int,
     *,
+    end_s: float | None = None,
     settings: DispatcherSettings | None = None,
     progress: Progress | None = None,
 ) -> ExogenousDay:
@@ -105,6 +106,8 @@ def exogenous_day(
 
     Args:
         seed: of the deliveries, the perception's errors and the searches.
+        end_s: orders are released until then; the fleet goes on until all are served, or the record
+            ends. None: until the record ends.
         settings: of the dispatcher.
         progress: called with the simulated time and the end, s.
 
@@ -116,9 +119,10 @@ def exogenous_day(
     keep_s = {rsu.id: rsu.keep_s for rsu in scenario.rsus or ()}
     roadside = Roadside(recorded, scenario.network, policy, seed, keep_s)
     day = _FleetDay(Tours(deliveries, scenario.network), roadside, settings, seed)
-    begin_s, end_s = recorded.traffic.begin_s, recorded.end_s
-    day.run(begin_s, end_s, progress)
-    roadside.until(end_s)
+    begin_s = recorded.traffic.begin_s
+    end_s = recorded.end_s if end_s is None else end_s
+    day.run(begin_s, end_s, recorded.end_s, progress)
+    roadside.until(recorded.end_s)
     driven = evaluate(day.legs, roadside, scenario.network, settings.sync_window_s)
     arm = ArmResult(
         scenario=scenario.name,
@@ -136,6 +140,9 @@ def exogenous_day(
         emergency_stops=0,
         gridlock_s=None,
         unfinished=0,
+        ended_s=max((leg.arrived_s for leg in driven.legs), default=end_s),
+        watched=tuple(sorted(roadside.watched)),
+        opened=tuple(sorted(roadside.opened)),
     )
     return ExogenousDay(arm, driven.watched_m, driven.open_m, driven.violations, driven.violated_m)
 
@@ -152,12 +159,17 @@ class _FleetDay:
     cycles: list[CycleRecord] = field(default_factory=list)
     _under_way: list[tuple[float, str, RecordedLeg]] = field(default_factory=list)
 
-    def run(self, begin_s: float, end_s: float, progress: Progress | None) -> None:
-        """Dispatch until the end; tours under way then are finished."""
+    def run(self, begin_s: float, end_s: float, until_s: float, progress: Progress | None) -> None:
+        """Dispatch the orders of a time until all are on a tour, and finish these.
+
+        Args:
+            end_s: of the orders' release.
+            until_s: nothing is dispatched later.
+        """
         tours, solve = self.tours, evaluation_solve()
-        tours.skip_before(begin_s)
+        tours.keep_released(begin_s, end_s)
         deliveries, now_s = tours.deliveries, begin_s
-        while now_s < end_s:
+        while now_s < end_s or (now_s < until_s and tours.open):
             self._drive_until(now_s)
             idle = {name: at for name, at in tours.idle.items() if at <= now_s}
             fleet = fleet_at(deliveries, now_s, idle, tours.taken)

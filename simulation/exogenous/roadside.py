@@ -58,6 +58,7 @@ class Roadside:
         self._open: list[frozenset[str]] = []
         self._truths: list[dict[str, TrueWindow]] = []
         self.watched = frozenset(seen.segment for seen in recorded.observations)
+        self.opened: set[str] = set()
 
     def until(self, now_s: float) -> None:
         """Take in all windows that end by a time, which no later call may go back behind."""
@@ -66,6 +67,7 @@ class Roadside:
             self._states = tuple(self._reporter.report(window) for window in windows)
             self._times.append(time_s)
             self._open.append(self._gates(time_s))
+            self.opened |= self._open[-1]
             self._truths.append({w.segment: w.truth for w in windows if w.truth is not None})
             self._next = next(self._windows, None)
 

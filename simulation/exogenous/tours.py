@@ -97,10 +97,15 @@ class Tours:
         self._begun = dict.fromkeys(self.deliveries.vehicles, 0)
         self._served: dict[str, float] = {}
 
-    def skip_before(self, begin_s: float) -> None:
-        """Leave out orders released before a day that begins later than midnight."""
-        self._orders = {n: o for n, o in self._orders.items() if o.release_s >= begin_s}
-        self.taken.update(o.id for o in self.deliveries.orders if o.release_s < begin_s)
+    def keep_released(self, begin_s: float, end_s: float) -> None:
+        """Leave out orders that are not released within a part of the day."""
+        self._orders = {n: o for n, o in self._orders.items() if begin_s <= o.release_s < end_s}
+        self.taken.update(o.id for o in self.deliveries.orders if o.id not in self._orders)
+
+    @property
+    def open(self) -> bool:
+        """Whether an order is on no tour yet."""
+        return not self._orders.keys() <= self.taken
 
     def begin(self, plan: VehiclePlan) -> Iterator[LegOrder]:
         """A vehicle starts a tour; its first leg."""

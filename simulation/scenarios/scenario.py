@@ -131,7 +131,7 @@ def load_scenario(
         known = ", ".join(BUILT_IN)
         raise InputError(name, "no such scenario", f"give a net, or built in: {known}")
     own = net is not None
-    folder = Path(str(resources.files("simulation.scenarios") / "data" / name))
+    folder = _folder(name)
     net = net or folder / f"{name}.net.xml.gz"
     network, left_out = cut_network(net)
     if routes:
@@ -139,14 +139,13 @@ def load_scenario(
     check_additional(additional)
     demand = demand or (None if own else folder / "demand.toml")
     rsus = rsus or (None if own else folder / "rsus.toml")
-    fleet = fleet or (None if own else folder / "fleet.toml")
     return Scenario(
         name,
         net,
         network,
         default_demand(network) if demand is None else load(demand, DemandSettings),
         None if rsus is None else load_rsus(rsus, network),
-        _default_fleet(own_routes or bool(routes)) if fleet is None else load(fleet, FleetSettings),
+        fleet_settings(name, fleet, own_net=own, own_routes=own_routes or bool(routes)),
         tuple(routes),
         tuple(additional),
         left_out,
@@ -195,11 +194,7 @@ def day_spec(
     begin_s: float = 0.0,
     end_s: float = 86400.0,
 ) -> DaySpec:
-    """What `simulation.scenarios.day.run_day` needs for a day of a scenario.
-
-    Raises:
-        InputError: fixed-time signals of a net that has none.
-    """
+    """What `simulation.scenarios.day.run_day` needs for a day of a scenario."""
     additional = background.additional
     if signals == "fixed":
         path = folder / f"{scenario.name}-fixed.add.xml"
@@ -242,7 +237,22 @@ def _is_open(network: RoadNetwork, kind: str) -> bool:
     return all(vclass in one for one in (*classes, *network.turn_classes.values()))
 
 
-def _default_fleet(own_routes: bool) -> FleetSettings:
+def fleet_settings(
+    name: str, file: Path | None, *, own_net: bool, own_routes: bool
+) -> FleetSettings:
+    """The fleet of `load_scenario`: a file's, a built-in scenario's, or one that is made up.
+
+    Raises:
+        InputError: the file is missing or faulty.
+    """
+    if file is None and not own_net:
+        file = _folder(name) / "fleet.toml"
+    if file is not None:
+        return load(file, FleetSettings)
     if own_routes:
         return FleetSettings(hours=(1.0,) * 24, orders=1200, wave_s=300.0)
     return FleetSettings()
+
+
+def _folder(name: str) -> Path:
+    return Path(str(resources.files("simulation.scenarios") / "data" / name))

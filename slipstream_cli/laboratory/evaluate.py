@@ -41,12 +41,18 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         "same command goes on where it was interrupted.",
     )
     command.add_argument("--out", type=Path, required=True, metavar="DIR", help="for all results")
-    command.add_argument("--hours", type=float, help="simulated (default: to the end)")
+    command.add_argument(
+        "--hours",
+        type=float,
+        help="in which orders are released; arms go on until everybody is at home (default: to the "
+        "end of the day)",
+    )
     command.add_argument(
         "--begin",
         type=float,
         metavar="HOUR",
-        help="of the day (default: 0, or when a SUMO configuration begins)",
+        help="of the day (default: 0; with --hours the busiest hour of the fleet's orders; or when "
+        "a SUMO configuration begins)",
     )
     command.add_argument(
         "--seeds", default="1,2,3", metavar="N,N", help="a day each (default: 1,2,3)"
@@ -288,8 +294,10 @@ def _refuse_gridlock(evaluation: Evaluation) -> None:
 def _span(options: argparse.Namespace, own: SumoFiles) -> tuple[float, float]:
     """Begin and end of the simulated time, s since midnight."""
     begin_h, hours = options.begin, options.hours
-    if begin_h is None:
-        begin_h = (own.begin_s or 0.0) / 3600
+    if begin_h is None and own.begin_s is not None:
+        begin_h = own.begin_s / 3600
+    elif begin_h is None:
+        begin_h = 0.0 if hours is None or not 0 < hours < 24 else _busiest_h(options, own)
     if hours is None:
         # To the whole five minutes before a configuration ends.
         end_h = 24.0 if own.end_s is None else own.end_s // _GRID_S * _GRID_S / 3600
@@ -303,6 +311,23 @@ def _span(options: argparse.Namespace, own: SumoFiles) -> tuple[float, float]:
             problem = "no multiple of five minutes"
             raise InputError("evaluate", problem, "give one, as 7.25 or 0.5", key=key)
     return float(begin_s), float(end_s)
+
+
+def _busiest_h(options: argparse.Namespace, own: SumoFiles) -> float:
+    """The hour that most orders come from, and a line that says so."""
+    from simulation.scenarios.demand import busiest_begin_s
+    from simulation.scenarios.scenario import BUILT_IN, fleet_settings
+
+    name = sumo_files.scenario_name(options, own)
+    if own.net is None and name not in BUILT_IN:
+        return 0.0  # refused where the scenario is loaded
+    fleet = fleet_settings(
+        name, options.fleet, own_net=own.net is not None, own_routes=bool(own.routes)
+    )
+    begin_h = busiest_begin_s(fleet, options.hours) / 3600
+    until = f"{begin_h:g}:00, where most orders come within {options.hours:g} h"
+    print(f"slipstream: no --begin: it begins at {until}", file=sys.stderr)
+    return begin_h
 
 
 def _prices(options: argparse.Namespace) -> WaitingPrices:

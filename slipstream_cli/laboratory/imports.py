@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 import shlex
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -71,14 +70,9 @@ def run_osm(options: argparse.Namespace) -> int:
         print(json.dumps(summary))
         return 0
     _tell(summary)
-    if network.signals:
-        print(f"\nnext:\n  slipstream init DIR --net {shlex.quote(str(net))}")
-        for line in _next_steps(name, net, fleet, options.out):
-            print(f"  {line}")
-    else:
-        checked = f"slipstream check {shlex.quote(str(fleet))} --network {shlex.quote(str(net))}"
-        print(f"\nnext:\n  {checked}")
-        print("slipstream: no signals in it: world and evaluate need some", file=sys.stderr)
+    print(f"\nnext:\n  slipstream init DIR --net {shlex.quote(str(net))}")
+    for line in _next_steps(name, net, fleet, options.out):
+        print(f"  {line}")
     return 0
 
 
@@ -102,7 +96,7 @@ def _next_steps(name: str, net: Path, fleet: Path, out: Path) -> tuple[str, ...]
     return (
         f"slipstream check {shlex.quote(str(fleet))} --network {quoted}",
         f"slipstream world --scenario {called} --net {quoted}",
-        f"slipstream evaluate --scenario {called} --net {quoted} --hours 1 --begin 7 --arms B,C "
+        f"slipstream evaluate --scenario {called} --net {quoted} --hours 1 --arms main "
         f"--out {shlex.quote(str(out / 'evaluation'))}",
     )
 

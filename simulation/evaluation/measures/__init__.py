@@ -9,8 +9,9 @@ from simulation.evaluation.measures.ceilings import (
 )
 from simulation.evaluation.measures.compare import Compared, Spread
 from simulation.evaluation.measures.curves import BIN_S, HOUR_S, Array, Course, day_course
-from simulation.evaluation.measures.evaluation import Evaluation, collect
+from simulation.evaluation.measures.evaluation import Evaluation, Headline, collect
 from simulation.evaluation.measures.figures import Measures
+from simulation.evaluation.measures.platoons import no_platoons
 
 __all__ = [
     "BIN_S",
@@ -20,6 +21,7 @@ __all__ = [
     "Compared",
     "Course",
     "Evaluation",
+    "Headline",
     "LossShares",
     "Measures",
     "Spread",
@@ -27,5 +29,6 @@ __all__ = [
     "compute_ceilings",
     "day_course",
     "loss_shares",
+    "no_platoons",
     "share_of_ceiling",
 ]

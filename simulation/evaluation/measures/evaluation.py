@@ -13,6 +13,23 @@ from simulation.evaluation.runs import Provenance, Store, StoredArm
 
 
 @dataclass(frozen=True)
+class Headline:
+    """What an arm saves for each order, at equal travel time, on the same orders.
+
+    Attributes:
+        saving: share of what the baseline needs; None: nothing may be quoted.
+        orders: served, in all seeds that are in it.
+        seeds: that are in it.
+        missing: of the others, why not.
+    """
+
+    saving: Spread | None
+    orders: int
+    seeds: tuple[int, ...]
+    missing: Mapping[int, str]
+
+
+@dataclass(frozen=True)
 class Evaluation:
     """The arms that are there, in the order of the tables.
 
@@ -21,7 +38,8 @@ class Evaluation:
         seeds: that were asked for, rising.
         arms: as stored, by name and seed.
         runs: in figures, refused ones included.
-        compared: sound ones against the baseline.
+        compared: sound ones against the baseline, where they compare.
+        apart: elsewhere, why not.
     """
 
     provenance: Provenance
@@ -29,6 +47,7 @@ class Evaluation:
     arms: Mapping[str, Mapping[int, StoredArm]]
     runs: Mapping[str, Mapping[int, Measures]]
     compared: Mapping[str, Mapping[int, Compared]]
+    apart: Mapping[str, Mapping[int, str]]
 
     def __contains__(self, name: object) -> bool:
         """Whether there is a sound arm of that name."""
@@ -46,6 +65,15 @@ class Evaluation:
     def against(self, name: str, of: Callable[[Compared], float | None]) -> Spread | None:
         """A figure of an arm against the baseline over the seeds in which both are sound."""
         return _spread(of(found) for found in self.compared.get(name, {}).values())
+
+    def headline(self, name: str) -> Headline:
+        """The saving of an arm that may be quoted, or why there is none."""
+        compared = self.compared.get(name, {})
+        equal = {s: c.at_equal_time for s, c in compared.items() if c.at_equal_time is not None}
+        missing = dict(self.apart.get(name, {}))
+        missing |= {seed: c.unequal for seed, c in compared.items() if seed not in equal}
+        orders = sum(self.runs[name][seed].served for seed in equal)
+        return Headline(_spread(equal.values()), orders, tuple(equal), missing)
 
     @property
     def codes(self) -> list[str]:
@@ -79,7 +107,8 @@ def collect(store: Store, provenance: Provenance, seeds: Iterable[int]) -> Evalu
         name: {seed: measure(arm.result) for seed, arm in of_seed.items()}
         for name, of_seed in arms.items()
     }
-    return Evaluation(provenance, ordered, arms, runs, compare(runs))
+    found = compare(runs)
+    return Evaluation(provenance, ordered, arms, runs, found.compared, found.apart)
 
 
 def _spread(values: Iterable[float | None]) -> Spread | None:

@@ -34,7 +34,7 @@ class Measures:
         stops: on the road.
         waited_h: standing on the road.
         orders: released.
-        served: orders whose service began.
+        served_orders: those whose service began.
         late: orders served after their latest time, or not at all though it is over.
         cycles: dispatch cycles that had something to plan.
         planned_kwh: what their plans expected to need.
@@ -45,7 +45,7 @@ class Measures:
         disengagements: of platoons, because of truly turbulent traffic.
         turbulent_s: time in a close gap in such traffic, leaving included.
         others: the background's trips.
-        unfinished: vehicles on the road at the end.
+        unfinished: tours under way at the end.
         faults: why no figure of this arm counts; nothing if it is sound.
     """
 
@@ -66,7 +66,7 @@ class Measures:
     stops: int
     waited_h: float
     orders: int
-    served: int
+    served_orders: frozenset[str]
     late: int
     cycles: int
     planned_kwh: float
@@ -79,6 +79,21 @@ class Measures:
     others: Others
     unfinished: int
     faults: tuple[str, ...]
+
+    @property
+    def served(self) -> int:
+        """Orders whose service began."""
+        return len(self.served_orders)
+
+    @property
+    def per_order_kwh(self) -> float:
+        """Energy for each served order; a sound arm served some."""
+        return self.energy_kwh / self.served
+
+    @property
+    def per_order_s(self) -> float:
+        """Travel time for each served order."""
+        return 3600 * self.travel_h / self.served
 
     @property
     def energy_kwh(self) -> float:
@@ -141,9 +156,10 @@ def measure(result: ArmResult) -> Measures:
         stops=sum(leg.stops for leg in legs),
         waited_h=sum(leg.waited_s for leg in legs) / 3600,
         orders=len(result.services),
-        served=sum(service.begun_s is not None for service in result.services),
+        served_orders=frozenset(s.order for s in result.services if s.begun_s is not None),
         late=sum(
-            (result.end_s if service.begun_s is None else service.begun_s) > service.latest_s
+            (max(result.end_s, result.ended_s) if service.begun_s is None else service.begun_s)
+            > service.latest_s
             for service in result.services
         ),
         cycles=len(cycles),

@@ -14,7 +14,13 @@ from simulation.evaluation.arms import (
     without,
 )
 from simulation.evaluation.measures import Evaluation
-from simulation.evaluation.report.cells import arm_files, equal_time, saving, saving_lost
+from simulation.evaluation.report.cells import (
+    AT_OWN_TIME,
+    arm_files,
+    equal_time,
+    saving,
+    saving_lost,
+)
 from simulation.evaluation.report.formatting import Table, count, number, percent
 from simulation.evaluation.report.paper import PAPER_NOISE
 
@@ -44,8 +50,8 @@ def lever_table(evaluation: Evaluation) -> Table | None:
     return Table(
         "Levers",
         (
-            *("lever", "saving of B with it alone", "at equal travel time"),
-            *("points that C+ loses without it", "at equal travel time"),
+            *("lever", f"saving of B with it alone{AT_OWN_TIME}", "at equal travel time"),
+            *(f"points that C+ loses without it{AT_OWN_TIME}", "at equal travel time"),
         ),
         tuple(rows),
         arm_files(evaluation, names),
@@ -69,6 +75,7 @@ def gating_table(evaluation: Evaluation) -> Table | None:
             name,
             number(evaluation.figure(name, lambda m: m.energy_kwh), 1),
             saving(evaluation, name, lambda c: c.saving),
+            equal_time(evaluation, name),
             number(evaluation.figure(name, lambda m: m.platooned_km), 1),
             count(evaluation.figure(name, lambda m: m.disengagements)),
             number(evaluation.figure(name, lambda m: m.turbulent_s), 0),
@@ -80,7 +87,8 @@ def gating_table(evaluation: Evaluation) -> Table | None:
     return Table(
         "Gating",
         (
-            *("gates", "arm", "kWh", "saving", "platooned km", "disengagements"),
+            *("gates", "arm", "kWh", f"saving{AT_OWN_TIME}", "saving at equal travel time"),
+            *("platooned km", "disengagements"),
             *("platooned in turbulence, s", "open gates in turbulence"),
         ),
         rows,
@@ -115,12 +123,15 @@ def noise_table(evaluation: Evaluation) -> Table | None:
         )
     columns = [
         f"{what}{whose}"
-        for what in ("stable segments", "platooned km", "kWh", "saving")
+        for what in ("stable segments", "platooned km", "kWh", f"saving{AT_OWN_TIME}")
         for whose in (", paper", "")
     ]
     return Table(
         "Noise on the features",
-        ("noise", *columns, "saving at equal travel time", "saving kept, paper", "saving kept"),
+        (
+            *("noise", *columns, "saving at equal travel time", "saving kept, paper"),
+            "saving kept at equal travel time",
+        ),
         tuple(rows),
         f"ours from {arm_files(evaluation, map(noisy, levels))}; the paper's from its "
         'table "Noise Propagation & System Robustness"',
@@ -133,8 +144,15 @@ def noise_table(evaluation: Evaluation) -> Table | None:
 
 
 def _kept(evaluation: Evaluation, name: str) -> float | None:
-    """Share of the cooperative arm's saving that another arm has, on the seeds of both."""
+    """Share of the cooperative arm's saving at equal travel time that another arm has, on the seeds
+    of both.
+    """
     mine, exact = evaluation.compared.get(name, {}), evaluation.compared.get(COOPERATIVE, {})
-    both = mine.keys() & exact.keys()
-    whole = sum(exact[seed].saving for seed in both)
-    return sum(mine[seed].saving for seed in both) / whole if whole > 0 else None
+    both = [
+        (own.at_equal_time, best.at_equal_time)
+        for seed, own in mine.items()
+        if (best := exact.get(seed)) is not None
+    ]
+    pairs = [(own, best) for own, best in both if own is not None and best is not None]
+    whole = sum(best for _, best in pairs)
+    return sum(own for own, _ in pairs) / whole if whole > 0 else None

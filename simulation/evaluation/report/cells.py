@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from statistics import fmean
 from typing import Final
 
 from simulation.evaluation.arms import BASELINE, EVERY_LEVER
-from simulation.evaluation.measures import Compared, Evaluation, Measures, Spread
+from simulation.evaluation.measures import Compared, Evaluation, Headline, Measures, Spread
 from simulation.evaluation.report.formatting import NOTHING, join_names, number, percent
 from simulation.evaluation.runs import Provenance
 
-_SLOWER: Final = "†"
-_FASTER: Final = "‡"
+AT_OWN_TIME: Final = " at its own travel time"
+"""Of a saving that is not to be quoted: driving slower has its part in it."""
 
 MEANS: Final = "Means over the seeds ± standard deviation between them."
 EQUAL_TIME: Final = (
-    "At equal travel time: against what B needs for each served order when it is slowed or hurried "
-    "to the arm's travel time."
+    "Savings are between arms that served the same orders and whose vehicles are all at home. At "
+    "equal travel time: against what B needs for each order when it is slowed or hurried to the "
+    "arm's travel time, between paces that were simulated. Only that is a saving to quote."
 )
 
 
@@ -51,12 +52,8 @@ def saving(evaluation: Evaluation, name: str, of: Callable[[Compared], float | N
 
 
 def equal_time(evaluation: Evaluation, name: str) -> str:
-    """The saving at equal time, marked where the baseline was not simulated that slow or fast."""
-    if name == BASELINE:
-        return NOTHING
-    beyond = {c.extrapolated for c in evaluation.compared.get(name, {}).values()}
-    marks = (_SLOWER if "slower" in beyond else "") + (_FASTER if "faster" in beyond else "")
-    return percent(evaluation.against(name, lambda c: c.at_equal_time), 2) + marks
+    """The saving at equal time, of any arm but the baseline itself."""
+    return saving(evaluation, name, lambda c: c.at_equal_time)
 
 
 def saving_lost(evaluation: Evaluation, name: str, of: Callable[[Compared], float | None]) -> str:
@@ -92,33 +89,29 @@ def arm_rows_source(evaluation: Evaluation) -> str:
     return f"`arms/ARM-SEED.json` of each row's ARM and the seeds {seeds}{some}"
 
 
-def range_notes(evaluation: Evaluation, names: Iterable[str]) -> tuple[str, ...]:
-    """What the marks of extrapolated comparisons mean, where there are any."""
-    beyond = {c.extrapolated for n in names for c in evaluation.compared.get(n, {}).values()}
-    notes = []
-    if "slower" in beyond:
-        notes.append(
-            f"{_SLOWER} Slower than the slowest baseline in some seed: its curve is extrapolated."
-        )
-    if "faster" in beyond:
-        notes.append(
-            f"{_FASTER} Faster than the fastest baseline in some seed: held against the fastest."
-        )
-    return tuple(notes)
-
-
-def order_notes(evaluation: Evaluation, names: Iterable[str]) -> tuple[str, ...]:
-    """A warning where arms did not serve as many orders as the baseline."""
-    unlike = [
-        name
-        for name in names
-        if any(not c.same_orders for c in evaluation.compared.get(name, {}).values())
+def missing_notes(evaluation: Evaluation, names: Iterable[str]) -> tuple[str, ...]:
+    """Why arms have no saving in some seeds, where they have none."""
+    lines = [
+        f"{name}: {words}"
+        for name in dict.fromkeys(names)
+        if name != BASELINE and (words := why_missing(evaluation.headline(name)))
     ]
-    if not unlike:
-        return ()
-    return (
-        f"**Not as many orders served as by B in every seed: {join_names(unlike)}.** There totals "
-        "do not compare; the saving per order and at equal travel time do.",
+    return (f"**No saving at equal travel time.** {'; '.join(lines)}.",) if lines else ()
+
+
+def why_missing(headline: Headline) -> str:
+    """Seeds that have no saving at equal travel time, by reason."""
+    return by_reason(headline.missing)
+
+
+def by_reason(reasons: Mapping[int, str]) -> str:
+    """Reasons in words, each once with its seeds."""
+    seeds: dict[str, list[int]] = {}
+    for seed, reason in sorted(reasons.items()):
+        seeds.setdefault(reason, []).append(seed)
+    return "; ".join(
+        f"seed{'s' if len(of) > 1 else ''} {join_names(of)}: {reason}"
+        for reason, of in seeds.items()
     )
 
 

@@ -16,6 +16,7 @@ from simulation.evaluation.measures import (
     Measures,
     Spread,
     day_course,
+    no_platoons,
 )
 from simulation.evaluation.report.cells import mean_s
 from simulation.fleet.drafting import CAUSES, Cause
@@ -73,8 +74,7 @@ FIGURES: Final[Mapping[str, Callable[[Measures], float | None]]] = {
 """Of an arm of a seed."""
 
 AGAINST: Final[Mapping[str, Callable[[Compared], float | None]]] = {
-    "saving": lambda c: c.saving,
-    "saving_per_order": lambda c: c.per_order,
+    "saving_at_own_time": lambda c: c.saving,
     "saving_at_equal_time": lambda c: c.at_equal_time,
     "saved_distance_kwh": lambda c: c.parts.distance_kwh,
     "saved_drag_kwh": lambda c: c.parts.drag_kwh,
@@ -100,7 +100,7 @@ def arms_csv(evaluation: Evaluation) -> str:
                     **{
                         key: None if against is None else of(against) for key, of in AGAINST.items()
                     },
-                    "extrapolated": None if against is None else against.extrapolated,
+                    "no_saving": evaluation.headline(name).missing.get(seed, ""),
                     "refused": "; ".join(found.faults),
                     "file": stored.file,
                     "sha256": stored.digest,
@@ -153,6 +153,10 @@ def summary(evaluation: Evaluation) -> dict[str, Any]:
             {"arm": name, "seed": seed, "faults": list(faults)}
             for name, seed, faults in evaluation.refused
         ],
+        "no_platoons": {
+            name: {str(seed): why for seed, why in of_seed.items()}
+            for name, of_seed in no_platoons(evaluation).items()
+        },
         "arms": {
             name: {
                 "seeds": [seed for seed, found in of_seed.items() if not found.faults],
@@ -161,10 +165,7 @@ def summary(evaluation: Evaluation) -> dict[str, Any]:
                 "against_baseline": _spreads(
                     {k: evaluation.against(name, of) for k, of in AGAINST.items()}
                 ),
-                "extrapolated": sorted(
-                    {c.extrapolated for c in evaluation.compared[name].values()} - {""}
-                ),
-                "same_orders": all(c.same_orders for c in evaluation.compared[name].values()),
+                "no_saving": {str(s): why for s, why in evaluation.headline(name).missing.items()},
             }
             for name, of_seed in evaluation.runs.items()
         },

@@ -7,7 +7,16 @@ from functools import partial
 
 from simulation.evaluation.arms import BASELINE, COOPERATIVE
 from simulation.evaluation.measures import Evaluation, Measures, Spread
-from simulation.evaluation.report.cells import MEANS, WAIT_HEADS, WAITS, WAITS_NOTE, prices
+from simulation.evaluation.report.cells import (
+    AT_OWN_TIME,
+    EQUAL_TIME,
+    MEANS,
+    WAIT_HEADS,
+    WAITS,
+    WAITS_NOTE,
+    missing_notes,
+    prices,
+)
 from simulation.evaluation.report.formatting import Table, count, number, percent
 from simulation.fleet.drafting import CAUSES
 
@@ -87,7 +96,8 @@ def density_tables(evaluations: Mapping[int, Evaluation]) -> tuple[Table, ...]:
     heads = (
         *("vehicles a day", "legs", "km", "drafting ceiling, kWh", "planned", "driven"),
         *("driven of planned", "planned in platoons, km", "driven in platoons, km"),
-        *("forced apart", "late", "saved", "travel time", "saved at equal travel time"),
+        *("forced apart", "late", f"saved{AT_OWN_TIME}", "travel time"),
+        "saved at equal travel time",
     )
     return (
         Table(
@@ -98,7 +108,12 @@ def density_tables(evaluations: Mapping[int, Evaluation]) -> tuple[Table, ...]:
             (
                 f"{MEANS} Ceiling: everybody a follower all the way. Planned: by the newest plan "
                 f"of each vehicle, at planned speeds. Saved: all of {COOPERATIVE} against "
-                f"{BASELINE}.",
+                f"{BASELINE}. {EQUAL_TIME}",
+                *(
+                    f"{n} vehicles a day: {note}"
+                    for n, e in shown.items()
+                    for note in missing_notes(e, [COOPERATIVE])
+                ),
             ),
         ),
         Table(

@@ -8,7 +8,7 @@ from dataclasses import replace
 from simulation.evaluation.arms import BASELINE, COOPERATIVE, gated
 from simulation.evaluation.measures import Evaluation, Measures
 from simulation.evaluation.report.ablation_tables import noise_table
-from simulation.evaluation.report.cells import arm_files, saving
+from simulation.evaluation.report.cells import AT_OWN_TIME, arm_files, by_reason, saving
 from simulation.evaluation.report.formatting import NOTHING, Table, count, number, percent
 from simulation.evaluation.report.paper import PAPER_BASELINE, PAPER_COOPERATIVE, PaperDay
 from slipstream.energy import ETA_FOLLOWER
@@ -66,7 +66,7 @@ def _day_table(closed: Evaluation | None, rsus: Evaluation, everywhere: Evaluati
         ),
         row("energy, kWh", lambda p: f"{p.energy_kwh:.1f}", of(lambda m: m.energy_kwh)),
         row(
-            "energy saved",
+            f"energy saved{AT_OWN_TIME}",
             lambda p: percent(p.saving),
             lambda study, name: saving(study, name, lambda c: c.saving),
         ),
@@ -109,6 +109,12 @@ def _day_table(closed: Evaluation | None, rsus: Evaluation, everywhere: Evaluati
             "Platoons: within the synchronization window at the times driven, on gates as they "
             "are then; no distance to form up, no one in between.",
             *_drag_note(rsus),
+            *(
+                f"{where}: no saving of {name}; {by_reason(study.apart[name])}."
+                for where, study in (("RSUs", rsus), ("everywhere", everywhere))
+                for name in study.runs
+                if study.apart.get(name)
+            ),
         ),
     )
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Final
 
 from simulation.evaluation.arms import BASELINE, COOPERATIVE, EVERY_LEVER
-from simulation.evaluation.measures import Evaluation
+from simulation.evaluation.measures import Evaluation, no_platoons
 from simulation.evaluation.report.ablation_tables import gating_table, lever_table, noise_table
-from simulation.evaluation.report.cells import equal_time, prices
+from simulation.evaluation.report.cells import by_reason, equal_time, prices, why_missing
 from simulation.evaluation.report.formatting import Table, as_markdown, join_names, number, percent
 from simulation.evaluation.report.tables import (
     curve_table,
@@ -20,6 +21,8 @@ from simulation.evaluation.report.tables import (
     waits_table,
 )
 from simulation.scenarios.acceptance import clock
+
+_NO_PLATOON: Final = "Nobody drove in a platoon"
 
 
 def report(
@@ -55,24 +58,41 @@ def report(
     return "\n".join(parts)
 
 
-def headline(evaluation: Evaluation) -> list[str]:
-    """What came out, a sentence an arm."""
+def headlines(evaluation: Evaluation) -> list[str]:
+    """What came out, a sentence an arm: a saving for each order at equal travel time, or why there
+    is none.
+    """
     lines = []
     for name, words in (
         (COOPERATIVE, "every lever but signal priority"),
         (EVERY_LEVER, "every lever"),
     ):
-        saving = evaluation.against(name, lambda c: c.saving)
-        travel = evaluation.against(name, lambda c: c.travel)
-        equal = evaluation.against(name, lambda c: c.at_equal_time)
-        if saving is None or travel is None:
+        if name not in evaluation:
             continue
-        said = f"{name}, {words}: saves {percent(saving)} against {BASELINE}"
-        said += f", with {percent(travel, sign=True)} travel time"
-        if equal is not None:
-            said += f"; {equal_time(evaluation, name)} at equal travel time"
+        found = evaluation.headline(name)
+        missing = why_missing(found)
+        said = f"{name}, {words}: "
+        if found.saving is None:
+            said += f"no saving can be told; {missing}"
+        else:
+            seeds = f"{len(found.seeds)} seeds"
+            if len(found.seeds) == 1:
+                seeds = f"seed {found.seeds[0]} alone, so without a ±"
+            said += (
+                f"saves {percent(found.saving)} for each order at equal travel time against "
+                f"{BASELINE} ({found.orders} orders, {seeds})"
+            )
+            said += f"; not in it: {missing}" if missing else ""
         lines.append(said)
-    return lines
+    return lines or [f"no saving can be told: neither {COOPERATIVE} nor {EVERY_LEVER} is there"]
+
+
+def platoonless(evaluation: Evaluation) -> list[str]:
+    """Why nobody drove in a platoon, a line for all arms that have the same reason."""
+    arms: dict[str, list[str]] = {}
+    for name, of_seed in no_platoons(evaluation).items():
+        arms.setdefault(by_reason(of_seed), []).append(name)
+    return [f"{join_names(names)}: {reason}" for reason, names in arms.items()]
 
 
 def refusals(evaluation: Evaluation) -> list[str]:
@@ -90,13 +110,6 @@ def gaps(evaluation: Evaluation) -> list[str]:
         for name, of_seed in evaluation.arms.items()
         if (lacking := [seed for seed in evaluation.seeds if seed not in of_seed])
     ]
-    unlike = [
-        name
-        for name, of_seed in evaluation.compared.items()
-        if any(not found.same_orders for found in of_seed.values())
-    ]
-    if unlike:
-        lines.append(f"Not as many orders served as by {BASELINE}: {join_names(unlike)}")
     if len(evaluation.codes) > 1:
         lines.append(
             "arms were simulated by different code, see `code` in `arms.csv`: "
@@ -110,13 +123,14 @@ def _head(evaluation: Evaluation) -> str:
     lines = [
         f"# Evaluation: {provenance.scenario}",
         "",
-        f"{clock(provenance.begin_s)} to {_end(provenance.end_s)}, {provenance.signals} signals, "
+        f"Orders of {clock(provenance.begin_s)} to {_end(provenance.end_s)}, "
+        f"{provenance.signals} signals, "
         f"seeds {join_names(evaluation.seeds)}. Made by `slipstream evaluate` from the files named "
         "under each table; nothing in it is typed by hand but the paper's figures.",
     ]
-    headlines = headline(evaluation)
-    if headlines:
-        lines += ["", *(f"- {line}." for line in headlines)]
+    if lacking := platoonless(evaluation):
+        lines += ["", f"**{_NO_PLATOON}.**", "", *(f"- {line}." for line in lacking)]
+    lines += ["", *(f"- {line}." for line in headlines(evaluation))]
     for title, words in (
         ("Refused: their figures count nowhere", refusals(evaluation)),
         ("Not whole", gaps(evaluation)),
@@ -165,20 +179,22 @@ def _end(time_s: float) -> str:
 
 def terminal_summary(evaluation: Evaluation) -> str:
     """The main figures for a terminal."""
-    lines = [
-        f"{'arm':20} {'seeds':>5} {'kWh':>9} {'km':>9} {'h':>7} {'saving':>15} {'equal time':>17}"
-    ]
+    lines = [f"{_NO_PLATOON}: {line}" for line in platoonless(evaluation)]
+    lines.append(
+        f"{'arm':20} {'seeds':>5} {'orders':>7} {'kWh':>9} {'km':>9} {'h':>7} "
+        f"{'saved at equal time':>20}"
+    )
     for name, of_seed in evaluation.runs.items():
         if name not in evaluation:
             continue
         energy = evaluation.figure(name, lambda m: m.energy_kwh)
         distance = evaluation.figure(name, lambda m: m.distance_km)
         hours = evaluation.figure(name, lambda m: m.travel_h)
-        saved = "" if name == BASELINE else percent(evaluation.against(name, lambda c: c.saving))
+        served = sum(m.served for m in of_seed.values() if not m.faults)
         lines.append(
-            f"{name:20} {sum(not m.faults for m in of_seed.values()):5} "
+            f"{name:20} {sum(not m.faults for m in of_seed.values()):5} {served:7} "
             f"{number(energy and energy.mean, 1):>9} {number(distance and distance.mean, 1):>9} "
-            f"{number(hours and hours.mean, 2):>7} {saved:>15} "
-            f"{'' if name == BASELINE else equal_time(evaluation, name):>17}"
+            f"{number(hours and hours.mean, 2):>7} "
+            f"{'' if name == BASELINE else equal_time(evaluation, name):>20}"
         )
-    return "\n".join([*lines, *refusals(evaluation), *gaps(evaluation)])
+    return "\n".join([*lines, *headlines(evaluation), *refusals(evaluation), *gaps(evaluation)])

@@ -62,10 +62,10 @@ def cumulative(plt: Any, evaluation: Evaluation, names: Sequence[str], path: Pat
         hours = np.concatenate([[evaluation.provenance.begin_s], courses[0].ends_s]) / HOUR_S
         energy = np.array([_so_far(c.energy_kwh) for c in courses])
         platooned = np.array([_so_far(c.platooned_km) for c in courses])
-        saved = evaluation.against(name, lambda c: c.saving)
+        saved = evaluation.headline(name).saving
         label = _LABELS[name]
         if name != BASELINE and saved is not None:
-            label += f" ({percent(saved.mean)} saved)"
+            label += f" ({percent(saved.mean)} saved at equal travel time)"
         _band(above, hours, energy, name, label)
         if name != BASELINE:
             _band(below, hours, platooned, name, None)

@@ -15,6 +15,7 @@ from simulation.evaluation.arms import (
 )
 from simulation.evaluation.measures import Compared, Evaluation, Measures
 from simulation.evaluation.report.cells import (
+    AT_OWN_TIME,
     EQUAL_TIME,
     MEANS,
     WAIT_HEADS,
@@ -23,9 +24,8 @@ from simulation.evaluation.report.cells import (
     arm_files,
     arm_rows_source,
     equal_time,
-    order_notes,
+    missing_notes,
     prices,
-    range_notes,
     saving,
 )
 from simulation.evaluation.report.formatting import (
@@ -83,7 +83,7 @@ def day_table(evaluation: Evaluation) -> Table:
         ),
         row("energy, kWh", lambda p: f"{p.energy_kwh:.1f}", of(lambda m: m.energy_kwh)),
         row(
-            "energy saved",
+            f"energy saved{AT_OWN_TIME}",
             lambda p: percent(p.saving),
             lambda name: saving(evaluation, name, lambda c: c.saving),
         ),
@@ -102,8 +102,7 @@ def day_table(evaluation: Evaluation) -> Table:
         (
             f"{MEANS} A: shortest time, uncoordinated. B: the paper's baseline. C: every lever "
             f"but signal priority. C+: every lever. {EQUAL_TIME}",
-            *range_notes(evaluation, names),
-            *order_notes(evaluation, names),
+            *missing_notes(evaluation, names),
         ),
     )
 
@@ -120,9 +119,8 @@ def energy_table(evaluation: Evaluation) -> Table:
             number(evaluation.figure(name, lambda m: m.travel_h), 2),
             count(evaluation.figure(name, lambda m: m.served)),
             count(evaluation.figure(name, lambda m: m.late)),
-            number(evaluation.figure(name, lambda m: 1000 * m.energy_kwh / m.served), 1),
+            number(evaluation.figure(name, lambda m: 1000 * m.per_order_kwh), 1),
             saving(evaluation, name, lambda c: c.saving),
-            saving(evaluation, name, lambda c: c.per_order),
             percent(evaluation.against(name, lambda c: c.travel), sign=True),
             equal_time(evaluation, name),
         )
@@ -132,15 +130,14 @@ def energy_table(evaluation: Evaluation) -> Table:
         "Arms",
         (
             *("arm", "seeds", "kWh", "km", "travel h", "orders served", "late", "Wh/order"),
-            *("saving", "saving per order", "travel time", "saving at equal travel time"),
+            *(f"saving{AT_OWN_TIME}", "travel time", "saving at equal travel time"),
         ),
         rows,
         arm_rows_source(evaluation),
         (
             f"{MEANS} Savings and travel times are against B of the same seed. {EQUAL_TIME} "
             "Late: begun after their latest time, or not begun though it is over.",
-            *range_notes(evaluation, names),
-            *order_notes(evaluation, names),
+            *missing_notes(evaluation, names),
         ),
     )
 
@@ -232,7 +229,7 @@ def driving_table(evaluation: Evaluation) -> Table:
             "turbulent in truth. "
             "Open gates in turbulence: segments let for platoons while turbulent in truth, summed "
             "over dispatch cycles (the paper: no violation). Others: mean duration of the "
-            "background's trips against B's. Unfinished: legs on the road at the end.",
+            "background's trips against B's. Unfinished: tours under way at the end.",
         ),
     )
 
@@ -267,8 +264,8 @@ def curve_table(evaluation: Evaluation) -> Table | None:
         (
             name,
             f"{pace[name]:.2f}",
-            number(evaluation.figure(name, lambda m: 3600 * m.travel_h / m.served), 1),
-            number(evaluation.figure(name, lambda m: 1000 * m.energy_kwh / m.served), 1),
+            number(evaluation.figure(name, lambda m: m.per_order_s), 1),
+            number(evaluation.figure(name, lambda m: 1000 * m.per_order_kwh), 1),
             percent(evaluation.against(name, lambda c: c.travel), sign=True),
             percent(evaluation.against(name, lambda c: c.saving), sign=True),
         )
@@ -276,13 +273,12 @@ def curve_table(evaluation: Evaluation) -> Table | None:
     )
     return Table(
         "The baseline at other paces",
-        ("arm", "pace", "s/order", "Wh/order", "travel time", "saving"),
+        ("arm", "pace", "s/order", "Wh/order", "travel time", f"saving{AT_OWN_TIME}"),
         rows,
         arm_files(evaluation, names),
         (
             "Of each seed: made to fall with the time where it does not, then interpolated by a "
-            "monotone cubic. Beyond the slowest pace it goes on falling as between the two "
-            "slowest; beyond the fastest it stays: both flatter the baseline.",
+            "monotone cubic. Beyond the slowest and the fastest pace nothing is compared.",
         ),
     )
 
@@ -303,7 +299,6 @@ def seed_table(evaluation: Evaluation) -> Table:
                     number(found.travel_h, 2),
                     f"{found.served} of {found.orders}",
                     str(found.late),
-                    percent(None if against is None else against.saving, 2),
                     percent(None if against is None else against.at_equal_time, 2),
                     f"refused: {join_names(found.faults)}" if found.faults else "sound",
                     f"`{stored.file}`",
@@ -313,8 +308,8 @@ def seed_table(evaluation: Evaluation) -> Table:
     return Table(
         "Arm by arm, seed by seed",
         (
-            *("arm", "seed", "kWh", "km", "travel h", "served", "late", "saving"),
-            *("at equal travel time", "", "file", "SHA-256"),
+            *("arm", "seed", "kWh", "km", "travel h", "served", "late"),
+            *("saving at equal travel time", "", "file", "SHA-256"),
         ),
         tuple(rows),
         "the file of each row; `arms.csv` has all their figures in full",

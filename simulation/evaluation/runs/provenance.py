@@ -15,7 +15,7 @@ from simulation.scenarios.perception import measured_errors
 from simulation.scenarios.scenario import Scenario, SignalControl
 from slipstream.sources import sources_digest
 
-FORMAT: Final = 3
+FORMAT: Final = 4
 """Of stored arms. Raise it when the same order gives another result, or means another thing."""
 
 _PACKAGES: Final = (

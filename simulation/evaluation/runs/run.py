@@ -72,7 +72,7 @@ def run_missing(
             if stop.is_set():
                 raise _Cancelled
             with lock:
-                passed_s[policy.name, seed] = now_s - begin_s
+                passed_s[policy.name, seed] = min(now_s, end_s) - begin_s
                 progress(sum(passed_s.values()), whole_s)
 
         if stop.is_set():

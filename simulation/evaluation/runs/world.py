@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from simulation.closed_loop.arm import STEP_S, ArmSpec, run_arm
+from simulation.closed_loop.arm import STEP_S, ArmSpec, home_by_s, run_arm
 from simulation.closed_loop.history_recording import history_file, history_of, record_history
 from simulation.closed_loop.policy import AS_DRIVING, Policy, WaitingPrices
 from simulation.closed_loop.record import ArmResult
@@ -73,7 +73,7 @@ class World:
         files: of the scenario.
         folder: for the route files of the seeds.
         signals: how signals are run.
-        span_s: begin and end of the simulated time; the begin a multiple of 300.
+        span_s: begin and end of the time in which orders are released; the begin a multiple of 300.
         prices: of waiting for other vehicles.
 
     Raises:
@@ -171,7 +171,8 @@ class World:
         Of the user's own routes there is no other day: they are what is learned from.
         """
         begin_s, end_s = self._span_s
-        hours_s = begin_s // HOUR_S * HOUR_S, min(-(-end_s // HOUR_S) * HOUR_S, DAY_S)
+        home_s = home_by_s(self._scenario.fleet, end_s)
+        hours_s = begin_s // HOUR_S * HOUR_S, min(-(-home_s // HOUR_S) * HOUR_S, DAY_S)
         own = bool(self._files.routes)
         with self._lock:
             lock = self._recording.setdefault(0 if own else seed, threading.Lock())

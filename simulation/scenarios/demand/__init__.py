@@ -5,6 +5,7 @@ from simulation.scenarios.demand.deliveries import (
     Deliveries,
     FleetSettings,
     Order,
+    busiest_begin_s,
     draw_deliveries,
     fleet_at,
 )
@@ -36,6 +37,7 @@ __all__ = [
     "Routes",
     "Trips",
     "Zone",
+    "busiest_begin_s",
     "departures",
     "draw_breakdowns",
     "draw_deliveries",

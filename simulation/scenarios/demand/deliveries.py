@@ -30,6 +30,8 @@ from slipstream.roads import RoadNetwork
 _STREAM: Final = 2000
 _PLACES: Final = 2
 _DAY_S: Final = 86_400.0
+_SHARES: Final = 2400
+"""Of the orders, evenly: what is expected of a day's curve."""
 _DAY_CURVE: Final = (
     *(0.4, 0.2, 0.2, 0.4, 1.0, 2.4, 4.6, 6.4, 7.2, 7.4, 7.2, 6.8),
     *(6.2, 6.4, 6.6, 6.8, 6.8, 6.4, 5.6, 4.4, 3.2, 2.0, 1.2, 0.6),
@@ -89,6 +91,24 @@ class FleetSettings(Settings):
     def digest_text(self) -> str:
         """JSON for digests, which stored arms hold; without breaks as before there were any."""
         return self.model_dump_json(exclude=None if self.breaks else {"breaks"})
+
+
+def busiest_begin_s(settings: FleetSettings, hours: float) -> float:
+    """The whole hour from which on most orders are expected to be released within some hours, s
+    since midnight; the first of equal ones. What is left for the day's last release does not count.
+    """
+    shares = (np.arange(_SHARES) + 0.5) / _SHARES
+    ordered_s = departures(settings.hours, shares)
+    wave_s = np.ceil(ordered_s / settings.wave_s) * settings.wave_s
+    released_s = np.concatenate([wave_s, ordered_s])
+    released_s[released_s > settings.last_release_s] = np.inf
+    share = np.repeat([settings.wave_share, 1 - settings.wave_share], _SHARES)
+    begins_s = 3600.0 * np.arange(max(1, int(24 - hours) + 1))
+    counts = [
+        share[(begin_s <= released_s) & (released_s < begin_s + 3600 * hours)].sum().round(6)
+        for begin_s in begins_s
+    ]
+    return float(begins_s[int(np.argmax(counts))])
 
 
 @dataclass(frozen=True)

@@ -10,19 +10,19 @@ from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 from simulation.sumo import elements, put_file
-from slipstream.errors import InputError
 
 PROGRAM = "fixed"
 
 
 def write_fixed_time(net: Path, path: Path) -> int:
-    """Write an additional file that puts a net's signals on fixed times.
+    """Write an additional file that puts a net's signals on fixed times; an empty one where it has
+    none, as on a motorway.
 
     Returns:
         How many signals there are.
 
     Raises:
-        InputError: the net has none, or cannot be read.
+        InputError: the net cannot be read.
     """
     lines = []
     for element in elements(net):
@@ -36,7 +36,5 @@ def write_fixed_time(net: Path, path: Path) -> int:
                 f"    <tlLogic id={quoteattr(element.get('id', ''))} "
                 f'type="static" programID="{PROGRAM}" offset="0">{phases}</tlLogic>\n'
             )
-    if not lines:
-        raise InputError(net, "no junction has signals", "build it with signals")
     put_file(path, f"<additional>\n{''.join(lines)}</additional>\n")
     return len(lines)

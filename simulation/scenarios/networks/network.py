@@ -47,7 +47,7 @@ def scenario_network(path: Path) -> RoadNetwork:
     """Read a net and keep its largest part; see `cut_network`.
 
     Raises:
-        InputError: no SUMO net, no signals in the part, or no two segments lead to each other.
+        InputError: no SUMO net, or no two segments lead to each other.
     """
     return cut_network(path)[0]
 
@@ -56,18 +56,11 @@ def cut_network(path: Path) -> tuple[RoadNetwork, LeftOut | None]:
     """Read a net and keep its largest part; and what that leaves out, None: nothing.
 
     Raises:
-        InputError: no SUMO net, no signals in the part, or no two segments lead to each other.
+        InputError: no SUMO net, or no two segments lead to each other.
     """
     check_files(path, ())
     whole = load_network(path)
     network = largest_part(whole, path)
-    if not network.signals:
-        where = "" if not whole.signals else " of the largest connected part"
-        raise InputError(
-            path,
-            f"no junction{where} has signals",
-            "build it with signals (netconvert --tls.guess)",
-        )
     if len(network.segments) == len(whole.segments):
         return network, None
     closed = sum(not whole.admits(name, _CAR) for name in whole.segments)

@@ -105,7 +105,7 @@ class Plan:
 
         Raises:
             InputError: an id twice, a road to nowhere or from a junction to itself, a number of
-                lanes or a speed that is not positive, no signals at all.
+                lanes or a speed that is not positive.
         """
         for what, ids in (
             ("junction", [j.id for j in self.junctions]),
@@ -124,8 +124,6 @@ class Plan:
             if road.lanes < 1 or not road.speed_mps > 0:
                 problem = f"{road.lanes} lanes at {road.speed_mps:g} m/s"
                 raise InputError(source, problem, "give both > 0", key=road.id)
-        if not any(junction.control == "signals" for junction in self.junctions):
-            raise InputError(source, "no junction has signals", "give some the control 'signals'")
 
 
 def write_plain(plan: Plan, folder: Path) -> list[str]:

@@ -18,7 +18,12 @@ from dispatcher_daemon.planning.carriers import Accounts
 from dispatcher_daemon.planning.itineraries import Planner
 from dispatcher_daemon.planning.sweeps import choice_of
 from dispatcher_daemon.plans.energy import route_energy
-from dispatcher_daemon.platooning import expected_drafting, form_platoons, judge_pairs
+from dispatcher_daemon.platooning import (
+    counted_drafting,
+    expected_drafting,
+    form_platoons,
+    judge_pairs,
+)
 from dispatcher_daemon.platooning.closing_up import SIGNAL_CYCLE_S, closing_way_m
 from dispatcher_daemon.platooning.expected import ExpectedDrafting
 from dispatcher_daemon.platooning.vehicles_on_road import on_road
@@ -285,9 +290,12 @@ def test_the_arc_form_s_rewards_expect_it_too() -> None:
 
 
 def test_the_paper_s_objective_is_untouched() -> None:
-    """Its platoons are close from where they form, whatever is said of drafting."""
+    """It counts platoons as close from where they form, whatever is said of drafting; the energy
+    that is reported does not.
+    """
     problem, snapshot = line(HOME, [{}] * 3, TO_C, signals={"b": 0.5}, objective="paper")
-    assert expected_drafting(problem, snapshot) is None
+    assert counted_drafting(problem, snapshot) is None
+    assert expected_drafting(problem, snapshot) is not None
     same = replace(problem, drafting="ideal")
     assert (
         choice_of(*planned(problem, snapshot)).saving_kwh

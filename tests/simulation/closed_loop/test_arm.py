@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from simulation.closed_loop.arm import ArmSpec, run_arm
+from simulation.closed_loop.arm import ArmSpec, home_by_s, run_arm
 from simulation.closed_loop.policy import LEVERS, Policy
 from simulation.closed_loop.record import ArmResult
 from simulation.evaluation.measures.figures import measure
@@ -63,6 +63,31 @@ def test_every_order_is_served_once_and_no_vehicle_is_sent_back(
                 assert after.departed_s >= before.arrived_s
                 follows = (before.round, before.leg + 1), (before.round + 1, 0)
                 assert (after.round, after.leg) in follows
+
+
+def test_arms_do_the_same_work_to_its_end(results: tuple[ArmResult, ...]) -> None:
+    """The orders of the half hour are served by all and everybody is at home, whenever that is."""
+    for result in results[:2]:
+        assert result.unfinished == 0
+        assert result.end_s == END_S < result.ended_s
+        assert all(service.begun_s is not None for service in result.services)
+        last = {leg.vehicle: leg for leg in result.legs}
+        homes = {leg.vehicle: leg.path[0] for leg in reversed(result.legs) if leg.leg == 0}
+        segments = load_scenario("troy").network.segments
+        for vehicle, leg in last.items():
+            assert segments[leg.path[-1]].end == segments[homes[vehicle]].start
+        assert set(result.opened) <= set(result.watched)
+    served = [{s.order for s in result.services} for result in results[:2]]
+    assert served[0] == served[1]
+
+
+def test_an_arm_waits_for_its_last_orders_but_not_beyond_the_day() -> None:
+    """An hour after the last one is due; a whole day ends at midnight."""
+    fleet = load_scenario("troy").fleet
+    due_s = max(fleet.wave_due_s[1], fleet.express_due_s[1])
+    assert home_by_s(fleet, END_S) == END_S + due_s + 3600
+    assert home_by_s(fleet, 86_400.0) == 86_400.0
+    assert home_by_s(fleet, 82_800.0) == 86_400.0
 
 
 def test_every_leg_is_as_long_as_its_path(results: tuple[ArmResult, ...]) -> None:

@@ -246,7 +246,7 @@ def test_tables_hold_each_lever_against_its_ceiling(evaluation: Evaluation) -> N
         for arm in ours
     ]
     assert together.rows[0][1].startswith(f"{50 * sum(own):.1f}")
-    with_none = Evaluation(GROUND, (1,), {}, {}, {})
+    with_none = Evaluation(GROUND, (1,), {}, {}, {}, {})
     assert ceiling_tables(with_none, ROADS) == ()
 
 

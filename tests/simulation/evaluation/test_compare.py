@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
 
 from simulation.closed_loop.record import ArmResult, Service
 from simulation.evaluation.arms import POLICIES
-from simulation.evaluation.measures.compare import Spread, compare
+from simulation.evaluation.measures.compare import MIN_ORDERS, Spread, compare
 from simulation.evaluation.measures.curves import BIN_S, HOUR_S, day_course
-from simulation.evaluation.measures.figures import measure
+from simulation.evaluation.measures.figures import Measures, measure
 from tests.simulation.evaluation.fakes import GROUND, make_arm
 
 
@@ -75,15 +77,16 @@ def test_an_arm_that_broke_down_counts_nowhere(change: dict[str, object], words:
     """It says why, and neither it nor, if it is the baseline, its seed is compared."""
     broken, sound = measure(arm("C", **change)), measure(arm("B"))
     assert broken.faults == (words,)
-    assert compare({"B": {1: sound}, "C": {1: broken}})["C"] == {}
+    assert compare({"B": {1: sound}, "C": {1: broken}}).compared["C"] == {}
     base = measure(arm("B", **change))
-    assert compare({"B": {1: base}, "C": {1: measure(arm("C"))}})["C"] == {}
+    found = compare({"B": {1: base}, "C": {1: measure(arm("C"))}})
+    assert (found.compared["C"], found.apart["C"]) == ({}, {1: "there is no sound B"})
 
 
 def test_slower_driving_alone_is_no_saving_at_equal_time() -> None:
     """The paced baseline saves energy, none at equal time; a better arm saves at both."""
     names = ("B", "B-0.88", "B-0.94", "B-1.06", "C")
-    found = compare({name: {1: measure(arm(name))} for name in names})
+    found = compare({name: {1: measure(arm(name))} for name in names}).compared
     slow, better = found["B-0.88"][1], found["C"][1]
     assert slow.saving > 0.08
     assert slow.at_equal_time == pytest.approx(0.0, abs=1e-12)
@@ -95,23 +98,78 @@ def test_slower_driving_alone_is_no_saving_at_equal_time() -> None:
 def test_the_parts_of_a_saving_add_up() -> None:
     """Distance, drag and acceleration are the whole; drag is what platoons had."""
     base, result = measure(arm("B")), measure(arm("C"))
-    found = compare({"B": {1: base}, "C": {1: result}})["C"][1]
+    found = compare({"B": {1: base}, "C": {1: result}}).compared["C"][1]
     total, *parts = found.parts
     assert sum(parts) == pytest.approx(total)
     assert total == pytest.approx(base.energy_kwh - result.energy_kwh)
     assert found.shares.total_kwh == pytest.approx(found.saving)
     assert found.parts.drag_kwh == pytest.approx(result.alone.total_kwh - result.energy_kwh)
-    assert found.at_equal_time is None  # no paced baseline
+    assert found.at_equal_time is None
+    assert found.unequal == "no pace of B was simulated beside it (--arms main has them)"
 
 
-def test_arms_that_deliver_less_save_nothing_by_it() -> None:
-    """Half the legs and half the orders: half the energy, no saving per order."""
+PACED = ("B", "B-0.88", "B-0.94", "B-1.06")
+
+
+def test_arms_with_other_orders_do_not_compare() -> None:
+    """Not as many, or as many others: there is no saving of any kind, and the reason is told."""
     whole = arm("B")
     half = replace(whole, legs=whole.legs[:12], services=whole.services[:12])
-    found = compare({"B": {1: measure(whole)}, "A": {1: measure(half)}})["A"][1]
-    assert found.saving > 0.3
-    assert abs(found.per_order) < 0.2
-    assert not found.same_orders
+    last = whole.services[-1]
+    other = replace(whole, services=(*whole.services[:-1], replace(last, order="another")))
+    found = compare({"B": {1: measure(whole)}, "A": {1: measure(half)}, "C": {1: measure(other)}})
+    assert (found.compared["A"], found.compared["C"]) == ({}, {})
+    assert found.apart["A"] == {1: "not the same orders: B served 24, A 12, 12 of them the same"}
+    assert found.apart["C"][1].endswith("B served 24, C 24, 23 of them the same")
+
+
+@pytest.mark.parametrize("who", ["B", "C"])
+def test_an_arm_whose_tours_have_not_ended_does_not_compare(who: str) -> None:
+    """What its vehicles still had to drive is not in its energy."""
+    runs = {name: {1: measure(arm(name))} for name in (*PACED, "C")}
+    runs[who] = {1: measure(arm(who, unfinished=1))}
+    found = compare(runs)
+    assert (found.compared["C"], found.apart["C"]) == (
+        {},
+        {1: f"{who} ended with 1 tour under way"},
+    )
+
+
+def test_a_few_orders_are_too_little_to_compare() -> None:
+    """Those of all seeds count together; below the least number there is no saving at all."""
+
+    def runs(orders: int, seeds: Sequence[int]) -> dict[str, dict[int, Measures]]:
+        return {
+            name: {seed: measure(make_arm(POLICIES[name], seed, orders)) for seed in seeds}
+            for name in (*PACED, "C")
+        }
+
+    one = compare(runs(1, [1]))
+    assert one.compared["C"] == {}
+    assert one.apart["C"] == {1: "too little to compare: 1 order, at least 20 count"}
+    assert compare(runs(MIN_ORDERS - 1, [1])).compared["C"] == {}
+    both = compare(runs(MIN_ORDERS // 2, [1, 2])).compared["C"]
+    assert [both[seed].at_equal_time is None for seed in (1, 2)] == [False, False]
+
+
+def test_nothing_is_compared_beyond_the_paces_that_were_simulated() -> None:
+    """An arm slower than the slowest baseline has no saving at equal time, and says by how much."""
+    slow = replace(POLICIES["C"], pace=0.7)
+    runs = {name: {1: measure(arm(name))} for name in PACED}
+    runs["C"] = {1: measure(make_arm(slow, 1))}
+    found = compare(runs).compared["C"][1]
+    assert found.at_equal_time is None
+    assert re.fullmatch(
+        r"\d+ s of travel an order, and B was simulated from \d+ to \d+ s", found.unequal
+    )
+
+
+def test_a_pace_with_other_orders_is_no_point_of_the_curve() -> None:
+    """Only paces that did the same work say what the baseline would have needed."""
+    runs = {name: {1: measure(arm(name))} for name in ("B", "C")}
+    runs["B-0.88"] = {1: measure(arm("B-0.88", unfinished=2))}
+    found = compare(runs).compared["C"][1]
+    assert found.unequal == "no other pace of B served the same orders"
 
 
 def test_spread_is_the_samples() -> None:

@@ -18,7 +18,7 @@ from simulation.evaluation.arms import POLICIES, choose
 from simulation.evaluation.measures.evaluation import Evaluation, collect
 from simulation.evaluation.report import files as writing
 from simulation.evaluation.report.files import write_results
-from simulation.evaluation.report.markdown import terminal_summary
+from simulation.evaluation.report.markdown import headlines, terminal_summary
 from simulation.evaluation.runs.run import record_wall_time
 from simulation.evaluation.runs.store import Store
 from tests.simulation.evaluation.fakes import GROUND, make_arm
@@ -76,7 +76,7 @@ def test_the_papers_tables_stand_beside_ours(whole: Path) -> None:
     assert row(text, day, "platooned, share of the distance")[2] == "49.3 %"
     energy = row(text, day, "energy, kWh")
     assert energy[1:3] == ["358.4", "292.1"]
-    assert row(text, day, "energy saved")[2] == "18.5 %"
+    assert row(text, day, "energy saved at its own travel time")[2] == "18.5 %"
     kwh = [sum(leg.driven.total_kwh for leg in make_arm(POLICIES["B"], s).legs) for s in SEEDS]
     assert energy[4].startswith(f"{sum(kwh) / 3:.1f} ± ")
     noise = row(text, "Noise on the features", "30%")
@@ -118,7 +118,7 @@ def test_a_broken_arm_is_refused_in_words_and_counts_nowhere(whole: Path) -> Non
     with (whole / "arms.csv").open() as file:
         rows = {(r["arm"], r["seed"]): r for r in csv.DictReader(file)}
     assert rows["only-coasting", "2"]["refused"] == "2 emergency stops"
-    assert rows["only-coasting", "2"]["saving"] == ""
+    assert rows["only-coasting", "2"]["saving_at_equal_time"] == ""
     kept = [float(rows["only-coasting", seed]["energy_kwh"]) for seed in ("1", "3")]
     summary = json.loads((whole / "report.json").read_text())
     mean = summary["arms"]["only-coasting"]["figures"]["energy_kwh"]["mean"]
@@ -158,21 +158,67 @@ def test_the_same_arms_give_the_same_bytes(whole: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("no_pictures")
-def test_unlike_deliveries_are_said_and_compared_by_order(tmp_path: Path) -> None:
-    """An arm that serves fewer orders does not pass for a saving."""
-    fill(tmp_path, choose("B,A"))
+def test_unlike_deliveries_have_no_saving_anywhere(tmp_path: Path) -> None:
+    """An arm that serves fewer orders does not pass for a saving: no table, file or line has one,
+    and the first lines say why.
+    """
+    fill(tmp_path, choose("main"))
 
     def poorer(arm: ArmResult) -> ArmResult:
         return replace(arm, legs=arm.legs[:15], services=arm.services[:15])
 
     with Store(tmp_path, GROUND, "code") as store:
         for seed in SEEDS:
-            store.put(POLICIES["A"], seed, poorer(make_arm(POLICIES["A"], seed)))
+            store.put(POLICIES["C"], seed, poorer(make_arm(POLICIES["C"], seed)))
     evaluation = read(tmp_path)
     write_results(tmp_path, evaluation)
     text = (tmp_path / "report.md").read_text()
-    assert "Not as many orders served as by B in every seed: A" in text
-    assert "Not as many orders served as by B: A" in terminal_summary(evaluation)
+    why = "seeds 1, 2, 3: not the same orders: B served 24, C 15, 15 of them the same"
+    head = text.split("\n## ")[0]
+    assert f"C, every lever but signal priority: no saving can be told; {why}" in head
+    assert "C+, every lever: saves " in head
+    assert row(text, "Arms", "C")[8:] == ["–", "–", "–"]
+    assert f"C, every lever but signal priority: no saving can be told; {why}" in terminal_summary(
+        evaluation
+    )
+    summary = json.loads((tmp_path / "report.json").read_text())["arms"]["C"]
+    assert set(summary["against_baseline"].values()) == {None}
+    assert set(summary["no_saving"]) == {"1", "2", "3"}
+    with (tmp_path / "arms.csv").open() as file:
+        rows = [r for r in csv.DictReader(file) if r["arm"] == "C"]
+    assert {r["saving_at_equal_time"] + r["saving_at_own_time"] for r in rows} == {""}
+    assert all(r["no_saving"].startswith("not the same orders") for r in rows)
+
+
+@pytest.mark.usefixtures("no_pictures")
+def test_the_headline_is_at_equal_time_and_one_seed_has_no_deviation(tmp_path: Path) -> None:
+    """It is the tables' figure, and tells its orders and seeds."""
+    fill(tmp_path, choose("main"))
+    evaluation = read(tmp_path)
+    found = evaluation.headline("C")
+    assert found.saving is not None
+    assert found.saving == evaluation.against("C", lambda c: c.at_equal_time)
+    assert (found.orders, found.seeds, found.missing) == (72, SEEDS, {})
+    (line,) = [line for line in headlines(evaluation) if line.startswith("C, ")]
+    assert line.endswith("for each order at equal travel time against B (72 orders, 3 seeds)")
+    assert f"{100 * found.saving.mean:.1f} ± " in line
+    with Store(tmp_path, GROUND, "code") as store:
+        alone = collect(store, GROUND, (2,))
+    (line,) = [line for line in headlines(alone) if line.startswith("C, ")]
+    assert "±" not in line.split("(")[0]
+    assert line.endswith("(24 orders, seed 2 alone, so without a ±)")
+
+
+@pytest.mark.usefixtures("no_pictures")
+def test_without_paces_or_arms_there_is_no_headline(tmp_path: Path) -> None:
+    """B and C alone do not tell a saving from slower driving."""
+    fill(tmp_path, choose("B,C"))
+    (line,) = headlines(read(tmp_path))
+    assert "no saving can be told; seeds 1, 2, 3: no pace of B was simulated beside it" in line
+    fill(tmp_path / "other", choose("B"))
+    assert headlines(read(tmp_path / "other")) == [
+        "no saving can be told: neither C nor C+ is there"
+    ]
 
 
 def test_without_matplotlib_all_the_rest_is_written(

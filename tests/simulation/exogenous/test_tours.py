@@ -153,6 +153,6 @@ def test_a_day_that_begins_late_leaves_earlier_orders_out(tours: Tours) -> None:
         ),
     )
     late = Tours(tours.deliveries, tours.network)
-    late.skip_before(10.0)
+    late.keep_released(10.0, 86_400.0)
     assert late.taken == {"o1", "o2"}
     assert [service.order for service in late.services(1000.0)] == ["o0"]

@@ -152,12 +152,11 @@ def test_bad_sources_name_file_and_line(tmp_path: Path) -> None:
         troy_plan(tmp_path)
 
 
-def test_plan_without_signals_is_refused() -> None:
-    """There is nothing to advise a vehicle about without signals."""
+def test_plan_with_a_road_twice_is_refused() -> None:
+    """A plan may be without signals, as a motorway is."""
     ends = (Junction("a", 0, 0, "priority"), Junction("b", 100, 0, "priority"))
     plan = Plan("x", ends, (Road("ab", "a", "b", 1, 10.0, 1),))
-    with pytest.raises(InputError, match="no junction has signals"):
-        plan.check("x")
+    plan.check("x")
     with pytest.raises(InputError, match="two roads with this id"):
         replace(plan, roads=plan.roads * 2).check("x")
 
@@ -232,11 +231,15 @@ def test_a_net_in_pieces_is_refused_and_a_dead_end_cut_off() -> None:
     assert "f" not in kept.junctions
 
 
-def test_a_net_without_signals_is_refused() -> None:
-    """The demo network has none, so it is no scenario."""
+def test_a_net_without_signals_is_a_scenario(tmp_path: Path) -> None:
+    """A motorway has none; fixed times of no signals are an additional file without any."""
     path = Path(str(resources.files("slipstream") / "data" / "demo.net.xml"))
-    with pytest.raises(InputError, match="no junction has signals"):
-        scenario_network(path)
+    network = scenario_network(path)
+    assert network.segments
+    assert not network.signals
+    fixed = tmp_path / "fixed.add.xml"
+    assert write_fixed_time(path, fixed) == 0
+    assert len(ElementTree.parse(fixed).getroot()) == 0
 
 
 def test_fixed_time_signals_keep_the_phases_of_the_actuated_ones(

@@ -102,7 +102,12 @@ def test_ceilings_and_the_papers_way_join_the_report(
     monkeypatch.setattr(exogenous, "_recorded", lambda order: None)
     first = evaluate(capsys, tmp_path, "--arms", "C,exogenous", "--seeds", "1")
     assert set(driven) >= {"B", "C"}
-    assert first["exogenous"]["everywhere"]["arms"]["C"]["against_baseline"]["saving"]["mean"] > 0
+    assert (
+        first["exogenous"]["everywhere"]["arms"]["C"]["against_baseline"]["saving_at_own_time"][
+            "mean"
+        ]
+        > 0
+    )
     text = (tmp_path / "report.md").read_text()
     titles = [table["title"] for table in first["tables"]]
     assert any(title.startswith("Ceilings") for title in titles)
@@ -112,6 +117,28 @@ def test_ceilings_and_the_papers_way_join_the_report(
     count = len(driven)
     assert evaluate(capsys, tmp_path, "--arms", "C", "--seeds", "1") == first
     assert len(driven) == count
+
+
+@pytest.mark.slow
+def test_hours_without_a_begin_are_the_busiest_and_are_told(
+    capsys: Capture, tmp_path: Path, orders: list[ArmSpec]
+) -> None:
+    """Midnight has no orders; a day, a given begin and a configuration's are taken as they are."""
+    command = ["evaluate", "--out", str(tmp_path / "hour"), "--arms", "B", "--seeds", "1"]
+    assert main([*command, "--hours", "1"]) == 0
+    assert (orders[0].begin_s, orders[0].end_s) == (36_000.0, 39_600.0)
+    said = "slipstream: no --begin: it begins at 10:00, where most orders come within 1 h\n"
+    assert capsys.readouterr().err == said
+    fleet = tmp_path / "fleet.toml"
+    fleet.write_text("hours = [0,0,0,0,0,1,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0]\nwave_s = 600\n")
+    command[2] = str(tmp_path / "early")
+    assert main([*command, "--hours", "0.5", "--fleet", str(fleet)]) == 0
+    assert (orders[1].begin_s, orders[1].end_s) == (18_000.0, 19_800.0)
+    command[2] = str(tmp_path / "day")
+    capsys.readouterr()
+    assert main([*command, "--hours", "24"]) == 0
+    assert (orders[2].begin_s, orders[2].end_s) == (0.0, 86_400.0)
+    assert capsys.readouterr().err == ""
 
 
 @pytest.mark.slow
