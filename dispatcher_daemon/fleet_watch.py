@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final, Protocol, TypeVar
 
 from dispatcher_daemon.fleet import Fleet, Stop
 from dispatcher_daemon.learning import HOUR_NS, HOURS, MovementCosts, UsualTraffic
-from dispatcher_daemon.tracking import FleetTracker, OpenTour, Situation, TrackedVehicle
+from dispatcher_daemon.tracking import (
+    FRESH_NS,
+    FleetTracker,
+    OpenTour,
+    Situation,
+    TrackedVehicle,
+)
 from dispatcher_daemon.traffic import Expectations, TrafficSnapshot
 from slipstream.energy_ledger import PlanEnergy
 from slipstream.errors import InputError
@@ -62,11 +68,13 @@ class FleetCopy:
         time_ns: the moment, UTC.
         vehicles: by id, which they are sorted by; nobody changes them any more.
         plan_changes: of plans' statuses that were not stored yet.
+        orders: that each has by its plan, or has left with.
     """
 
     time_ns: int
     vehicles: Mapping[str, TrackedVehicle]
     plan_changes: tuple[PlanChange, ...] = ()
+    orders: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -120,6 +128,7 @@ class FleetWatch:
         self._lock = threading.Lock()
         self._clock, self._refuse = clock, refuse
         self._copy = FleetCopy(started_ns, {})
+        self._on_bus: dict[str, int] = {}
         self._figures: tuple[int, int, dict[OrderState, int]] = 0, 0, {}
         self.vehicles()
 
@@ -275,16 +284,27 @@ class FleetWatch:
             try:
                 tracked = self._tracker.vehicles
                 copies = {name: replace(tracked[name]) for name in sorted(tracked)}
-                self._copy = FleetCopy(self._clock(), copies, self._tracker.plan_changes)
+                held = {name: len(self._tracker.book.held_by(name)) for name in copies}
+                changes = self._tracker.plan_changes
+                self._copy = FleetCopy(self._clock(), copies, changes, held)
             finally:
                 self._lock.release()
         return self._copy
 
-    def vehicle(self, name: str) -> TrackedVehicle | None:
-        """One vehicle now, which nobody changes any more; None: it is not tracked."""
+    def vehicle(self, name: str) -> tuple[TrackedVehicle, int] | None:
+        """(one vehicle now, which nobody changes any more; orders that it has); None: it is not
+        tracked.
+        """
         with self._lock:
             tracked = self._tracker.vehicles.get(name)
-            return None if tracked is None else replace(tracked)
+            held = self._tracker.book.held_by(name)
+            return None if tracked is None else (replace(tracked), len(held))
+
+    def speaks_itself(self, vehicle: str) -> bool:
+        """Whether a vehicle is heard on the bus now, on the keys of its own agent."""
+        with self._lock:
+            heard_ns = self._on_bus.get(vehicle)
+            return heard_ns is not None and self._clock() - heard_ns <= FRESH_NS
 
     def now_ns(self) -> int:
         """UTC now, by the clock that reports are dated with."""
@@ -327,5 +347,7 @@ class FleetWatch:
             if key_of(report.vehicle) != key:
                 raise InputError(key, "not the vehicle of its key", "check the sender")
             self.take(report, key)
+            if isinstance(report, VehiclePosition) and self.knows(report.vehicle):
+                self._on_bus[report.vehicle] = self._clock()
         except InputError as error:
             self._refuse(error)

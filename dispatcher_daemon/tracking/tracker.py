@@ -9,11 +9,13 @@ from dispatcher_daemon.commitments import Commitment
 from dispatcher_daemon.fleet import Fleet, Stop, Vehicle
 from dispatcher_daemon.platooning import on_road
 from dispatcher_daemon.tracking.availability import Availability
+from dispatcher_daemon.tracking.claims import Claims
 from dispatcher_daemon.tracking.committing import behind_s, commitment
 from dispatcher_daemon.tracking.open_tours import OpenTour, open_tours
 from dispatcher_daemon.tracking.order_stops import outside_windows, requested_stops
 from dispatcher_daemon.tracking.orders import OrderBook
 from dispatcher_daemon.tracking.plan_life import PlanLife
+from dispatcher_daemon.tracking.sightings import Sighting, Sightings, where
 from dispatcher_daemon.tracking.situation import Situation, cycle_fleet
 from dispatcher_daemon.tracking.vehicle import TrackedVehicle, loaded
 from slipstream.energy_ledger import PlanEnergy
@@ -57,11 +59,17 @@ class FleetTracker:
         self._network, self._plan_ahead_s = network, plan_ahead_s
         self.unplanned: Mapping[str, str] = {}
         self.book = OrderBook(stored.orders)
-        self._life = PlanLife(self.book, self._may_have)
+        self.claims = Claims(self.book, network)
+        self._life = PlanLife(self.book, self.claims, self._may_have)
         self._available = Availability(network, started_ns)
         self._vehicles = {record.vehicle: loaded(record) for record in stored.vehicles}
         self._strangers: dict[tuple[str, str], VehiclePosition | VehicleProgress] = {}
         self._reported: set[str] = set()
+        for vehicle in self._vehicles.values():
+            position = vehicle.position
+            if position is not None and position.segment in network.segments:
+                seen = Sighting(position.time_ns, where(network, position))
+                vehicle.sightings = Sightings(seen)
         for record in stored.plans:
             self._resume(record)
 
@@ -107,6 +115,7 @@ class FleetTracker:
         self._heard(vehicle, now_ns)
         was_free = vehicle.is_fresh(now_ns) and vehicle.free_since_ns is not None
         vehicle.position, vehicle.heard_ns = position, now_ns
+        vehicle.sightings.take(position, self._network, self._places(vehicle))
         if position.cycle is not None or not self._available.is_home(vehicle):
             vehicle.free_since_ns = None
         elif not was_free:
@@ -118,6 +127,7 @@ class FleetTracker:
         if accepted is not None and position.cycle == accepted.plan.cycle:
             assert position.leg is not None
             self._life.drives(vehicle, accepted.plan, position.leg, now_ns)
+        self.claims.settle(vehicle, now_ns)
         self._life.come_back(vehicle, now_ns)
         return True
 
@@ -145,15 +155,17 @@ class FleetTracker:
         before = None if vehicle.progress is None else vehicle.progress.time_ns
         self._heard(vehicle, now_ns)
         vehicle.reports_progress = True
-        for visit in progress.visits:
-            self.book.visited(vehicle.id, visit, now_ns)
+        self.claims.tell(vehicle, progress.visits, now_ns)
         if vehicle.is_news(before, progress.time_ns, now_ns):
             vehicle.progress = progress
             if progress.cycle is not None:
                 self._life.follows(vehicle, progress.cycle, now_ns)
         visited = {visit.stop for visit in progress.visits}
         accepted = vehicle.accepted
-        if accepted is not None and any(s.stop in visited for s in accepted.plan.service_stops):
+        if accepted is not None and any(
+            stop.stop in visited and self._has_been_at(vehicle, stop.stop)
+            for stop in accepted.plan.service_stops
+        ):
             self._life.leave(vehicle, now_ns)
         self._life.come_back(vehicle, now_ns)
 
@@ -268,6 +280,13 @@ class FleetTracker:
         tours = open_tours(fleet, vehicles, self._available, self.book, cycle, now_ns, reference_ns)
         return list(tours) if stops else [], stops
 
+    def settle(self, order: str, now_ns: int, *, served: bool) -> None:
+        """Somebody who knows says whether an order was served: what vehicles said before is past."""
+        self.book.settle(order, now_ns, served=served)
+        self.claims.forget(order)
+        for vehicle in self._vehicles.values():
+            vehicle.given.pop(order, None)
+
     def skip_number(self, cycle: int) -> None:
         """A number was used between cycles: for vehicles that are left out of some, it is none."""
         for vehicle in self._vehicles.values():
@@ -297,6 +316,8 @@ class FleetTracker:
         """
         for vehicle in self._vehicles.values():
             self._life.driven.advance(vehicle, now_ns)
+            for name in [name for name in vehicle.given if self._is_over(name)]:
+                del vehicle.given[name]
         for plan in plans:
             vehicle = self._vehicles[plan.vehicle]
             energy = None if energies is None else energies.get(plan.vehicle)
@@ -350,6 +371,21 @@ class FleetTracker:
             self._strangers[key] = report
         return vehicle
 
+    def _has_been_at(self, vehicle: TrackedVehicle, stop: str) -> bool:
+        order = self.book.orders.get(stop)
+        own = order is not None and order.vehicle == vehicle.id
+        return own and order is not None and order.state in ("under_way", "served", "failed")
+
+    def _is_over(self, name: str) -> bool:
+        """Whether nothing that is said of an order counts any more."""
+        order = self.book.orders.get(name)
+        return order is None or order.state in ("served", "failed")
+
+    def _places(self, vehicle: TrackedVehicle) -> dict[str, str]:
+        """Junctions of a vehicle's orders that may still end."""
+        orders = self.book.orders
+        return {name: orders[name].node for name in vehicle.given if not self._is_over(name)}
+
     def _heard(self, vehicle: TrackedVehicle, now_ns: int) -> None:
         vehicle.answered_ns = now_ns
         self._reported.add(vehicle.id)
@@ -398,13 +434,16 @@ class FleetTracker:
         vehicle = self._vehicles.get(record.plan.vehicle)
         if vehicle is None:
             return
+        for stop in record.plan.stops:
+            vehicle.given.setdefault(stop.stop, record.plan.issued_ns)
         if record.status == "lapsed":
             vehicle.withdrawn = record
         elif record.status == "published":
             vehicle.offered = record
         else:
             vehicle.accepted = record
+            own = {stop.stop for stop in record.plan.stops}
             vehicle.left = record.plan.continues is not None or any(
                 self.book.orders[order].state == "under_way"
-                for order in self.book.held_by(vehicle.id)
+                for order in own.intersection(self.book.held_by(vehicle.id))
             )
