@@ -5,7 +5,8 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Final, Protocol, TypeVar
+from types import MappingProxyType
+from typing import Final, NamedTuple, Protocol, TypeVar
 
 from dispatcher_daemon.fleet import Fleet, Stop
 from dispatcher_daemon.learning import HOUR_NS, HOURS, MovementCosts, UsualTraffic
@@ -25,6 +26,7 @@ from slipstream.messages import (
     ALL_PROGRESS,
     OrderState,
     PlanAcknowledgement,
+    SilentVehicle,
     VehiclePlan,
     VehiclePosition,
     VehicleProgress,
@@ -75,6 +77,22 @@ class FleetCopy:
     vehicles: Mapping[str, TrackedVehicle]
     plan_changes: tuple[PlanChange, ...] = ()
     orders: Mapping[str, int] = field(default_factory=dict)
+
+
+class FleetFigures(NamedTuple):
+    """The fleet in figures.
+
+    Attributes:
+        reporting: vehicles that have ever reported.
+        silent: those of them that do not now.
+        orders: by state.
+        unheard: vehicles that have orders and have never reported.
+    """
+
+    reporting: int = 0
+    silent: tuple[SilentVehicle, ...] = ()
+    orders: Mapping[OrderState, int] = MappingProxyType({})
+    unheard: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -129,7 +147,7 @@ class FleetWatch:
         self._clock, self._refuse = clock, refuse
         self._copy = FleetCopy(started_ns, {})
         self._on_bus: dict[str, int] = {}
-        self._figures: tuple[int, int, dict[OrderState, int]] = 0, 0, {}
+        self._figures = FleetFigures()
         self.vehicles()
 
     def on_position(self, key: str, payload: bytes) -> None:
@@ -315,16 +333,32 @@ class FleetWatch:
         with self._lock:
             self._tracker.mark_all()
 
-    def figures(self) -> tuple[int, int, dict[OrderState, int]]:
-        """(vehicles that have ever reported, those of them that are silent, orders by state); while
-        a cycle is being stored, as they were before that.
-        """
+    def figures(self) -> FleetFigures:
+        """The fleet now; while a cycle is being stored, as it was before that."""
         self._figures = self.read_soon(self._count) or self._figures
         return self._figures
 
-    def _count(self, tracker: FleetTracker) -> tuple[int, int, dict[OrderState, int]]:
-        reporting = sum(vehicle.has_telemetry for vehicle in tracker.vehicles.values())
-        return reporting, len(tracker.silent(self._clock())), tracker.counts()
+    def _count(self, tracker: FleetTracker) -> FleetFigures:
+        held = {name: len(tracker.book.held_by(name)) for name in tracker.vehicles}
+        return FleetFigures(
+            sum(vehicle.has_telemetry for vehicle in tracker.vehicles.values()),
+            tuple(
+                SilentVehicle(
+                    vehicle=one.id,
+                    heard_ns=one.answered_ns or 0,
+                    segment=None if one.position is None else one.position.segment,
+                    share=None if one.position is None else one.position.share,
+                    orders=held[one.id],
+                )
+                for one in tracker.silent(self._clock())
+            ),
+            tracker.counts(),
+            tuple(
+                name
+                for name, one in tracker.vehicles.items()
+                if held[name] and not one.has_telemetry
+            ),
+        )
 
     def read_soon(self, read: Callable[[FleetTracker], T]) -> T | None:
         """As `read`; None while a cycle is being stored."""

@@ -61,7 +61,9 @@ class Claims:
         """What vehicles say of ends of orders, and what does not count."""
         for claims in self._open.values():
             for claim in claims.values():
-                if claim.visit.status != _UNTOLD:
+                order = self._book.orders.get(claim.visit.stop)
+                over = order is None or order.state in ("served", "failed")
+                if claim.visit.status != _UNTOLD and not over:
                     yield claim
 
     def of_order(self, order: str) -> Claim | None:
@@ -91,14 +93,10 @@ class Claims:
         for name, claim in list(claims.items()):
             verdict, reason = self._judge(vehicle, claim.visit)
             if verdict == "open":
-                told = replace(claim, reason=reason)
-                claims[name] = told
-                if claim.visit.status != _UNTOLD and not claim.reason:
-                    self._book.note(name, now_ns, told.text)
+                claims[name] = replace(claim, reason=reason)
             else:
                 del claims[name]
-            own = name in self._book.held_by(vehicle.id)
-            if own:
+            if name in self._book.held_by(vehicle.id):
                 lasts = verdict == "open" and claim.visit.status == "served"
                 self._book.dispute(name, lasts=lasts)
             if verdict == "true":

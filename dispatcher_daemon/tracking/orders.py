@@ -205,14 +205,6 @@ class OrderBook:
         """
         (self._disputed.add if lasts else self._disputed.discard)(order)
 
-    def note(self, order: str, now_ns: int, text: str) -> None:
-        """Something is said of an order that changes nothing; a step in its life."""
-        known = self._orders[order]
-        self._changes.append(
-            OrderChange(order, now_ns, known.state, text, known.vehicle, known.cycle)
-        )
-        self._changed[order] = None
-
     def settle(self, order: str, now_ns: int, *, served: bool) -> None:
         """Somebody who knows says whether an order was served; if not it is open again."""
         if served:

@@ -93,8 +93,6 @@ class Sightings:
         self._heard, self._last = True, now
         for gone in self._stays.keys() - places.keys():
             del self._stays[gone]
-        if last is not None and since_ns is not None and not _may_follow(last, now):
-            return  # It cannot have come here since: one of the two is not where it was.
         for order, node in places.items():
             if is_at(network, position, node):
                 self._stay(order, now.time_ns)
@@ -145,11 +143,6 @@ class Sightings:
                 parts = _Silence(silence.before, there), _Silence(there, silence.after)
                 self._silences[number : number + 1] = parts
                 return
-
-
-def _may_follow(before: Sighting, after: Sighting) -> bool:
-    away_m = math.dist(before.at, after.at) - _SLACK_M
-    return away_m <= MAX_MPS * 1e-9 * max(0, after.time_ns - before.time_ns)
 
 
 def _reached_ns(begin: Sighting, away_m: float) -> int:

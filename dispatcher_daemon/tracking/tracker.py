@@ -12,11 +12,15 @@ from dispatcher_daemon.tracking.availability import Availability
 from dispatcher_daemon.tracking.claims import Claims
 from dispatcher_daemon.tracking.committing import behind_s, commitment
 from dispatcher_daemon.tracking.open_tours import OpenTour, open_tours
-from dispatcher_daemon.tracking.order_stops import outside_windows, requested_stops
+from dispatcher_daemon.tracking.order_stops import (
+    OPENS_LATER,
+    outside_windows,
+    requested_stops,
+)
 from dispatcher_daemon.tracking.orders import OrderBook
 from dispatcher_daemon.tracking.plan_life import PlanLife
 from dispatcher_daemon.tracking.sightings import Sighting, Sightings, where
-from dispatcher_daemon.tracking.situation import Situation, cycle_fleet
+from dispatcher_daemon.tracking.situation import Situation, cycle_fleet, nobody_free
 from dispatcher_daemon.tracking.vehicle import TrackedVehicle, loaded
 from slipstream.energy_ledger import PlanEnergy
 from slipstream.messages import (
@@ -26,7 +30,7 @@ from slipstream.messages import (
     VehiclePosition,
     VehicleProgress,
 )
-from slipstream.orders import FleetRecords, OrderRecord, PlanChange, PlanRecord
+from slipstream.orders import FleetRecords, OrderRecord, PlanChange, PlanRecord, utc
 from slipstream.roads import RoadNetwork
 
 MAX_STRANGERS: Final = 2000
@@ -96,10 +100,10 @@ class FleetTracker:
         """Changes of plans' statuses since `stored` was called last."""
         return self._life.changes
 
-    def silent(self, now_ns: int) -> tuple[str, ...]:
+    def silent(self, now_ns: int) -> tuple[TrackedVehicle, ...]:
         """Vehicles that have reported before, and do not now."""
         return tuple(
-            v.id for v in self._vehicles.values() if v.has_telemetry and not v.is_fresh(now_ns)
+            v for v in self._vehicles.values() if v.has_telemetry and not v.is_fresh(now_ns)
         )
 
     def on_position(self, position: VehiclePosition, now_ns: int) -> bool:
@@ -249,11 +253,36 @@ class FleetTracker:
             reference_ns,
             requested,
         )
+        nobody = nobody_free(fleet, left_out, len(bound))
+        waiting = self._waiting(found, nobody, now_ns)
+        open_now = {n: why for n, why in waiting.items() if orders[n].state == "open"}
+        self.unplanned = {**open_now, **self.unplanned}
         plans = [vehicle.accepted.plan for vehicle in kept if vehicle.accepted is not None]
         late_s = {vehicle.id: behind_s(vehicle, now_ns) for vehicle in kept}
         listed = () if fleet is None else fleet.stops
         hidden = tuple(stop.id for stop in listed if orders[stop.id].request is not None)
-        return Situation(found, tuple(bound), left_out, on_road(plans, now_ns, late_s), hidden)
+        road_users = on_road(plans, now_ns, late_s)
+        own = tuple(bound)
+        return Situation(found, own, left_out, road_users, hidden, waiting, nobody)
+
+    def _waiting(self, found: Fleet | None, nobody: str, now_ns: int) -> dict[str, str]:
+        """Reason by order that is due, and that a cycle's fleet does not have although nobody serves
+        it as far as is known.
+        """
+        planned = {} if found is None else found.stop_by_id
+        waiting: dict[str, str] = {}
+        for name, order in self.book.orders.items():
+            if order.ended or name in planned:
+                continue
+            vehicle = None if order.vehicle is None else self._vehicles.get(order.vehicle)
+            if order.state == "open":
+                reason = self.unplanned.get(name, nobody)
+                if not reason.startswith(OPENS_LATER):
+                    waiting[name] = reason
+            elif vehicle is not None and vehicle.answered_ns and not vehicle.is_fresh(now_ns):
+                since = utc(vehicle.answered_ns)
+                waiting[name] = f"{vehicle.id}, which has it, is silent since {since}"
+        return waiting
 
     def insertion(
         self,

@@ -89,7 +89,9 @@ def test_a_vehicle_without_a_bus_serves_its_plan(van: tuple[Api, Vehicle]) -> No
     first = plan["segments"][0]["segment"]
     assert vehicle.at(first, 0.5, 1, 0, on_road=True, speed_mps=8.0)["position"]["share"] == 0.5
     assert _get(api, f"/v1/orders/{stops[0]}")["state"] == "under_way"
-    for stop in stops:
+    for leg, stop in enumerate(stops, 1):
+        into = [one["segment"] for one in plan["segments"] if one["leg"] == leg - 1][-1]
+        vehicle.at(into, 1.0, 1, leg)
         now_ns = time.time_ns()
         visit = {"stop": stop, "arrived_ns": now_ns, "ended_ns": now_ns, "reason": None}
         vehicle.visits(1, {**visit, "status": "served"})
