@@ -72,7 +72,7 @@ class PlanLife:
             reason = f"by the plan of cycle {plan.cycle}"
             self.note(ended(vehicle.offered, "superseded", now_ns, reason))
         for stop in plan.stops:
-            vehicle.given.setdefault(stop.stop, now_ns)
+            vehicle.given.setdefault(stop.stop, vehicle.by_its_clock(now_ns))
         vehicle.offered = PlanRecord(plan, "published", now_ns, energy=energy)
         self._step(vehicle.offered)
 

@@ -42,7 +42,7 @@ class TrackedVehicle:
         rested_ns: when its last break ended, UTC; 0: it has had none.
         rested_break: number of that break; None: not known, as it was stored by a version before.
         back_ns: when its last tour ended, UTC; 0: none has since the start.
-        given: orders of the plans that it was sent, and when, UTC.
+        given: orders of the plans that it was sent, and when, by its clock.
         sightings: where it was.
     """
 
@@ -133,6 +133,12 @@ class TrackedVehicle:
     def is_fresh(self, now_ns: int) -> bool:
         """Whether its position is known."""
         return self.position is not None and now_ns - self.heard_ns <= FRESH_NS
+
+    def by_its_clock(self, now_ns: int) -> int:
+        """A moment as the vehicle dates it, by its last position."""
+        if self.position is None or self.heard_ns == 0:
+            return now_ns
+        return now_ns - (self.heard_ns - self.position.time_ns)
 
     def is_news(self, before_ns: int | None, time_ns: int, now_ns: int) -> bool:
         """Whether a report is later than the one before, if that is not of the future."""

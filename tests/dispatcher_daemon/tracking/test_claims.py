@@ -222,3 +222,25 @@ def test_a_leg_that_is_claimed_serves_nothing_on_the_way(town: Callable[..., Tow
     position = VehiclePosition.model_validate({**place, **own, "segment": back})
     day.tracker.on_position(position, day.now_ns)
     assert states(day, "s0") == {"served"}
+
+
+def test_a_vehicle_with_a_wrong_clock_serves_its_orders(town: Callable[..., Town]) -> None:
+    """Visits and positions are of the same clock, however wrong that is."""
+    stops = [{"id": "s0", "node": "33", "service_s": 20.0, "demand": 1}]
+    problem, snapshot = town(stops, [{"capacity": 3}])
+    for wrong_ns in (-3600 * S, 3600 * S):
+        day = Day(problem, snapshot, {}, problem.fleet)
+        day.tracker.list_fleet(problem.fleet, day.now_ns)
+        place: dict[str, object] = {"vehicle": "van-0", "speed_mps": 0.0, "on_road": False}
+        home = {**place, "segment": "00-01", "share": 0.0, "cycle": None, "leg": None}
+        day.now_ns += S
+        position = VehiclePosition.model_validate({**home, "time_ns": day.now_ns + wrong_ns})
+        day.tracker.on_position(position, day.now_ns)
+        (plan,) = day.cycle()
+        into = [one.segment for one in plan.segments if one.leg == 0][-1]
+        there = {**place, "segment": into, "share": 1.0, "cycle": plan.cycle, "leg": 1}
+        day.now_ns += 60 * S
+        position = VehiclePosition.model_validate({**there, "time_ns": day.now_ns + wrong_ns})
+        day.tracker.on_position(position, day.now_ns)
+        says(day, "van-0", "s0", at_ns=day.now_ns + wrong_ns, cycle=plan.cycle)
+        assert states(day, "s0") == {"served"}
