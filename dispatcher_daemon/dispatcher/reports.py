@@ -29,10 +29,9 @@ def idle_report(
     """
     reason = "no open order, or no free vehicle"
     if waiting:
-        (why, count), *others = Counter(waiting.values()).most_common()
-        more = f", and {sum(n for _, n in others)} for other reasons" if others else ""
-        orders = "order waits" if count == 1 else "orders wait"
-        reason = f"nothing is planned: {count} {orders}, {why}{more}"
+        orders = "1 order waits" if len(waiting) == 1 else f"{len(waiting)} orders wait"
+        kinds = [f"{n} as {why}" for why, n in Counter(waiting.values()).most_common()]
+        reason = f"nothing is planned, and {orders}: {'; '.join(kinds)}"
     return failed_report(cycle, started_ns, wall_s, reason[:500]).model_copy(
         update={"status": "ok", "gates": snapshot.gates()}
     )
