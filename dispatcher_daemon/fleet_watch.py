@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, replace
-from typing import Final, Protocol, TypeVar
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Final, NamedTuple, Protocol, TypeVar
 
 from dispatcher_daemon.fleet import Fleet, Stop
 from dispatcher_daemon.learning import HOUR_NS, HOURS, MovementCosts, UsualTraffic
-from dispatcher_daemon.tracking import FleetTracker, OpenTour, Situation, TrackedVehicle
+from dispatcher_daemon.tracking import (
+    FRESH_NS,
+    FleetTracker,
+    OpenTour,
+    Situation,
+    TrackedVehicle,
+)
 from dispatcher_daemon.traffic import Expectations, TrafficSnapshot
 from slipstream.energy_ledger import PlanEnergy
 from slipstream.errors import InputError
@@ -19,6 +26,7 @@ from slipstream.messages import (
     ALL_PROGRESS,
     OrderState,
     PlanAcknowledgement,
+    SilentVehicle,
     VehiclePlan,
     VehiclePosition,
     VehicleProgress,
@@ -62,11 +70,29 @@ class FleetCopy:
         time_ns: the moment, UTC.
         vehicles: by id, which they are sorted by; nobody changes them any more.
         plan_changes: of plans' statuses that were not stored yet.
+        orders: that each has by its plan, or has left with.
     """
 
     time_ns: int
     vehicles: Mapping[str, TrackedVehicle]
     plan_changes: tuple[PlanChange, ...] = ()
+    orders: Mapping[str, int] = field(default_factory=dict)
+
+
+class FleetFigures(NamedTuple):
+    """The fleet in figures.
+
+    Attributes:
+        reporting: vehicles that have ever reported.
+        silent: those of them that do not now.
+        orders: by state.
+        unheard: vehicles that have orders and have never reported.
+    """
+
+    reporting: int = 0
+    silent: tuple[SilentVehicle, ...] = ()
+    orders: Mapping[OrderState, int] = MappingProxyType({})
+    unheard: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -120,7 +146,8 @@ class FleetWatch:
         self._lock = threading.Lock()
         self._clock, self._refuse = clock, refuse
         self._copy = FleetCopy(started_ns, {})
-        self._figures: tuple[int, int, dict[OrderState, int]] = 0, 0, {}
+        self._on_bus: dict[str, int] = {}
+        self._figures = FleetFigures()
         self.vehicles()
 
     def on_position(self, key: str, payload: bytes) -> None:
@@ -275,16 +302,27 @@ class FleetWatch:
             try:
                 tracked = self._tracker.vehicles
                 copies = {name: replace(tracked[name]) for name in sorted(tracked)}
-                self._copy = FleetCopy(self._clock(), copies, self._tracker.plan_changes)
+                held = {name: len(self._tracker.book.held_by(name)) for name in copies}
+                changes = self._tracker.plan_changes
+                self._copy = FleetCopy(self._clock(), copies, changes, held)
             finally:
                 self._lock.release()
         return self._copy
 
-    def vehicle(self, name: str) -> TrackedVehicle | None:
-        """One vehicle now, which nobody changes any more; None: it is not tracked."""
+    def vehicle(self, name: str) -> tuple[TrackedVehicle, int] | None:
+        """(one vehicle now, which nobody changes any more; orders that it has); None: it is not
+        tracked.
+        """
         with self._lock:
             tracked = self._tracker.vehicles.get(name)
-            return None if tracked is None else replace(tracked)
+            held = self._tracker.book.held_by(name)
+            return None if tracked is None else (replace(tracked), len(held))
+
+    def speaks_itself(self, vehicle: str) -> bool:
+        """Whether a vehicle is heard on the bus now, on the keys of its own agent."""
+        with self._lock:
+            heard_ns = self._on_bus.get(vehicle)
+            return heard_ns is not None and self._clock() - heard_ns <= FRESH_NS
 
     def now_ns(self) -> int:
         """UTC now, by the clock that reports are dated with."""
@@ -295,16 +333,32 @@ class FleetWatch:
         with self._lock:
             self._tracker.mark_all()
 
-    def figures(self) -> tuple[int, int, dict[OrderState, int]]:
-        """(vehicles that have ever reported, those of them that are silent, orders by state); while
-        a cycle is being stored, as they were before that.
-        """
+    def figures(self) -> FleetFigures:
+        """The fleet now; while a cycle is being stored, as it was before that."""
         self._figures = self.read_soon(self._count) or self._figures
         return self._figures
 
-    def _count(self, tracker: FleetTracker) -> tuple[int, int, dict[OrderState, int]]:
-        reporting = sum(vehicle.has_telemetry for vehicle in tracker.vehicles.values())
-        return reporting, len(tracker.silent(self._clock())), tracker.counts()
+    def _count(self, tracker: FleetTracker) -> FleetFigures:
+        held = {name: len(tracker.book.held_by(name)) for name in tracker.vehicles}
+        return FleetFigures(
+            sum(vehicle.has_telemetry for vehicle in tracker.vehicles.values()),
+            tuple(
+                SilentVehicle(
+                    vehicle=one.id,
+                    heard_ns=one.answered_ns or 0,
+                    segment=None if one.position is None else one.position.segment,
+                    share=None if one.position is None else one.position.share,
+                    orders=held[one.id],
+                )
+                for one in tracker.silent(self._clock())
+            ),
+            tracker.counts(),
+            tuple(
+                name
+                for name, one in tracker.vehicles.items()
+                if held[name] and not one.has_telemetry
+            ),
+        )
 
     def read_soon(self, read: Callable[[FleetTracker], T]) -> T | None:
         """As `read`; None while a cycle is being stored."""
@@ -327,5 +381,7 @@ class FleetWatch:
             if key_of(report.vehicle) != key:
                 raise InputError(key, "not the vehicle of its key", "check the sender")
             self.take(report, key)
+            if isinstance(report, VehiclePosition) and self.knows(report.vehicle):
+                self._on_bus[report.vehicle] = self._clock()
         except InputError as error:
             self._refuse(error)

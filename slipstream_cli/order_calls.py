@@ -1,4 +1,4 @@
-"""`slipstream orders add|show|cancel|pin|release`: orders over a dispatcher's API."""
+"""`slipstream orders add|show|cancel|pin|release|settle`: orders over a dispatcher's API."""
 
 from __future__ import annotations
 
@@ -27,7 +27,13 @@ def add_to(actions: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
     pinning = actions.add_parser("pin", help="keep an order for one vehicle in all plans to come")
     pinning.add_argument("--vehicle", help="which one (default: the one whose plan has the order)")
     releasing = actions.add_parser("release", help="let any vehicle serve an order that is pinned")
-    for action in (showing, cancelling, pinning, releasing):
+    settling = actions.add_parser("settle", help="say what became of an order")
+    settled = settling.add_mutually_exclusive_group(required=True)
+    settled.add_argument("--served", action="store_true", help="it was served")
+    settled.add_argument(
+        "--open", dest="served", action="store_false", help="it was not, and is open again"
+    )
+    for action in (showing, cancelling, pinning, releasing, settling):
         action.add_argument("order", help="its id")
     for action, run in (
         (adding, _add),
@@ -35,6 +41,7 @@ def add_to(actions: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
         (cancelling, _cancel),
         (pinning, _pin),
         (releasing, _release),
+        (settling, _settle),
     ):
         action.add_argument("--api", required=True, help="such as http://127.0.0.1:8090")
         action.add_argument(
@@ -70,6 +77,10 @@ def _pin(options: argparse.Namespace) -> int:
 
 def _release(options: argparse.Namespace) -> int:
     return _change(options, "POST", "/release")
+
+
+def _settle(options: argparse.Namespace) -> int:
+    return _change(options, "POST", "/settle", {"served": options.served})
 
 
 def _change(options: argparse.Namespace, method: str, action: str, body: object = None) -> int:

@@ -19,7 +19,7 @@ _DEFAULT = "sqlite:///slipstream.db"
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the sub-command."""
     command = commands.add_parser(
-        "orders", help="orders: what became of each; submit, cancel, pin, release"
+        "orders", help="orders: what became of each; submit, cancel, pin, release, settle"
     )
     actions = command.add_subparsers(dest="action", required=True, metavar="ACTION")
     listing = actions.add_parser(

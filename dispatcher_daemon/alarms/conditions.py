@@ -96,6 +96,11 @@ KINDS: Final[Mapping[str, AlarmKind]] = {
     "vehicle_silent": AlarmKind(
         "warning", "call its driver; look at its box", many="vehicles are silent"
     ),
+    "vehicle_unheard": AlarmKind(
+        "warning",
+        "start its agent, or take it out of the fleet's file",
+        many="vehicles have orders and were never heard",
+    ),
     "plan_refused": AlarmKind(
         "warning",
         "ask its driver; what it says is the reason",
@@ -105,6 +110,15 @@ KINDS: Final[Mapping[str, AlarmKind]] = {
     ),
     "vehicle_late": AlarmKind(
         "warning", "tell the customer, or move the window", 10.0, 30.0, "vehicles are late"
+    ),
+    "order_late": AlarmKind(
+        "warning", "call its driver; tell the customer", 10.0, 30.0, "orders are late"
+    ),
+    "service_disputed": AlarmKind(
+        "warning",
+        "ask its driver and who speaks for it; then say whether it was served: "
+        "slipstream orders settle ORDER --served, or --open",
+        15.0,
     ),
     "order_failed": AlarmKind(
         "warning", "tell the customer; submit it again", 0.0, 0.0, "orders have failed"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from itertools import islice
 from typing import Final
 
 from dispatcher_daemon.alarms.conditions import Condition
@@ -10,8 +11,10 @@ from dispatcher_daemon.planning import NO_VEHICLE, NO_WAY, WINDOW_CLOSES
 from dispatcher_daemon.tracking import (
     NO_PLACE,
     OPENS_LATER,
+    Claim,
     FleetTracker,
     TrackedVehicle,
+    lateness,
     lateness_s,
 )
 from slipstream.orders import OrderRecord, utc
@@ -30,6 +33,11 @@ WAITED_S: Final = 3600.0
 """An order without such a window may wait so long for a vehicle, s: tours of some stops in a city
 take less, so that by then one should have come back for it.
 """
+UNHEARD_S: Final = 60.0
+"""A vehicle that has orders for so long and has never sent anything is told of, s."""
+CLAIMS: Final = 5
+"""Of so many orders each is told of that a vehicle says something of which does not count; one alarm
+of the vehicle stands for the others."""
 
 
 def fleet_conditions(
@@ -45,7 +53,8 @@ def fleet_conditions(
         now_ns: UTC.
     """
     for vehicle in tracker.vehicles.values():
-        yield from _of_vehicle(vehicle, next_cycle, now_ns)
+        yield from _of_vehicle(vehicle, tracker, next_cycle, now_ns)
+    yield from _disputed(tracker)
     orders = tracker.book.orders
     # While a cycle runs the tracker has no reasons of it yet.
     reasons = {**unserved, **tracker.unplanned}
@@ -56,6 +65,29 @@ def fleet_conditions(
             reason = reasons.get(order.order, NO_VEHICLE)
             if (text := _unserved(order, reason, now_ns)) is not None:
                 yield Condition("order_unserved", f"order/{order.order}", text)
+        elif order.vehicle is not None and not order.ended:
+            vehicle = tracker.vehicles.get(order.vehicle)
+            if vehicle is not None and vehicle.is_fresh(now_ns) and vehicle.left:
+                continue  # it says where it is: `vehicle_late` tells of it, sooner
+            if (text := lateness(order, tracker, now_ns)) is not None:
+                yield Condition("order_late", f"order/{order.order}", text)
+
+
+def _disputed(tracker: FleetTracker) -> Iterator[Condition]:
+    """What vehicles say of orders that does not count."""
+    by_vehicle: dict[str, list[Claim]] = {}
+    for claim in tracker.claims.disputed():
+        by_vehicle.setdefault(claim.vehicle, []).append(claim)
+    for name, claims in by_vehicle.items():
+        for claim in claims[:CLAIMS]:
+            subject = f"order/{claim.visit.stop}"
+            yield Condition("service_disputed", subject, claim.text, claim.since_ns)
+        if others := claims[CLAIMS:]:
+            told = ", ".join(f"{one.visit.stop} ({one.reason})" for one in islice(others, CLAIMS))
+            more = f" and {len(others) - CLAIMS} more" if len(others) > CLAIMS else ""
+            text = f"{name} says the same of {len(others)} more orders: {told}{more}"
+            since_ns = min(claim.since_ns for claim in others)
+            yield Condition("service_disputed", f"vehicle/{name}", text, since_ns)
 
 
 def _unserved(order: OrderRecord, reason: str, now_ns: int) -> str | None:
@@ -75,20 +107,33 @@ def _unserved(order: OrderRecord, reason: str, now_ns: int) -> str | None:
     return None
 
 
-def _of_vehicle(vehicle: TrackedVehicle, next_cycle: int, now_ns: int) -> Iterator[Condition]:
-    name = f"vehicle/{vehicle.id}"
+def _of_vehicle(
+    vehicle: TrackedVehicle, tracker: FleetTracker, next_cycle: int, now_ns: int
+) -> Iterator[Condition]:
+    name, held = f"vehicle/{vehicle.id}", tracker.book.held_by(vehicle.id)
     if vehicle.left_out_until > next_cycle and vehicle.withdrawn is not None:
         gone = vehicle.withdrawn
         text = f"{gone.reason or 'it did not answer its plan'}; its orders go to others"
         yield Condition("plan_refused", name, text, gone.since_ns)
     accepted = vehicle.accepted
-    if accepted is None:
+    if accepted is None and not held:
         return
-    if not vehicle.is_fresh(now_ns) and vehicle.answered_ns is not None:
-        heard = f"last heard of at {utc(vehicle.answered_ns)}"
-        text = f"{heard}; it has the plan of cycle {accepted.plan.cycle}"
+    if vehicle.answered_ns is None:
+        since_ns = min(tracker.book.orders[order].since_ns for order in held)
+        if now_ns - since_ns > UNHEARD_S * 1e9:
+            text = f"it has {_orders(len(held))} since {utc(since_ns)}, and was never heard"
+            yield Condition("vehicle_unheard", name, text, since_ns)
+    elif not vehicle.is_fresh(now_ns):
+        where = "" if vehicle.position is None else f" on {vehicle.position.segment}"
+        plan = "" if accepted is None else f"the plan of cycle {accepted.plan.cycle} and "
+        heard = f"last heard of at {utc(vehicle.answered_ns)}{where}"
+        text = f"{heard}; it has {plan}{_orders(len(held))}"
         yield Condition("vehicle_silent", name, text, vehicle.answered_ns)
     elif (late := lateness_s(vehicle, now_ns)) is not None and late[1] > LATE_S:
         stop, late_s = late
         text = f"expected at {stop} {late_s / 60:.0f} min after its window has closed"
         yield Condition("vehicle_late", name, text)
+
+
+def _orders(count: int) -> str:
+    return f"{count} order{'' if count == 1 else 's'}"

@@ -1,4 +1,4 @@
-"""Orders: submit, look up, cancel, pin, release."""
+"""Orders: submit, look up, cancel, pin, release, settle."""
 
 from __future__ import annotations
 
@@ -74,6 +74,12 @@ class Pin(Settings):
     )
 
 
+class Settlement(Settings):
+    """What became of an order."""
+
+    served: bool = Field(description="False: it was not served, and is open again.")
+
+
 @dataclass(frozen=True)
 class _Sent:
     requests: tuple[OrderRequest, ...]
@@ -103,6 +109,10 @@ async def _pin(request: Request) -> Pin:
     if not await request.body():
         return Pin()
     return check(await json_body(request), Pin, SOURCE)
+
+
+async def _settlement(request: Request) -> Settlement:
+    return check(await json_body(request), Settlement, SOURCE)
 
 
 @router.post(
@@ -169,6 +179,24 @@ def pin(
 def release(dispatch: Dispatch, request: Request, order: Name) -> OrderStatus:
     """Let any vehicle serve an order that is pinned."""
     return _logged(dispatch, request, "release", dispatch.orders.release(order))
+
+
+@router.post(
+    _PATH + "/settle",
+    dependencies=[requires("control")],
+    openapi_extra=describe_body(Settlement),
+)
+def settle(
+    dispatch: Dispatch,
+    request: Request,
+    order: Name,
+    settlement: Annotated[Settlement, Depends(_settlement)],
+) -> OrderStatus:
+    """Say whether an order was served whose vehicle cannot say so, or is not believed. Refused once
+    it has ended.
+    """
+    found = dispatch.orders.settle(order, served=settlement.served)
+    return _logged(dispatch, request, "settle", found)
 
 
 def _logged(dispatch: Dispatch, request: Request, kind: str, status: OrderStatus) -> OrderStatus:

@@ -97,7 +97,13 @@ class VehicleStatus(BaseModel):
     listed: bool = Field(description="Whether the fleet file has it now.")
     reports: bool = Field(description="Whether it has ever sent a message.")
     silent: bool = Field(description="It has sent messages before, and sends none now.")
-    position: VehiclePosition | None = Field(description="The latest; null: it has sent none.")
+    heard_ns: TimeNs | None = Field(
+        description="When its last message came, UTC; null: it was never heard."
+    )
+    orders: int = Field(description="Orders that it has by its plan, or has left with.")
+    position: VehiclePosition | None = Field(
+        description="The latest, also of one that is silent; null: it has sent none."
+    )
     accepted: PlanSummary | None = Field(description="The plan that it has acknowledged.")
     offered: PlanSummary | None = Field(description="The plan that it has not answered yet.")
     answer: PlanAcknowledgement | None = Field(
@@ -147,7 +153,10 @@ def list_vehicles(dispatch: Dispatch, limit: Limit = 100, after: After = None) -
     copy = dispatch.fleet.vehicles()
     names = [name for name in copy.vehicles if after is None or name > after]
     fleet = dispatch.fleet.fleet
-    page = [_status(copy.vehicles[name], fleet, copy.time_ns) for name in names[:limit]]
+    page = [
+        _status(copy.vehicles[name], copy.orders.get(name, 0), fleet, copy.time_ns)
+        for name in names[:limit]
+    ]
     following = names[limit - 1] if len(names) > limit else None
     return VehiclePage(time_ns=copy.time_ns, vehicles=page, next=following)
 
@@ -157,7 +166,8 @@ def get_vehicle(dispatch: Dispatch, vehicle: Name) -> VehicleStatus:
     """One vehicle."""
     copy = dispatch.fleet.vehicles()
     known = _known(copy.vehicles.get(vehicle), vehicle)
-    return _status(known, dispatch.fleet.fleet, copy.time_ns)
+    orders = copy.orders.get(vehicle, 0)
+    return _status(known, orders, dispatch.fleet.fleet, copy.time_ns)
 
 
 @router.post(
@@ -233,15 +243,18 @@ def _taken(dispatch: Services, vehicle: str, report: VehicleReport) -> VehicleSt
     if report.vehicle != vehicle:
         problem, mend = "not the vehicle of the path", "name the same vehicle in both"
         raise InputError(SOURCE, problem, mend, key="vehicle")
+    if not isinstance(report, VehicleProgress) and watch.speaks_itself(vehicle):
+        problem, mend = f"{vehicle} speaks for itself on the bus", "report vehicles without a bus"
+        raise Problem(409, problem, mend, field="vehicle")
     watch.take(report, SOURCE)
     fleet = watch.fleet
-    tracked = watch.vehicle(vehicle)
-    if tracked is None:
+    found = watch.vehicle(vehicle)
+    if found is None:
         # Before the first cycle nothing is tracked; the report is kept until then.
         assert fleet is not None
         definition = fleet.vehicle_by_id[vehicle]
-        tracked = TrackedVehicle(definition, fleet.depot_of(definition))
-    return _status(tracked, fleet, watch.now_ns())
+        found = TrackedVehicle(definition, fleet.depot_of(definition)), 0
+    return _status(*found, fleet, watch.now_ns())
 
 
 def _known(vehicle: TrackedVehicle | None, name: str) -> TrackedVehicle:
@@ -256,7 +269,9 @@ def unknown_vehicle(name: str) -> Problem:
     return Problem(404, f"no vehicle {name!r}", mend, field="vehicle")
 
 
-def _status(vehicle: TrackedVehicle, fleet: Fleet | None, now_ns: int) -> VehicleStatus:
+def _status(
+    vehicle: TrackedVehicle, orders: int, fleet: Fleet | None, now_ns: int
+) -> VehicleStatus:
     own = vehicle.definition
     return VehicleStatus(
         id=vehicle.id,
@@ -275,6 +290,8 @@ def _status(vehicle: TrackedVehicle, fleet: Fleet | None, now_ns: int) -> Vehicl
         listed=vehicle.listed,
         reports=vehicle.has_telemetry,
         silent=vehicle.has_telemetry and not vehicle.is_fresh(now_ns),
+        heard_ns=vehicle.answered_ns,
+        orders=orders,
         position=vehicle.position,
         accepted=_summary(vehicle.accepted),
         offered=_summary(vehicle.offered),

@@ -22,6 +22,7 @@ from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.fleet_file import FleetFile
 from dispatcher_daemon.fleet_watch import FleetWatch
 from dispatcher_daemon.hardware import JobManager
+from dispatcher_daemon.planning import NO_VEHICLE
 from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.problem import RoutingProblem, routing_problem
 from dispatcher_daemon.replay import InputEncoder, Recorder
@@ -39,6 +40,12 @@ from slipstream.tracing import span
 from storage import CycleInputs
 
 log = logging.getLogger(__name__)
+
+
+def _explained(one: Unserved, situation: Situation) -> Unserved:
+    """A stop without a vehicle, with what keeps all vehicles."""
+    why = situation.nobody if one.reason == NO_VEHICLE else one.reason
+    return one.model_copy(update={"reason": why})
 
 
 class Dispatcher:
@@ -186,7 +193,9 @@ class Dispatcher:
             situation = self._situation(number, now_ns, reference_s)
             problem = self._problem_of(situation.fleet)
             if problem is None:
-                report = idle_report(number, now_ns, time.monotonic() - began, snapshot)
+                report = idle_report(
+                    number, now_ns, time.monotonic() - began, snapshot, situation.waiting
+                )
             else:
                 cycle = Cycle(
                     problem,
@@ -201,12 +210,15 @@ class Dispatcher:
                 )
                 with Recorder(self._solve, self._executor) as recorder:
                     result = run_cycle(cycle, recorder.solve, recorder.executor, recorder.clock)
-                self.fleet_watch.note_unserved({u.stop: u.reason for u in result.report.unserved})
                 report, plans, energies = result.report, result.plans, result.energies
+                unserved = tuple(_explained(one, situation) for one in report.unserved)
+                report = report.model_copy(update={"unserved": unserved})
+                self.fleet_watch.note_unserved({u.stop: u.reason for u in unserved})
                 self._stops = result.stops
                 made_from = self._made_from(cycle, recorder, result)
-            hidden = tuple(Unserved(stop=stop, reason=HIDDEN) for stop in situation.hidden)
-            report = report.model_copy(update={"unserved": (*hidden, *report.unserved)})
+            kept_back = [*((stop, HIDDEN) for stop in situation.hidden), *situation.waiting.items()]
+            others = tuple(Unserved(stop=stop, reason=reason) for stop, reason in kept_back)
+            report = report.model_copy(update={"unserved": (*others, *report.unserved)})
         except InputError as error:
             self._limiter.warn(log, "input", f"cycle {number} failed: {error}")
             report = failed_report(number, now_ns, time.monotonic() - began, str(error)[:500])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
+from typing import Final
 
 from dispatcher_daemon.dispatcher.control import Control
 from dispatcher_daemon.dispatcher.delivery import PlanDelivery
@@ -19,6 +20,9 @@ from slipstream.messages import DISPATCHER_HEALTH_KEY, DispatcherHealth
 from slipstream.service import LogLimiter, rss_mb
 
 log = logging.getLogger(__name__)
+
+_MAX_VEHICLES: Final = 200
+"""Vehicles that it names."""
 
 
 class HealthPublisher:
@@ -69,7 +73,8 @@ class HealthPublisher:
 
     def _health(self, next_cycle_ns: int | None) -> DispatcherHealth:
         receiver = self._receiver
-        reporting, silent, orders = self._fleet_watch.figures()
+        fleet = self._fleet_watch.figures()
+        silent = sorted(fleet.silent, key=lambda one: (-one.orders, one.vehicle))
         reception = receiver.latest.reception
         reception.beat()
         if reception.stops > self._stops:
@@ -96,9 +101,11 @@ class HealthPublisher:
             hardware=None if self._job_manager is None else self._job_manager.health(),
             stale_after_s=self._settings.stale_after_s,
             future_tolerance_s=self._settings.future_tolerance_s,
-            vehicles_reporting=reporting,
-            vehicles_silent=silent,
-            orders=orders,
+            vehicles_reporting=fleet.reporting,
+            vehicles_silent=len(silent),
+            silent=tuple(silent[:_MAX_VEHICLES]),
+            unheard=fleet.unheard[:_MAX_VEHICLES],
+            orders=dict(fleet.orders),
             database_set_aside=self.database_set_aside,
             paused=self._control.paused is not None,
         )

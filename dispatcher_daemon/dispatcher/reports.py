@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Final
 
@@ -15,10 +16,23 @@ _MAX_REPORTED: Final = 20
 
 
 def idle_report(
-    cycle: int, started_ns: int, wall_s: float, snapshot: TrafficSnapshot
+    cycle: int,
+    started_ns: int,
+    wall_s: float,
+    snapshot: TrafficSnapshot,
+    waiting: Mapping[str, str],
 ) -> CycleReport:
-    """The report of a cycle that had nothing to dispatch."""
-    return failed_report(cycle, started_ns, wall_s, "no open order, or no free vehicle").model_copy(
+    """The report of a cycle that had nothing to dispatch.
+
+    Args:
+        waiting: reason by order that is due all the same.
+    """
+    reason = "no open order, or no free vehicle"
+    if waiting:
+        orders = "1 order waits" if len(waiting) == 1 else f"{len(waiting)} orders wait"
+        kinds = [f"{n} as {why}" for why, n in Counter(waiting.values()).most_common()]
+        reason = f"nothing is planned, and {orders}: {'; '.join(kinds)}"
+    return failed_report(cycle, started_ns, wall_s, reason[:500]).model_copy(
         update={"status": "ok", "gates": snapshot.gates()}
     )
 

@@ -78,12 +78,17 @@ def seconds_after(
             at = _at(begins + _DAY if at < daily[0] else begins, at, zone)
         elif at.tzinfo is None:
             at = at.replace(tzinfo=zone)
-        found[key] = at.timestamp() - 1e-9 * reference_ns
+        found[key] = (utc_ns(at) - reference_ns) / 1e9
     return found
 
 
 def _at(day: date, at: time, zone: tzinfo) -> datetime:
     return datetime.combine(day, at, zone)
+
+
+def utc_ns(at: datetime) -> int:
+    """A moment in UTC nanoseconds, exact to the microsecond that it is given in."""
+    return round(at.timestamp() * 1e6) * 1000
 
 
 def given_twice(

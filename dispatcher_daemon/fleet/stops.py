@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Final, Self
 from zoneinfo import ZoneInfo
 
-from pydantic import Field, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
 from dispatcher_daemon.fleet.clock import Clock, seconds_after
 from slipstream.config import Settings
@@ -109,6 +109,8 @@ class Stop(_Point):
         default=None, description="Only this vehicle serves it; None: any vehicle."
     )
 
+    _utc_ns: dict[str, int] = PrivateAttr(default_factory=dict)
+
     @model_validator(mode="after")
     def _window_is_open(self) -> Self:
         if self.latest_s is not None and self.latest_s < self.earliest_s:
@@ -131,7 +133,27 @@ class Stop(_Point):
         earliest_s = times.get("earliest_s", self.earliest_s)
         if "latest_s" in times:
             times["latest_s"] = max(times["latest_s"], earliest_s)
-        return self.model_copy(update=times) if times else self
+        if not times:
+            return self
+        timed = self.model_copy(update=times)
+        timed._utc_ns = {name: reference_ns + round(1e9 * value) for name, value in after.items()}
+        return timed
+
+    def window_ns(self, reference_ns: int) -> tuple[int | None, int | None]:
+        """(begin, end) of its window in UTC: clock times as they are, also where they have passed.
+
+        Args:
+            reference_ns: UTC that its times count from.
+        """
+
+        def at(name: str, seconds: float) -> int:
+            return self._utc_ns.get(name, reference_ns + round(1e9 * seconds))
+
+        always_open = self.earliest is None and self.earliest_s == 0
+        return (
+            None if always_open else at("earliest", self.earliest_s),
+            None if self.latest_s is None else at("latest", self.latest_s),
+        )
 
     @property
     def requirement(self) -> tuple[str | None, frozenset[str]]:

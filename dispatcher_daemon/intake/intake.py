@@ -178,14 +178,14 @@ class OrderIntake:
             lambda tracker: (
                 None
                 if name not in tracker.book.orders
-                else (status_of(tracker.book.orders[name], tracker), tracker.book.steps(name))
+                else (status_of(tracker.book.orders[name], tracker, self._clock()), tracker.book.steps(name))
             )
         )
         if found is None:
             past = self._store.find_orders({name})
             if not past:
                 raise unknown(name)
-            found = status_of(past[0], None), ()
+            found = status_of(past[0], None, self._clock()), ()
         status, pending = found
         history = steps_of(self._archive.order_changes(name), pending)
         return OrderHistory(**dict(status), history=tuple(history))
@@ -209,7 +209,7 @@ class OrderIntake:
             names = (
                 n for n, o in book.items() if o.state in states and (after is None or n > after)
             )
-            return [status_of(book[name], tracker) for name in heapq.nsmallest(limit, names)]
+            return [status_of(book[name], tracker, self._clock()) for name in heapq.nsmallest(limit, names)]
 
         return self._watch.read(read)
 
@@ -230,7 +230,7 @@ class OrderIntake:
                 tracker.book.cancel(name, self._clock())
             elif order.state != "cancelled":
                 raise too_late(order)
-            return status_of(tracker.book.orders.get(name, order), tracker)
+            return status_of(tracker.book.orders.get(name, order), tracker, self._clock())
 
         return self._edit(cancel)
 
@@ -272,7 +272,7 @@ class OrderIntake:
             stop = stop_of(order, self._watch.fleet, self._clock())
             area.check_vehicles(stop, wanted)
             tracker.book.pin(name, wanted, self._clock())
-            return status_of(tracker.book.orders[name], tracker)
+            return status_of(tracker.book.orders[name], tracker, self._clock())
 
         return self._edit(pin)
 
@@ -289,9 +289,27 @@ class OrderIntake:
             if order.ended:
                 raise too_late(order)
             tracker.book.pin(name, None, self._clock())
-            return status_of(tracker.book.orders[name], tracker)
+            return status_of(tracker.book.orders[name], tracker, self._clock())
 
         return self._edit(release)
+
+    def settle(self, name: str, *, served: bool) -> OrderStatus:
+        """Somebody who knows says whether an order was served; if not it is open again.
+
+        Raises:
+            OrderRefused: it is not known, or has ended.
+        """
+        past = self._past(name)
+
+        def settle(tracker: FleetTracker) -> OrderStatus:
+            order = _found(tracker, name, past)
+            if order.ended:
+                raise too_late(order)
+            if served or order.state != "open":
+                tracker.settle(name, self._clock(), served=served)
+            return status_of(tracker.book.orders[name], tracker, self._clock())
+
+        return self._edit(settle)
 
     def _edit(
         self,

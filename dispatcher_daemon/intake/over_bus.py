@@ -27,7 +27,7 @@ from storage import StorageError
 
 ACTOR: Final = "bus"
 """Who the log names: the bus's users are its router's, and no message says which one asked."""
-_LOGGED: Final = frozenset({"cancel", "pin", "release"})
+_LOGGED: Final = frozenset({"cancel", "pin", "release", "settle"})
 
 
 class PinRequest(Message):
@@ -36,6 +36,12 @@ class PinRequest(Message):
     vehicle: Identifier | None = Field(
         default=None, description="Null: the one whose plan has the order."
     )
+
+
+class SettleRequest(Message):
+    """What became of an order."""
+
+    served: bool = Field(description="False: it was not served, and is open again.")
 
 
 class Questioned(Protocol):
@@ -119,10 +125,15 @@ def _pin(intake: OrderIntake, order: str, payload: bytes) -> Message:
     return intake.pin(order, pin.vehicle)
 
 
+def _settle(intake: OrderIntake, order: str, payload: bytes) -> Message:
+    return intake.settle(order, served=decode(SettleRequest, payload, "settle").served)
+
+
 _ACTIONS: Final[dict[str, Callable[[OrderIntake, str, bytes], Message]]] = {
     "submit": _submit,
     "show": lambda intake, order, _: intake.show(order),
     "cancel": lambda intake, order, _: intake.cancel(order),
     "pin": _pin,
     "release": lambda intake, order, _: intake.release(order),
+    "settle": _settle,
 }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from dispatcher_daemon.tracking import FleetTracker
+from dispatcher_daemon.tracking import FleetTracker, at_risk
 from slipstream.messages import OrderReceipt, OrderRequest, OrderStatus, OrderStep
 from slipstream.orders import OrderChange, OrderRecord
 
@@ -20,12 +20,13 @@ def receipt_of(order: OrderRecord) -> OrderReceipt:
     )
 
 
-def status_of(order: OrderRecord, tracker: FleetTracker | None) -> OrderStatus:
+def status_of(order: OrderRecord, tracker: FleetTracker | None, now_ns: int) -> OrderStatus:
     """An order as it is now.
 
     Args:
         order: as the tracker has it.
         tracker: None: it has forgotten the order.
+        now_ns: UTC.
     """
     waits = tracker is not None and order.state == "open"
     return OrderStatus(
@@ -39,6 +40,7 @@ def status_of(order: OrderRecord, tracker: FleetTracker | None) -> OrderStatus:
         pinned=order.pinned,
         arrival_ns=None if tracker is None else tracker.arrival_ns(order),
         unplanned=tracker.unplanned.get(order.order) if tracker is not None and waits else None,
+        at_risk=None if tracker is None else at_risk(order, tracker, now_ns),
         node=order.node,
         service_s=order.service_s,
         demand=order.demand,

@@ -7,7 +7,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 
 from dispatcher_daemon.cycle import run_cycle
-from dispatcher_daemon.planning import insert_stops
+from dispatcher_daemon.planning import NO_VEHICLE, insert_stops
 from dispatcher_daemon.replay.inputs import (
     CycleRecord,
     cycle_record,
@@ -58,8 +58,13 @@ def replayed(stored: StoredCycle, plan_of: PlanOf, solve: Solve, executor: Execu
     record = cycle_record(stored.inputs)
     player = Player(record.trace, solve, executor)
     cycle = restored_cycle(stored, plan_of)
-    # Stops that were hidden from the cycle are in its report only.
-    planned = tuple(stop for stop in stored.report.unserved if stop.reason != HIDDEN)
+    # What was kept back from the cycle is in its report only.
+    stops = cycle.problem.fleet.stop_by_id
+    planned = tuple(
+        one.model_copy(update={"reason": NO_VEHICLE}) if one.reason.startswith(NO_VEHICLE) else one
+        for one in stored.report.unserved
+        if one.stop in stops and one.reason != HIDDEN
+    )
     before = stored.report.model_copy(update={"unserved": planned})
     plans: tuple[VehiclePlan, ...] = ()
     if record.wanted is None:

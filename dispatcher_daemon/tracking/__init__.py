@@ -5,24 +5,30 @@ Nothing here reads a clock, the bus or the database: the daemon and the simulati
 
 from __future__ import annotations
 
+from dispatcher_daemon.tracking.claims import Claim
 from dispatcher_daemon.tracking.lateness import lateness_s
 from dispatcher_daemon.tracking.open_tours import OpenTour, fleet_of
 from dispatcher_daemon.tracking.order_stops import NO_PLACE, OPENS_LATER, stop_of
 from dispatcher_daemon.tracking.orders import OrderBook
+from dispatcher_daemon.tracking.risk import at_risk, lateness
 from dispatcher_daemon.tracking.situation import HIDDEN, Situation
 from dispatcher_daemon.tracking.tracker import FleetTracker
-from dispatcher_daemon.tracking.vehicle import TrackedVehicle
+from dispatcher_daemon.tracking.vehicle import FRESH_NS, TrackedVehicle
 
 __all__ = [
+    "FRESH_NS",
     "HIDDEN",
     "NO_PLACE",
     "OPENS_LATER",
+    "Claim",
     "FleetTracker",
     "OpenTour",
     "OrderBook",
     "Situation",
     "TrackedVehicle",
+    "at_risk",
     "fleet_of",
+    "lateness",
     "lateness_s",
     "stop_of",
 ]

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
+from dispatcher_daemon.tracking.sightings import is_at
 from dispatcher_daemon.tracking.vehicle import TrackedVehicle
 from slipstream.roads import RoadNetwork
 
-AT_DEPOT_M: Final = 100.0
-"""A vehicle this near to its depot's junction stands in its yard."""
 RESUME_NS: Final = 10 * 10**9
 """After a start, vehicles have this long to report before they count as never reporting."""
 
@@ -59,15 +57,7 @@ class Availability:
         position = vehicle.position
         if position is None or position.on_road:
             return False
-        segment, home = self._network.segments[position.segment], vehicle.depot.node
-        if (position.share == 1.0 and segment.end == home) or (
-            position.share == 0.0 and segment.start == home
-        ):
-            return True
-        at = self._network.junctions
-        (x0, y0), (x1, y1) = at[segment.start], at[segment.end]
-        there = x0 + position.share * (x1 - x0), y0 + position.share * (y1 - y0)
-        return math.dist(there, at[home]) <= AT_DEPOT_M
+        return is_at(self._network, position, vehicle.depot.node)
 
     def may_be_gone(self, vehicle: TrackedVehicle, now_ns: int) -> bool:
         """Whether it may have left by a plan of the run before, and have had no time to say so."""

@@ -32,17 +32,13 @@ def opened(stop: Stop, now_ns: int, reason: str) -> OrderRecord:
 
 def details(stop: Stop, reference_ns: int) -> dict[str, Any]:
     """What the file says of an order, at the moment that the fleet's times count from."""
-
-    def at(seconds: float) -> int:
-        return reference_ns + round(1e9 * seconds)
-
-    always_open = stop.earliest is None and stop.earliest_s == 0
+    earliest_ns, latest_ns = stop.window_ns(reference_ns)
     return {
         "node": stop.node,
         "service_s": stop.service_s,
         "demand": stop.demand,
-        "earliest_ns": None if always_open else at(stop.earliest_s),
-        "latest_ns": None if stop.latest_s is None else at(stop.latest_s),
+        "earliest_ns": earliest_ns,
+        "latest_ns": latest_ns,
     }
 
 

@@ -26,6 +26,7 @@ class OrderBook:
     def __init__(self, orders: Iterable[OrderRecord] = ()) -> None:
         self._orders: dict[str, OrderRecord] = {}
         self._held: dict[str, dict[str, None]] = {}
+        self._disputed: set[str] = set()
         self._changed: dict[str, None] = {}
         self._before: dict[str, OrderRecord | None] | None = None
         for order in orders:
@@ -162,6 +163,7 @@ class OrderBook:
                     self._move(order, "cancelled", now_ns, "no longer in the fleet's file")
                     continue
             if order.ended and order.since_ns < now_ns - REMEMBERED_NS:
+                self._disputed.discard(order.order)
                 del self._orders[order.order]
 
     def plan(
@@ -197,18 +199,34 @@ class OrderBook:
                 cycle=plan.cycle,
             )
 
+    def dispute(self, order: str, *, lasts: bool) -> None:
+        """Whether the holder of an order says that it has served it, and is not believed: once it
+        has left with it nobody else gets it before somebody has decided.
+        """
+        (self._disputed.add if lasts else self._disputed.discard)(order)
+
+    def settle(self, order: str, now_ns: int, *, served: bool) -> None:
+        """Somebody who knows says whether an order was served; if not it is open again."""
+        if served:
+            self._move(self._orders[order], "served", now_ns, "an operator says so")
+        else:
+            self._open(self._orders[order], now_ns, "an operator says that it was not served")
+
+    def _may_open(self, order: OrderRecord) -> bool:
+        return order.state != "under_way" or order.order not in self._disputed
+
     def release(self, vehicle: str, now_ns: int, reason: str, *, loaded: bool = False) -> None:
         """Orders that a vehicle holds are open again: those it has not left with, or all."""
         for name in self.held_by(vehicle):
             order = self._orders[name]
-            if loaded or order.state == "planned":
+            if order.state == "planned" or (loaded and self._may_open(order)):
                 self._open(order, now_ns, reason)
 
     def keep_only(self, plan: VehiclePlan, now_ns: int) -> None:
         """What a vehicle held by an earlier plan, and this one leaves out, is open again."""
         kept = {stop.stop for stop in plan.stops}
         for name in self.held_by(plan.vehicle):
-            if name not in kept:
+            if name not in kept and self._may_open(self._orders[name]):
                 self._open(
                     self._orders[name], now_ns, f"left out of the plan of cycle {plan.cycle}"
                 )
@@ -229,22 +247,13 @@ class OrderBook:
                 self._move(order, "under_way", now_ns, f"{vehicle} has left with it{late}")
 
     def visited(self, vehicle: str, visit: Visit, now_ns: int) -> None:
-        """A vehicle reports a visit.
-
-        Only its holder can fail an order. Who says that it has served one has, whoever was to do
-        it, unless it was opened after that visit.
-        """
-        order = self._orders.get(visit.stop)
-        if order is None or order.state in ("served", "failed"):
-            return
-        own = order.vehicle == vehicle
+        """A visit that counts; see `dispatcher_daemon.tracking.claims`."""
+        order = self._orders[visit.stop]
         if visit.status == "served":
-            before = visit.ended_ns is not None and visit.ended_ns < order.since_ns
-            if own or not before:
-                self._move(order, "served", now_ns, f"served by {vehicle}", vehicle=vehicle)
-        elif own and visit.status == "failed":
+            self._move(order, "served", now_ns, f"served by {vehicle}", vehicle=vehicle)
+        elif visit.status == "failed":
             self._move(order, "failed", now_ns, f"{vehicle}: {visit.reason}")
-        elif own and order.state == "planned":
+        elif order.state == "planned":
             self._move(order, "under_way", now_ns, f"{vehicle} is there")
 
     def assume_served(self, vehicle: str, order: str, now_ns: int, reason: str) -> None:
@@ -272,6 +281,7 @@ class OrderBook:
         self, order: OrderRecord, state: OrderState, now_ns: int, reason: str, **changes: Any
     ) -> None:
         moved = replace(order, state=state, since_ns=now_ns, reason=reason, **changes)
+        self._disputed.discard(order.order)
         if moved.ended and moved.request is not None:
             moved = replace(moved, listed=False)
         if (order.state, order.vehicle) == (moved.state, moved.vehicle):

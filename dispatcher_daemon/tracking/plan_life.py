@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Final
 
+from dispatcher_daemon.tracking.claims import Claims
 from dispatcher_daemon.tracking.driven import DrivenBook
 from dispatcher_daemon.tracking.orders import OrderBook
 from dispatcher_daemon.tracking.vehicle import TrackedVehicle, ended
@@ -26,11 +27,14 @@ class PlanLife:
 
     Args:
         book: of the orders.
+        claims: of what vehicles say of them.
         may_have: whether an order is there for any vehicle at a moment, UTC ns.
     """
 
-    def __init__(self, book: OrderBook, may_have: Callable[[str, int], bool]) -> None:
-        self._book, self._may_have = book, may_have
+    def __init__(
+        self, book: OrderBook, claims: Claims, may_have: Callable[[str, int], bool]
+    ) -> None:
+        self._book, self._claims, self._may_have = book, claims, may_have
         self._changed: dict[tuple[int, str], PlanRecord] = {}
         self._changes: list[PlanChange] = []
         self.driven = DrivenBook()
@@ -67,6 +71,8 @@ class PlanLife:
         if vehicle.offered is not None:
             reason = f"by the plan of cycle {plan.cycle}"
             self.note(ended(vehicle.offered, "superseded", now_ns, reason))
+        for stop in plan.stops:
+            vehicle.given.setdefault(stop.stop, vehicle.by_its_clock(now_ns))
         vehicle.offered = PlanRecord(plan, "published", now_ns, energy=energy)
         self._step(vehicle.offered)
 
@@ -142,7 +148,7 @@ class PlanLife:
             passed = vehicle.leg + 1 if vehicle.position.on_road else vehicle.leg
             for stop in plan.stops[:passed]:
                 reason = f"{vehicle.id} has driven on"
-                self._book.assume_served(vehicle.id, stop.stop, now_ns, reason)
+                self._claims.assume(vehicle, stop.stop, now_ns, reason)
 
     def leave(self, vehicle: TrackedVehicle, now_ns: int) -> None:
         """A vehicle has left its depot by the plan that it has acknowledged."""
@@ -165,7 +171,7 @@ class PlanLife:
                 return
         else:
             for order in self._book.held_by(vehicle.id):
-                self._book.assume_served(vehicle.id, order, now_ns, f"{vehicle.id} is back")
+                self._claims.assume(vehicle, order, now_ns, f"{vehicle.id} is back")
         self.driven.finish(vehicle, now_ns)
         self.note(ended(accepted, "done", now_ns))
         if vehicle.offered is not None:

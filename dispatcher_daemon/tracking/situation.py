@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
@@ -30,6 +31,9 @@ class Situation:
         hidden: stops of the file that are not planned, as a caller's order that has not ended has
             their id.
         on_road: of these, those on their way to charge or to a hub: others may meet them.
+        waiting: reason by order that is due and that the fleet does not have: nothing can be
+            planned of it in this cycle.
+        nobody: why no vehicle is free, where none is.
     """
 
     fleet: Fleet | None
@@ -37,6 +41,24 @@ class Situation:
     left_out: Mapping[str, str] = field(default_factory=dict)
     on_road: tuple[RoadUser, ...] = ()
     hidden: tuple[str, ...] = ()
+    waiting: Mapping[str, str] = field(default_factory=dict)
+    nobody: str = "no vehicle is free"
+
+
+def nobody_free(fleet: Fleet | None, left_out: Mapping[str, str], bound: int) -> str:
+    """Why no vehicle is there for an order, with how many there are of each kind.
+
+    Args:
+        fleet: of the file.
+        left_out: as of `Situation`.
+        bound: vehicles on their way.
+    """
+    counts = Counter(left_out.values())
+    kinds = [f"{count} {what}" for what, count in counts.most_common()]
+    kinds += [f"{bound} on the way"] if bound else []
+    if not kinds and fleet is None:
+        return "no vehicle is in the fleet's file"
+    return f"{Situation.nobody}{': ' if kinds else ''}{', '.join(kinds)}"
 
 
 def cycle_fleet(

@@ -9,12 +9,18 @@ from dispatcher_daemon.commitments import Commitment
 from dispatcher_daemon.fleet import Fleet, Stop, Vehicle
 from dispatcher_daemon.platooning import on_road
 from dispatcher_daemon.tracking.availability import Availability
+from dispatcher_daemon.tracking.claims import Claims
 from dispatcher_daemon.tracking.committing import behind_s, commitment
 from dispatcher_daemon.tracking.open_tours import OpenTour, open_tours
-from dispatcher_daemon.tracking.order_stops import outside_windows, requested_stops
+from dispatcher_daemon.tracking.order_stops import (
+    OPENS_LATER,
+    outside_windows,
+    requested_stops,
+)
 from dispatcher_daemon.tracking.orders import OrderBook
 from dispatcher_daemon.tracking.plan_life import PlanLife
-from dispatcher_daemon.tracking.situation import Situation, cycle_fleet
+from dispatcher_daemon.tracking.sightings import Sighting, Sightings, where
+from dispatcher_daemon.tracking.situation import Situation, cycle_fleet, nobody_free
 from dispatcher_daemon.tracking.vehicle import TrackedVehicle, loaded
 from slipstream.energy_ledger import PlanEnergy
 from slipstream.messages import (
@@ -24,7 +30,7 @@ from slipstream.messages import (
     VehiclePosition,
     VehicleProgress,
 )
-from slipstream.orders import FleetRecords, OrderRecord, PlanChange, PlanRecord
+from slipstream.orders import FleetRecords, OrderRecord, PlanChange, PlanRecord, utc
 from slipstream.roads import RoadNetwork
 
 MAX_STRANGERS: Final = 2000
@@ -57,11 +63,17 @@ class FleetTracker:
         self._network, self._plan_ahead_s = network, plan_ahead_s
         self.unplanned: Mapping[str, str] = {}
         self.book = OrderBook(stored.orders)
-        self._life = PlanLife(self.book, self._may_have)
+        self.claims = Claims(self.book, network)
+        self._life = PlanLife(self.book, self.claims, self._may_have)
         self._available = Availability(network, started_ns)
         self._vehicles = {record.vehicle: loaded(record) for record in stored.vehicles}
         self._strangers: dict[tuple[str, str], VehiclePosition | VehicleProgress] = {}
         self._reported: set[str] = set()
+        for vehicle in self._vehicles.values():
+            position = vehicle.position
+            if position is not None and position.segment in network.segments:
+                seen = Sighting(position.time_ns, where(network, position))
+                vehicle.sightings = Sightings(seen)
         for record in stored.plans:
             self._resume(record)
 
@@ -88,10 +100,10 @@ class FleetTracker:
         """Changes of plans' statuses since `stored` was called last."""
         return self._life.changes
 
-    def silent(self, now_ns: int) -> tuple[str, ...]:
+    def silent(self, now_ns: int) -> tuple[TrackedVehicle, ...]:
         """Vehicles that have reported before, and do not now."""
         return tuple(
-            v.id for v in self._vehicles.values() if v.has_telemetry and not v.is_fresh(now_ns)
+            v for v in self._vehicles.values() if v.has_telemetry and not v.is_fresh(now_ns)
         )
 
     def on_position(self, position: VehiclePosition, now_ns: int) -> bool:
@@ -107,6 +119,7 @@ class FleetTracker:
         self._heard(vehicle, now_ns)
         was_free = vehicle.is_fresh(now_ns) and vehicle.free_since_ns is not None
         vehicle.position, vehicle.heard_ns = position, now_ns
+        vehicle.sightings.take(position, self._network, self._places(vehicle))
         if position.cycle is not None or not self._available.is_home(vehicle):
             vehicle.free_since_ns = None
         elif not was_free:
@@ -118,6 +131,7 @@ class FleetTracker:
         if accepted is not None and position.cycle == accepted.plan.cycle:
             assert position.leg is not None
             self._life.drives(vehicle, accepted.plan, position.leg, now_ns)
+        self.claims.settle(vehicle, now_ns)
         self._life.come_back(vehicle, now_ns)
         return True
 
@@ -145,15 +159,17 @@ class FleetTracker:
         before = None if vehicle.progress is None else vehicle.progress.time_ns
         self._heard(vehicle, now_ns)
         vehicle.reports_progress = True
-        for visit in progress.visits:
-            self.book.visited(vehicle.id, visit, now_ns)
+        self.claims.tell(vehicle, progress.visits, now_ns)
         if vehicle.is_news(before, progress.time_ns, now_ns):
             vehicle.progress = progress
             if progress.cycle is not None:
                 self._life.follows(vehicle, progress.cycle, now_ns)
         visited = {visit.stop for visit in progress.visits}
         accepted = vehicle.accepted
-        if accepted is not None and any(s.stop in visited for s in accepted.plan.service_stops):
+        if accepted is not None and any(
+            stop.stop in visited and self._has_been_at(vehicle, stop.stop)
+            for stop in accepted.plan.service_stops
+        ):
             self._life.leave(vehicle, now_ns)
         self._life.come_back(vehicle, now_ns)
 
@@ -237,11 +253,36 @@ class FleetTracker:
             reference_ns,
             requested,
         )
+        nobody = nobody_free(fleet, left_out, len(bound))
+        waiting = self._waiting(found, nobody, now_ns)
+        open_now = {n: why for n, why in waiting.items() if orders[n].state == "open"}
+        self.unplanned = {**open_now, **self.unplanned}
         plans = [vehicle.accepted.plan for vehicle in kept if vehicle.accepted is not None]
         late_s = {vehicle.id: behind_s(vehicle, now_ns) for vehicle in kept}
         listed = () if fleet is None else fleet.stops
         hidden = tuple(stop.id for stop in listed if orders[stop.id].request is not None)
-        return Situation(found, tuple(bound), left_out, on_road(plans, now_ns, late_s), hidden)
+        road_users = on_road(plans, now_ns, late_s)
+        own = tuple(bound)
+        return Situation(found, own, left_out, road_users, hidden, waiting, nobody)
+
+    def _waiting(self, found: Fleet | None, nobody: str, now_ns: int) -> dict[str, str]:
+        """Reason by order that is due, and that a cycle's fleet does not have although nobody serves
+        it as far as is known.
+        """
+        planned = {} if found is None else found.stop_by_id
+        waiting: dict[str, str] = {}
+        for name, order in self.book.orders.items():
+            if order.ended or name in planned:
+                continue
+            vehicle = None if order.vehicle is None else self._vehicles.get(order.vehicle)
+            if order.state == "open":
+                reason = self.unplanned.get(name, nobody)
+                if not reason.startswith(OPENS_LATER):
+                    waiting[name] = reason
+            elif vehicle is not None and vehicle.answered_ns and not vehicle.is_fresh(now_ns):
+                since = utc(vehicle.answered_ns)
+                waiting[name] = f"{vehicle.id}, which has it, is silent since {since}"
+        return waiting
 
     def insertion(
         self,
@@ -267,6 +308,13 @@ class FleetTracker:
         vehicles = self._vehicles.values()
         tours = open_tours(fleet, vehicles, self._available, self.book, cycle, now_ns, reference_ns)
         return list(tours) if stops else [], stops
+
+    def settle(self, order: str, now_ns: int, *, served: bool) -> None:
+        """Somebody who knows says whether an order was served: what vehicles said before is past."""
+        self.book.settle(order, now_ns, served=served)
+        self.claims.forget(order)
+        for vehicle in self._vehicles.values():
+            vehicle.given.pop(order, None)
 
     def skip_number(self, cycle: int) -> None:
         """A number was used between cycles: for vehicles that are left out of some, it is none."""
@@ -297,6 +345,8 @@ class FleetTracker:
         """
         for vehicle in self._vehicles.values():
             self._life.driven.advance(vehicle, now_ns)
+            for name in [name for name in vehicle.given if self._is_over(name)]:
+                del vehicle.given[name]
         for plan in plans:
             vehicle = self._vehicles[plan.vehicle]
             energy = None if energies is None else energies.get(plan.vehicle)
@@ -350,6 +400,21 @@ class FleetTracker:
             self._strangers[key] = report
         return vehicle
 
+    def _has_been_at(self, vehicle: TrackedVehicle, stop: str) -> bool:
+        order = self.book.orders.get(stop)
+        own = order is not None and order.vehicle == vehicle.id
+        return own and order is not None and order.state in ("under_way", "served", "failed")
+
+    def _is_over(self, name: str) -> bool:
+        """Whether nothing that is said of an order counts any more."""
+        order = self.book.orders.get(name)
+        return order is None or order.state in ("served", "failed")
+
+    def _places(self, vehicle: TrackedVehicle) -> dict[str, str]:
+        """Junctions of a vehicle's orders that may still end."""
+        orders = self.book.orders
+        return {name: orders[name].node for name in vehicle.given if not self._is_over(name)}
+
     def _heard(self, vehicle: TrackedVehicle, now_ns: int) -> None:
         vehicle.answered_ns = now_ns
         self._reported.add(vehicle.id)
@@ -398,13 +463,16 @@ class FleetTracker:
         vehicle = self._vehicles.get(record.plan.vehicle)
         if vehicle is None:
             return
+        for stop in record.plan.stops:
+            vehicle.given.setdefault(stop.stop, record.plan.issued_ns)
         if record.status == "lapsed":
             vehicle.withdrawn = record
         elif record.status == "published":
             vehicle.offered = record
         else:
             vehicle.accepted = record
+            own = {stop.stop for stop in record.plan.stops}
             vehicle.left = record.plan.continues is not None or any(
                 self.book.orders[order].state == "under_way"
-                for order in self.book.held_by(vehicle.id)
+                for order in own.intersection(self.book.held_by(vehicle.id))
             )

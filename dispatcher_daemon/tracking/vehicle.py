@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 from dispatcher_daemon.fleet import Break, Depot, Vehicle
+from dispatcher_daemon.tracking.sightings import Sightings
 from slipstream.messages import PlanAcknowledgement, VehiclePosition, VehicleProgress
 from slipstream.orders import PlanRecord, PlanStatus, VehicleRecord
 
@@ -41,6 +42,8 @@ class TrackedVehicle:
         rested_ns: when its last break ended, UTC; 0: it has had none.
         rested_break: number of that break; None: not known, as it was stored by a version before.
         back_ns: when its last tour ended, UTC; 0: none has since the start.
+        given: orders of the plans that it was sent, and when, by its clock.
+        sightings: where it was.
     """
 
     definition: Vehicle
@@ -63,6 +66,8 @@ class TrackedVehicle:
     rested_ns: int = 0
     rested_break: int | None = None
     back_ns: int = 0
+    given: dict[str, int] = field(default_factory=dict)
+    sightings: Sightings = field(default_factory=Sightings)
 
     @property
     def id(self) -> str:
@@ -128,6 +133,12 @@ class TrackedVehicle:
     def is_fresh(self, now_ns: int) -> bool:
         """Whether its position is known."""
         return self.position is not None and now_ns - self.heard_ns <= FRESH_NS
+
+    def by_its_clock(self, now_ns: int) -> int:
+        """A moment as the vehicle dates it, by its last position."""
+        if self.position is None or self.heard_ns == 0:
+            return now_ns
+        return now_ns - (self.heard_ns - self.position.time_ns)
 
     def is_news(self, before_ns: int | None, time_ns: int, now_ns: int) -> bool:
         """Whether a report is later than the one before, if that is not of the future."""

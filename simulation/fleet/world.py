@@ -17,6 +17,7 @@ from simulation.sumo.session import Session
 from slipstream.energy import ETA_ALONE
 from slipstream.messages import (
     DriverReport,
+    PlannedStop,
     VehicleAdvice,
     VehiclePlan,
     VehicleSensing,
@@ -61,7 +62,7 @@ class FleetWorld:
         lengths_m: of the network's segments.
         agents: of the vehicles.
         gates: of the segments, and their true traffic, for the drag reductions.
-        service_s: time that a stop takes, by its id.
+        service_s: time that a stop takes, by its id; None: as its plan has it.
         step_s: of the simulation.
         clock_ns: the moment of the simulation as agents and dispatcher have it.
         look_s: a vehicle that stands asks its agent at least so often.
@@ -85,7 +86,7 @@ class FleetWorld:
         lengths_m: Mapping[str, float],
         agents: Agents,
         gates: Gates,
-        service_s: Callable[[str], float],
+        service_s: Callable[[str], float | None],
         step_s: float,
         clock_ns: Callable[[], int],
         look_s: float,
@@ -193,19 +194,23 @@ class FleetWorld:
         if plan is None:
             return
         if advice.depart_ns is None:
-            stop, known = plan.stops[advice.leg].stop, None if van.serves is None else van.serves[0]
-            if stop != known and stop in {s.stop for s in plan.service_stops}:
+            stop, known = plan.stops[advice.leg], None if van.serves is None else van.serves[0]
+            if stop.stop != known and stop in plan.service_stops:
                 self._serve(van, stop, now_s)  # a further one at the same junction
         elif advice.depart_ns > now_ns:
             van.look_ns = min(van.look_ns, advice.depart_ns)
         else:
             self._enter(name, van, plan, advice.leg, now_s)
 
-    def _serve(self, van: Van, stop: str, now_s: float) -> None:
-        if stop in self.begun_s:
-            self.again.append(stop)
-        self.begun_s.setdefault(stop, now_s)
-        van.serves, van.told_s = (stop, now_s + self._service_s(stop)), 0.0
+    def _serve(self, van: Van, stop: PlannedStop, now_s: float) -> None:
+        if stop.stop in self.begun_s:
+            self.again.append(stop.stop)
+        self.begun_s.setdefault(stop.stop, now_s)
+        service_s = self._service_s(stop.stop)
+        if service_s is None:
+            stays_s = 1e-9 * (stop.departure_ns - stop.arrival_ns)
+            service_s = max(0.0, stays_s - stop.wait_s)
+        van.serves, van.told_s = (stop.stop, now_s + service_s), 0.0
 
     def _enter(self, name: str, van: Van, plan: VehiclePlan, leg: int, now_s: float) -> None:
         planned = planned_leg(plan, leg)
@@ -350,7 +355,7 @@ class FleetWorld:
         if reached == len(way.plan.stops) - 1:
             self.tours_finished += 1
         elif not way.plan.stops[reached].is_hub:
-            self._serve(van, way.plan.stops[reached].stop, now_s)
+            self._serve(van, way.plan.stops[reached], now_s)
         return driven
 
     def _time_s(self, time_ns: int) -> float:

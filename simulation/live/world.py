@@ -84,14 +84,15 @@ class _World:
         self._signals = LiveSignals(
             bus, SignalController(intersections, spec.priority), intersections
         )
-        orders = {order.id: order for order in spec.deliveries.orders}
+        # Of the town's own orders; those of others are served as their plans have it.
+        service_s = {order.id: order.service_s for order in spec.deliveries.orders}
         self._fleet = FleetWorld(
             session,
             yards(spec.deliveries, network),
             lengths_m,
             BusAgents(bus, vehicles),
             BusGates(bus),
-            lambda stop: orders[stop].service_s,
+            service_s.get,
             spec.step_s,
             time.time_ns,
             _LOOK_S,

@@ -166,6 +166,12 @@ class OrderStatus(Message):
     unplanned: str | None = Field(
         description="Why the last cycle did not plan it; null: it did, or has not seen it."
     )
+    at_risk: str | None = Field(
+        default=None,
+        description="Why its arrival cannot be relied on, or why it is late: its vehicle is silent, "
+        "was never heard or has not acknowledged its plan; it was to be served by now; or it is "
+        "said to be served by a vehicle that is not believed. Null: none of these.",
+    )
     node: Identifier
     service_s: NonNegative
     demand: Count
@@ -205,7 +211,7 @@ class OrderRefusal(Message):
 
 
 def order_key(order: str, action: str) -> str:
-    """Key on which an order is submitted, shown, cancelled, pinned or released."""
+    """Key on which an order is submitted, shown, cancelled, pinned, released or settled."""
     return f"{ROOT}/order/{chunk(order)}/{action}"
 
 

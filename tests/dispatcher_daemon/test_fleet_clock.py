@@ -11,7 +11,7 @@ import pytest
 from dispatcher_daemon.fleet import Fleet, fleet_from
 from dispatcher_daemon.fleet.clock import seconds_after
 from dispatcher_daemon.fleet_file import FleetFile
-from dispatcher_daemon.tracking.order_stops import outside_windows
+from dispatcher_daemon.tracking.order_stops import details, outside_windows
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork
 from slipstream.sumo_net import load_network
@@ -101,6 +101,25 @@ def test_a_stop_is_planned_neither_long_before_its_window_nor_after_it(
     assert "planned from 2026-11-23T09:00" in reasons["08:00"]["s"]
     assert reasons["10:30"] == {}
     assert reasons["13:30"] == {"s": "its window closes before a plan can be out"}
+
+
+@pytest.mark.parametrize("odd_ns", [0, 1, 123_456_789, 999_999_999])
+def test_windows_by_the_clock_are_exact_in_utc(
+    tmp_path: Path, roads: RoadNetwork, odd_ns: int
+) -> None:
+    """21:00 is 21:00 whenever a cycle is, and a window that is open has the begin that it had."""
+    stop = '[[stops]]\nid = "s"\nnode = "c1"\nearliest = "08:00"\nlatest = "21:00"\n'
+    path = _file(tmp_path, f'{stop}[[vehicles]]\nid = "van-1"\n')
+    for now in ("2026-11-23T07:00", "2026-11-23T12:00"):
+        reference_ns = ns(now) + odd_ns
+        fleet = FleetFile(str(path), roads).current(reference_ns)
+        assert fleet is not None
+        found = details(fleet.stops[0], reference_ns)
+        assert found["earliest_ns"] == ns("2026-11-23T08:00")
+        assert found["latest_ns"] == ns("2026-11-23T21:00")
+        latest_s = fleet.stops[0].latest_s
+        assert latest_s is not None
+        assert reference_ns + round(1e9 * latest_s) == ns("2026-11-23T21:00")
 
 
 def test_a_fleet_without_clock_times_stays_the_same_object(roads: RoadNetwork) -> None:

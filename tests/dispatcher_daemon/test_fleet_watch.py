@@ -14,8 +14,11 @@ from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.execution.pool import solve_in_process
+from dispatcher_daemon.tracking import FRESH_NS
 from dispatcher_daemon.traffic import take_snapshot
+from slipstream.explain import explanation
 from slipstream.messages import (
+    CycleReport,
     DispatcherHealth,
     Message,
     PlanAcknowledgement,
@@ -92,10 +95,12 @@ def accept(dispatcher: Dispatcher, plan: VehiclePlan) -> None:
     dispatcher.fleet_watch.on_acknowledgement(key, answer.to_bytes())
 
 
-def at(plan: VehiclePlan | None, segment: str, share: float, leg: int = 0) -> VehiclePosition:
-    """van-a on a segment; standing without a plan."""
+def at(
+    plan: VehiclePlan | None, segment: str, share: float, leg: int = 0, vehicle: str = "van-a"
+) -> VehiclePosition:
+    """A vehicle on a segment; standing without a plan."""
     return VehiclePosition(
-        vehicle="van-a",
+        vehicle=vehicle,
         time_ns=time.time_ns(),
         segment=segment,
         share=share,
@@ -209,3 +214,47 @@ def test_messages_that_are_not_what_their_key_says_are_counted(
         assert dispatcher.receiver.bad_messages == 5
         dispatcher.run_cycle()
     assert len(bus.plans("van-a")) == 1
+
+
+def test_a_fleet_that_is_silent_does_not_look_well(demo: RoutingProblem, url: str) -> None:
+    """Each order says why it waits, in the stored report and in words; health names the silent ones
+    with their last place, and those that were never heard.
+    """
+    bus, silent_ns = Bus(), FRESH_NS + 10**9
+    with open_database(url) as database:
+        dispatcher = make(demo, bus, database)
+        dispatcher.run_cycle()
+        dispatcher.health.publish(None)
+        health = bus.sent[-1]
+        assert isinstance(health, DispatcherHealth)
+        assert set(health.unheard) == {"van-a", "van-b"}
+        for vehicle in ("van-a", "van-b"):
+            (plan,) = bus.plans(vehicle)
+            accept(dispatcher, plan)
+            tell(dispatcher, at(plan, plan.segments[0].segment, 0.4, vehicle=vehicle))
+        later_ns = time.time_ns() + silent_ns
+        situation = dispatcher.fleet_watch.situation(demo.fleet, 2, later_ns, 1.0)
+        orders = dispatcher.fleet_watch.read(lambda tracker: dict(tracker.book.orders))
+        assert set(situation.waiting) == set(orders)
+        assert all("silent since" in reason for reason in situation.waiting.values())
+        dispatcher.delivery.store_fleet(time.time_ns())
+    with open_database(url) as database:
+        dispatcher = make(demo, bus, database)  # nobody has been heard since its start
+        dispatcher.run_cycle()
+        report = bus.sent[-1]
+        assert isinstance(report, CycleReport)
+        dispatcher.health.publish(None)
+        health = bus.sent[-1]
+    assert {one.stop for one in report.unserved} == set(orders)
+    assert f"{len(orders)} orders wait" in str(report.reason)
+    assert isinstance(health, DispatcherHealth)
+    assert not health.unheard
+    assert health.vehicles_silent == len(health.silent) == 2
+    assert sum(one.orders for one in health.silent) == len(orders)
+    assert all(one.segment is not None and one.share == 0.4 for one in health.silent)
+    with open_reader(url) as reader:
+        stored = reader.latest_cycle()
+    assert stored is not None
+    words = explanation(stored, (), None)
+    assert len(words.unserved) == len(orders)
+    assert all("silent since" in line for line in words.unserved)

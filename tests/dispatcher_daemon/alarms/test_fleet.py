@@ -55,15 +55,22 @@ Running = tuple[Dispatcher, VehiclePlan, Database]
 
 
 def test_a_van_that_falls_silent_with_its_plan(running: Running) -> None:
-    """One that has never said anything is none, nor one without a plan."""
+    """One that has never said anything has never been heard; its orders are late by the clock."""
     dispatcher, plan, _ = running
-    assert conditions(dispatcher, 3600.0) == []
+    assert conditions(dispatcher) == []
+    told = conditions(dispatcher, 3600.0)
+    unheard = {subject for kind, subject, _ in told if kind == "vehicle_unheard"}
+    assert "vehicle/van-a" in unheard
+    late = {subject for kind, subject, _ in told if kind == "order_late"}
+    assert late >= {f"order/{stop.stop}" for stop in plan.service_stops}
     accept(dispatcher, plan)
     tell(dispatcher, at(plan, plan.segments[0].segment, 0.4))
     assert conditions(dispatcher) == []
     ((kind, subject, text),) = conditions(dispatcher, 1e-9 * FRESH_NS + 1.0)
     assert (kind, subject) == ("vehicle_silent", "vehicle/van-a")
     assert f"plan of cycle {plan.cycle}" in text
+    assert f"on {plan.segments[0].segment}" in text
+    assert f"{len(plan.service_stops)} orders" in text
 
 
 def test_a_van_that_refuses_its_plan(running: Running) -> None:

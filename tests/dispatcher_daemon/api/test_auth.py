@@ -36,6 +36,7 @@ NEEDS = {
     ("DELETE", "/v1/orders/{order}"): "orders",
     ("POST", "/v1/orders/{order}/pin"): "control",
     ("POST", "/v1/orders/{order}/release"): "control",
+    ("POST", "/v1/orders/{order}/settle"): "control",
     ("POST", "/v1/solve"): "control",
     ("GET", "/v1/solve/{job}"): "control",
     ("DELETE", "/v1/solve/{job}"): "control",

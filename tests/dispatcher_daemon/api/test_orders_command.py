@@ -63,6 +63,8 @@ def test_orders_are_pinned_and_released(
     assert main(["orders", "pin", *where]) == 0
     told = api.get("/v1/orders/a%2F1", "reader").json
     assert told["pinned"] == told["vehicle"] is not None
+    assert main(["orders", "settle", *where, "--served"]) == 0
+    assert capsys.readouterr().out.endswith("a/1  served  an operator says so\n")
     token.write_text("orderer\n")
     assert main(["orders", "release", *where]) == 2
     assert "has not the scope 'control'" in capsys.readouterr().err

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from dispatcher_daemon.problem import RoutingProblem
+from slipstream.messages import VehiclePosition, position_key
 
 from .conftest import Answer, Api
 
@@ -89,7 +90,9 @@ def test_a_vehicle_without_a_bus_serves_its_plan(van: tuple[Api, Vehicle]) -> No
     first = plan["segments"][0]["segment"]
     assert vehicle.at(first, 0.5, 1, 0, on_road=True, speed_mps=8.0)["position"]["share"] == 0.5
     assert _get(api, f"/v1/orders/{stops[0]}")["state"] == "under_way"
-    for stop in stops:
+    for leg, stop in enumerate(stops, 1):
+        into = [one["segment"] for one in plan["segments"] if one["leg"] == leg - 1][-1]
+        vehicle.at(into, 1.0, 1, leg)
         now_ns = time.time_ns()
         visit = {"stop": stop, "arrived_ns": now_ns, "ended_ns": now_ns, "reason": None}
         vehicle.visits(1, {**visit, "status": "served"})
@@ -200,3 +203,46 @@ def test_a_vehicle_shows_what_it_is(serve: Callable[..., Api], demo: RoutingProb
     other = shown["van-b"]
     assert (other["type"], other["type_data"], other["skills"]) == (second.type, None, [])
     assert (other["shift"]["ready_s"], other["breaks"]) == (second.ready_s, [])
+
+
+def test_one_token_does_not_close_orders_that_are_elsewhere(van: tuple[Api, Vehicle]) -> None:
+    """Nothing is served by a list of orders: each is at risk, says why, and can be settled."""
+    api, vehicle = van
+    vehicle.home()
+    api.dispatcher.run_cycle()
+    orders = [one["order"] for one in _get(api, "/v1/orders")["orders"]]
+    assert len(orders) > 2
+    now_ns = time.time_ns()
+    visit = {"status": "served", "arrived_ns": now_ns, "ended_ns": now_ns, "reason": None}
+    shown = vehicle.visits(1, *({**visit, "stop": order} for order in orders))
+    assert shown["orders"] == len(
+        [one for one in _get(api, "/v1/orders")["orders"] if one["vehicle"] == "van-a"]
+    )
+    after = {one["order"]: one for one in _get(api, "/v1/orders")["orders"]}
+    assert {one["state"] for one in after.values()} == {"planned"}
+    for one in after.values():
+        assert "van-a says that it has served it" in one["at_risk"]
+    first, second = orders[:2]
+    for order, served, state in ((first, True, "served"), (second, False, "open")):
+        path = f"/v1/orders/{order}/settle"
+        assert api.ask("POST", path, "orderer", {"served": served}).status == 403
+        assert api.ask("POST", path, "controller", {}).status == 422
+        answer = api.ask("POST", path, "controller", {"served": served})
+        assert (answer.status, answer.json["state"], answer.json["at_risk"]) == (200, state, None)
+    again = api.ask("POST", f"/v1/orders/{first}/settle", "controller", {"served": False})
+    assert again.status == 409
+
+
+def test_nobody_else_places_a_vehicle_that_speaks_for_itself(van: tuple[Api, Vehicle]) -> None:
+    """Position and answer of one that is heard on the bus are refused over HTTP."""
+    api, vehicle = van
+    api.dispatcher.run_cycle()
+    own = {"vehicle": "van-a", "time_ns": time.time_ns(), "cycle": None, "leg": None}
+    place = {"segment": "avenue_east", "share": 0.5, "speed_mps": 0.0, "on_road": False}
+    told = VehiclePosition.model_validate({**own, **place})
+    api.dispatcher.fleet_watch.on_position(position_key("van-a"), told.to_bytes())
+    answer = vehicle.send("position", **{**place, "share": 0.9, "cycle": None, "leg": None})
+    assert (answer.status, answer.json["field"]) == (409, "vehicle")
+    assert vehicle.send("acknowledgement", cycle=1, accepted=True, reason=None).status == 409
+    shown = _get(api, "/v1/vehicles/van-a")
+    assert (shown["position"]["share"], shown["accepted"]) == (0.5, None)

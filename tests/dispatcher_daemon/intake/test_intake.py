@@ -92,17 +92,19 @@ def refused(act: Callable[[], object]) -> tuple[str, str]:
     return refusal.kind, refusal.problem
 
 
-def depart(desk: Desk, plan: VehiclePlan) -> None:
-    """A vehicle is on the first road of its plan."""
+def depart(desk: Desk, plan: VehiclePlan, place: str | None = None) -> None:
+    """A vehicle is on the first road of its plan, or stands at a place of it."""
+    leg = 0 if place is None else [stop.stop for stop in plan.stops].index(place)
+    segment = next(one for one in plan.segments if one.leg == leg).segment
     position = VehiclePosition(
         vehicle=plan.vehicle,
         time_ns=time.time_ns(),
-        segment=plan.segments[0].segment,
-        share=0.4,
-        speed_mps=8.0,
-        on_road=True,
+        segment=segment,
+        share=0.4 if place is None else 0.0,
+        speed_mps=8.0 if place is None else 0.0,
+        on_road=place is None,
         cycle=plan.cycle,
-        leg=0,
+        leg=leg,
     )
     key = position_key(plan.vehicle)
     desk.dispatcher.fleet_watch.on_position(key, position.to_bytes())
@@ -132,6 +134,8 @@ def test_an_orders_whole_life_is_there_after_each_restart(
         desk.dispatcher.run_cycle()
     with opened(district, tmp_path) as desk:
         desk.visit("van-0", "o-1")
+        assert desk.state("o-1") == "under_way"  # where it was is not known
+        depart(desk, plan, "o-1")
         assert desk.state("o-1") == "served"  # before it is stored
         assert refused(lambda: desk.intake.cancel("o-1"))[0] == "too_late"
         desk.dispatcher.run_cycle()

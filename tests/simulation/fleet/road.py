@@ -268,6 +268,7 @@ def running(
     yard: str = "a",
     intersections: Sequence[str] = (),
     pace: float = 1.0,
+    service_s: Callable[[str], float | None] = lambda stop: SERVICE_S,
 ) -> Iterator[Running]:
     """A world without background."""
     net, routes = files
@@ -295,7 +296,7 @@ def running(
             lengths_m,
             exchange,
             flags,
-            lambda stop: SERVICE_S,
+            service_s,
             step_s,
             lambda: exchange.now_ns,
             5.0,

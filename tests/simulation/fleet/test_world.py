@@ -111,6 +111,26 @@ def test_two_stops_at_one_junction_are_served_one_after_the_other(town: Running)
     assert town.world.again == []
 
 
+def test_an_order_that_the_world_does_not_know_is_served_as_planned(
+    files: tuple[Path, Path],
+) -> None:
+    """An order of a caller, or of a run before: its stay is that of its plan, but for waiting."""
+    tour = plan([*segments("a", 0), *segments("b", 1), *segments("c", 2)], "own", "other")
+    *before, other, depot = tour.stops
+    longer = {"departure_ns": other.arrival_ns + ns(50.0) - ns(0.0), "wait_s": 20.0}
+    stops = (*before, other.model_copy(update=longer), depot)
+    with running(files, service_s={"own": SERVICE_S}.get) as town:
+        town.exchange.send_plan(tour.model_copy(update={"stops": stops}))
+        town.until(lambda: town.world.tours_finished == 1)
+        _, second, home = town.legs
+        assert home.ready_s == pytest.approx(second.arrived_s + 30.0, abs=1.0)
+        told = [message for message in town.sent if isinstance(message, VehicleProgress)][-1]
+        assert {(visit.stop, visit.status) for visit in told.visits} == {
+            ("own", "served"),
+            ("other", "served"),
+        }
+
+
 def test_a_stop_at_the_depots_junction_is_served_before_the_first_road(town: Running) -> None:
     """The tour is counted from the first leg that has a road."""
     town.exchange.send_plan(plan([*segments("a", 1), *segments("b", 2)], "one", "two"))
