@@ -65,6 +65,7 @@ from slipstream.messages.orders import (
     RefusalKind,
     order_key,
 )
+from slipstream.messages.pictures import capture_time_ns, with_capture_time
 from slipstream.messages.plans import (
     ALL_PLANS,
     DrivingAdvice,
@@ -218,6 +219,7 @@ __all__ = [
     "advice_key",
     "api_key",
     "bare_preview_key",
+    "capture_time_ns",
     "decode",
     "driver_key",
     "order_key",
@@ -239,4 +241,5 @@ __all__ = [
     "stopped_key",
     "take_minor",
     "versioned",
+    "with_capture_time",
 ]
