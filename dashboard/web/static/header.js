@@ -41,13 +41,15 @@ export class Header {
     const state = document.documentElement.dataset;
     const lost = state.connection === "lost" || state.connection === "none";
     const past = state.time === "past";
-    const silent = (shown.status?.items ?? []).some((item) => item.subject === "bus");
+    const wrong = new Set((shown.status?.items ?? []).map((item) => item.subject));
+    const silent = wrong.has("bus");
+    const dead = wrong.has("fleet");
     setText(byId("clock"), f.clock(now));
     setText(byId("zone"), f.zone(now));
     setText(byId("date"), f.date(now));
     const badge = byId("badge");
-    badge.dataset.state = past ? "past" : lost || silent ? "lost" : "live";
-    setText(badge, past ? "Past" : lost ? "No connection" : silent ? "Not up to date" : "Live");
+    badge.dataset.state = past ? "past" : lost || silent || dead ? "lost" : "live";
+    setText(badge, past ? "Past" : lost ? "No connection" : silent ? "Not up to date" : dead ? "Fleet silent" : "Live");
     setText(byId("next"), this._next(shown, now, past));
     byId("pause").hidden = shown.paused;
     byId("resume").hidden = !shown.paused;

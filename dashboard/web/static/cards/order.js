@@ -2,20 +2,27 @@
 
 import { h } from "../dom.js";
 import { words } from "../format.js";
+import { doubts } from "../judged.js";
 import { chip } from "../marks.js";
 import { actionButton, facts, link, longTable, section, tile } from "./parts.js";
 
 const ENDED = new Set(["served", "failed", "cancelled"]);
 
+function late(row, f, now) {
+  if (row.late_s > 0) return f.delay(row.late_s);
+  if (row.late_since) return `since ${f.since(row.late_since, now)}`;
+  return row.silent_since || row.level === "idle" ? "not known" : "no";
+}
+
 /** @param {string} id @param {any} row @param {any} detail @param {import("./parts.js").CardContext} ctx */
 export function orderCard(id, row, detail, ctx) {
   const { f, now } = ctx;
   return [
-    h("div.lead", {}, chip(row.level, words(row.state)), row.pinned ? chip("idle", "locked to its vehicle") : null),
+    h("div.lead", {}, chip(row.level, [words(row.state), ...doubts(row, f, now)].join(", ")), row.pinned ? chip("idle", "locked to its vehicle") : null),
     h("div.tiles", {},
       tile("ETA", f.time(row.eta, now)),
       tile("Window", f.window(row.earliest, row.latest, now)),
-      tile("Late", row.late_s > 0 ? f.delay(row.late_s) : "no")),
+      tile("Late", late(row, f, now))),
     ctx.control && ctx.t === null && !ENDED.has(row.state) ? h("div.buttons", {},
       row.pinned ? actionButton("Release", { action: "release", subject: `order/${id}` })
         : actionButton("Lock to a vehicle", { action: "pin", subject: `order/${id}`, vehicle: row.vehicle }),
