@@ -40,8 +40,8 @@ export class Format {
     return this._near(whole, now) ? minute : `${this._shortDay(whole)}, ${minute}`;
   }
 
-  /** When something began: to the second within ten minutes, so that it does not lie ahead. @param {number|null} ms */
-  since(ms, now = Date.now()) { return !missing(ms) && Math.abs(now - ms) < 10 * MINUTE_MS ? this.clock(ms) : this.time(ms, now); }
+  /** When something began: to the second while it is recent, so that it does not lie ahead. @param {number|null} ms */
+  since(ms, now = Date.now()) { return !missing(ms) && Math.abs(now - ms) < 90 * SECOND_MS ? this.clock(ms) : this.time(ms, now); }
 
   /** The same in a narrow column: the day alone, half a day or more from `now`. @param {number|null} ms */
   brief(ms, now = Date.now()) {

@@ -14,6 +14,7 @@ import { Format } from "./format.js";
 import { counts, drawGlance } from "./glance.js";
 import { Header } from "./header.js";
 import { MapPanel, onMap } from "./map_panel.js";
+import { showPictures } from "./pictures.js";
 import { KINDS, Router, hashOf, parseSubject } from "./router.js";
 import { Search } from "./search.js";
 import { makeSplitter } from "./splitter.js";
@@ -69,6 +70,7 @@ class Page {
       },
       onFailure: (text) => { this.failure = text; this._drawBanner(); },
     });
+    showPictures(format);
     makeSplitter(byId("splitter"), byId("main"));
   }
 

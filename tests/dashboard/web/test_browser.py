@@ -461,18 +461,34 @@ def test_rows_are_saved_as_they_are_shown(opened):
 def test_boxes_in_pictures_are_switched_off_and_stay_off(opened):
     """On a unit's card and in the grid alike, also after a reload."""
     tab = opened("?tab=rsus#rsu/rsu-1")
-    picture = tab.locator("figure.picture img")
-    assert picture.get_attribute("src") == "api/rsus/rsu-1/picture"
+    still = "/api/rsus/rsu-1/still"
+    with tab.expect_request(lambda request: still in request.url) as asked:
+        tab.wait_for_selector("figure.picture img")
+    assert asked.value.url.endswith(still)
     tab.uncheck("figure.picture [data-boxes]")
-    assert picture.get_attribute("src") == "api/rsus/rsu-1/picture?boxes=false"
-    tab.reload()
-    tab.wait_for_selector("figure.picture img")
-    assert picture.get_attribute("src") == "api/rsus/rsu-1/picture?boxes=false"
+    for again in (lambda: None, tab.reload):
+        with tab.expect_request(lambda request: request.url.endswith("/still?boxes=false")):
+            again()
     tab.click("#tab-cameras")
     assert not tab.is_checked("#pane-cameras [data-boxes]")
     with tab.expect_request(lambda request: "/still" in request.url) as asked:
         pass
     assert asked.value.url.endswith("/still?boxes=false")
+
+
+@pytest.mark.parametrize("path", ["?tab=rsus#rsu/rsu-1", "?tab=cameras"])
+def test_a_picture_that_is_none_of_now_is_grey_and_tells_its_age(opened, page, path: str):
+    """That of a camera that has stopped, which its unit sends again and again; a new one is not."""
+    page.taken = city.T0 - 210_000
+    tab = opened(path)
+    tab.wait_for_selector("figure.stale img")
+    assert "grayscale" in tab.evaluate(
+        "getComputedStyle(document.querySelector('.stale img')).filter"
+    )
+    told = tab.inner_text("figure.stale .age")
+    assert re.fullmatch(r"Old: of 11:03, 3\smin \d+\ss ago", told), told
+    page.taken = None
+    until(tab, "!document.querySelector('figure[data-picture].stale')")
 
 
 @pytest.mark.slow(long=True)

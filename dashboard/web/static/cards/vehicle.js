@@ -73,5 +73,5 @@ function energyOf(plan, row, f) {
   return h("div.tiles", {},
     tile("This plan", kwh(plan.energy_kwh)),
     alone === null ? null : tile("Alone", kwh(alone), "the same drive"),
-    saved === null ? null : tile("Platoons are to save", kwh(saved), alone ? f.share(saved / alone) : ""));
+    saved === null ? null : tile("To save", kwh(saved), alone ? f.share(saved / alone) : ""));
 }
