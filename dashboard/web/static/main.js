@@ -15,6 +15,7 @@ import { counts, drawGlance } from "./glance.js";
 import { Header } from "./header.js";
 import { MapPanel, onMap } from "./map_panel.js";
 import { showPictures } from "./pictures.js";
+import { makePrintable } from "./print.js";
 import { KINDS, Router, hashOf, parseSubject } from "./router.js";
 import { Search } from "./search.js";
 import { makeSplitter } from "./splitter.js";
@@ -71,6 +72,7 @@ class Page {
       onFailure: (text) => { this.failure = text; this._drawBanner(); },
     });
     showPictures(format);
+    makePrintable(this);
     makeSplitter(byId("splitter"), byId("main"));
   }
 

@@ -476,6 +476,86 @@ def test_boxes_in_pictures_are_switched_off_and_stay_off(opened):
     assert asked.value.url.endswith("/still?boxes=false")
 
 
+REACHED = """(selector) => {
+  // Whether a reader can bring it into the window, and point at it there.
+  const node = [...document.querySelectorAll(selector)].find((one) => one.getClientRects().length);
+  if (!node) return `no ${selector}`;
+  node.scrollIntoView({block: "center"});
+  const box = node.getBoundingClientRect();
+  if (box.left < -1 || box.right > innerWidth + 1) return `${selector} sticks out`;
+  const hit = document.elementFromPoint((box.left + box.right) / 2, (box.top + box.bottom) / 2);
+  return hit && (node.contains(hit) || hit.contains(node)) ? null : `${selector} is covered`;
+}"""
+
+
+@pytest.mark.parametrize(("width", "height"), [(640, 400), (320, 256), (1280, 400)])
+def test_a_low_window_scrolls_to_everything(chromium: Any, page: FakePage, width: int, height: int):
+    """As a page at 200 % or 400 %: tables have a height and scroll, and nothing is out of reach."""
+    context = chromium.new_context(viewport={"width": width, "height": height})
+    tab = open_page(context, page)
+    rows = tab.evaluate("document.querySelector('.scroller').clientHeight")
+    assert rows >= 100
+    assert tab.evaluate(
+        "(() => { const s = document.querySelector('.scroller'); s.scrollTop = 400;"
+        " return s.scrollTop > 100; })()"
+    )
+    assert tab.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    parts = (
+        *(
+            "#search",
+            "#control summary",
+            "#export summary",
+            "#theme",
+            "#banner a",
+            "#glance button",
+        ),
+        *(".map-buttons button", "#filter", "tbody tr[data-id]", "#time-slider", "#time-moment"),
+        *("#time-live", "#time-forth", "#time-span"),
+    )
+    assert [fault for part in parts if (fault := tab.evaluate(REACHED, part))] == []
+    tab.evaluate("document.querySelector('tbody tr[data-id]').click()")
+    tab.wait_for_selector("#card-body .timeline")
+    assert tab.evaluate(REACHED, "#card-body section:last-of-type h3") is None
+    assert tab.evaluate(REACHED, "#card-close") is None
+    assert tab.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    assert tab.faults == []
+    context.close()
+
+
+def test_paper_has_the_whole_table_in_light_colours(opened, page: FakePage):
+    """Title, moment and zone, all rows; then the page is as before."""
+    tab = opened("?tab=orders#order/o-3", theme="dark")
+    shown = "document.querySelectorAll('#pane-orders tr[data-id]').length"
+    before = tab.evaluate(shown)
+    assert before < 80
+    tab.evaluate(f"addEventListener('beforeprint', () => {{ window.printed = {shown}; }})")
+    assert tab.pdf().startswith(b"%PDF")
+    assert tab.evaluate("window.printed") == 80
+    until(tab, f"{shown} === {before}")
+    tab.emulate_media(media="print")
+    until(tab, f"{shown} === 80")
+    looks = tab.evaluate(
+        """() => ({
+          ground: getComputedStyle(document.body).backgroundColor,
+          ink: getComputedStyle(document.querySelector("#pane-orders td")).color,
+          cut: [...document.querySelectorAll("#pane-orders td")]
+            .filter((cell) => cell.scrollWidth > cell.clientWidth + 1).length,
+          hidden: ["#timebar", "#tabs", "#filter", "#control", "#search"]
+            .filter((part) => document.querySelector(part).getClientRects().length),
+          head: document.querySelector("#header").innerText,
+          title: document.querySelector("#print-title").innerText,
+        })"""
+    )
+    assert looks["ground"] == "rgb(255, 255, 255)"
+    assert looks["ink"] == "rgb(23, 33, 44)"
+    assert (looks["cut"], looks["hidden"]) == (0, [])
+    for part in ("Troy", "Wed 18 Nov 2026", "11:06", "UTC"):
+        assert part in looks["head"]
+    assert looks["title"] == "Orders: 80 rows"
+    tab.emulate_media(media="screen")
+    until(tab, f"{shown} === {before}")
+
+
 @pytest.mark.parametrize("path", ["?tab=rsus#rsu/rsu-1", "?tab=cameras"])
 def test_a_picture_that_is_none_of_now_is_grey_and_tells_its_age(opened, page, path: str):
     """That of a camera that has stopped, which its unit sends again and again; a new one is not."""
