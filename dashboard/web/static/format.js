@@ -83,12 +83,14 @@ export class Format {
     const match = /^\s*(?:(\d{4}-\d\d-\d\d)[T ]\s*)?(\d\d?):(\d\d)(:\d\d)?\s*$/.exec(text);
     if (!match) return null;
     const [, date = this.isoDay(day), hour, minute, second = ":00"] = match;
-    const naive = Date.parse(`${date}T${hour.padStart(2, "0")}:${minute}${second}Z`);
+    const wanted = `${date} ${hour.padStart(2, "0")}:${minute}${second}`;
+    const naive = Date.parse(`${wanted.replace(" ", "T")}Z`);
     if (Number.isNaN(naive)) return null;
     // Twice: the first guess may lie on the other side of a change to summer time.
     let ms = naive;
     for (let i = 0; i < 2; i += 1) ms += naive - Date.parse(`${this.localInput(ms).replace(" ", "T")}Z`);
-    return ms;
+    // A date that there is not, as 30 February, and an hour that clocks leave out become another one.
+    return this.localInput(ms) === wanted ? ms : null;
   }
 
   /** "14:02–14:30"; an open end is left out. */

@@ -70,6 +70,7 @@ class Page {
         this._address(false);
       },
       onFailure: (text) => { this.failure = text; this._drawBanner(); },
+      onStay: () => this._address(false),
     });
     showPictures(format);
     makePrintable(this);
@@ -112,8 +113,8 @@ class Page {
     if (!this.config.history) return;
     await this.time.refreshRange();
     const { t } = this.router.read();
-    if (t !== null) this.time.go(t);
-    else if (!this.config.live) this.time.go(this.time.range.last ?? 0);
+    if (!this.config.live) await this.time.go(this.time.range.last ?? 0);
+    if (t !== null) await this.time.go(t);
   }
 
   _take(changed) {
@@ -180,8 +181,7 @@ class Page {
   _drawBanner() {
     const status = this.config.live ? this.live.status : this.shown.status;
     const items = faults(status, this.connection);
-    if (this.failure) items.push({ subject: "page", level: "warn", text: this.failure });
-    this.banner.show(items, this.past !== null && this.config.live);
+    this.banner.show(items, this.past !== null && this.config.live, this.failure);
   }
 
   _drawExport() {

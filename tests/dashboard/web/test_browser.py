@@ -640,6 +640,66 @@ def test_a_moment_is_written_in_24_hours_and_none_stands_beside_now(opened):
     until(tab, "document.getElementById('time-moment').value === ''")
 
 
+MOMENTS = """async () => {
+  const { Format } = await import("/static/format.js");
+  const { readMoment } = await import("/static/moments.js");
+  const f = new Format({ time_zone: "Europe/Berlin" });
+  const now = Date.UTC(2026, 10, 26, 19, 0), shown = now - 3 * 86400000;
+  const told = (text) => {
+    const read = readMoment(text, f, { now, shown });
+    return read.problem ?? [new Date(read.t).toISOString().slice(0, 16), read.note];
+  };
+  return Object.fromEntries([
+    "2026-11-25 14:00", "yesterday 14:00", "today 8:05", "14:00", "2026-11-25T14:00Z",
+    "2026-11-25 14:00 +05:30", "2026-02-30 14:00", "2026-03-29 02:30", "2026-10-25 02:30",
+    "at noon",
+  ].map((text) => [text, told(text)]));
+}"""
+
+
+def test_a_moment_is_taken_as_it_is_written_or_refused_in_words(opened):
+    """In the page's zone, or its own; a date that there is not, and an hour that clocks skip."""
+    told = opened().evaluate(MOMENTS)
+    assert told["2026-11-25 14:00"] == told["yesterday 14:00"] == ["2026-11-25T13:00", None]
+    assert told["today 8:05"] == ["2026-11-26T07:05", None]
+    assert told["14:00"] == ["2026-11-23T13:00", None]
+    assert told["2026-11-25T14:00Z"] == ["2026-11-25T14:00", None]
+    assert told["2026-11-25 14:00 +05:30"] == ["2026-11-25T08:30", None]
+    assert told["2026-02-30 14:00"] == "There is no 2026-02-30 14:00:00."
+    assert "clocks were put forward" in told["2026-03-29 02:30"]
+    first, note = told["2026-10-25 02:30"]
+    assert (first, "came twice" in note) == ("2026-10-25T00:30", True)
+    assert "“at noon” is no moment" in told["at noon"]
+    assert "time zone" in told["at noon"]
+
+
+def test_a_moment_that_is_not_kept_is_refused_and_none_takes_its_place(opened, page: FakePage):
+    """Before the first, yet to come, and in the address: what is shown stays, and is said."""
+    tab = opened()
+    field = tab.locator("#time-moment")
+    until(tab, "!document.getElementById('time-moment').disabled")
+    for text, words in (
+        ("2026-11-01 14:00", "Nothing is kept of Sun 1 Nov 2026, 14:00:00 UTC"),
+        ("2027-01-01 00:00", "is yet to come"),
+    ):
+        field.fill(text)
+        field.press("Enter")
+        until(tab, f"document.getElementById('banner').innerText.includes({words!r})")
+        told = tab.inner_text("#banner")
+        assert "kept from Tue 17 Nov 2026, 11:06:40 to Wed 18 Nov 2026, 11:06:40 UTC" in told
+        assert "Shown is still the present" in told
+        assert tab.inner_text("#badge") == "Live"
+    assert not any("/api/at" in asked for asked in page.asked)
+    field.fill("2026-11-18 08:15")
+    field.press("Enter")
+    until(tab, "document.getElementById('badge').textContent === 'Past'")
+    assert "is kept" not in tab.inner_text("#banner")
+    tab.goto(page.url + "?t=1700000000000")
+    until(tab, "document.getElementById('banner').innerText.includes('Nothing is kept of')")
+    assert tab.inner_text("#badge") == "Live"
+    assert "t=" not in tab.url
+
+
 def test_a_table_that_is_cut_says_where_the_others_are(opened, page: FakePage):
     """The server lists the newest 200 cycles; fewer are all."""
     tab = opened("?tab=cycles")
