@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 from slipstream.freshness import age_s
-from slipstream.messages import PlannedStop, VehiclePlan, VehiclePosition
+from slipstream.messages import PlannedStop, SilentVehicle, VehiclePlan, VehiclePosition
 
 VehicleState = Literal[
     "driving", "stopped", "waiting", "depot", "idle", "expired", "planned", "silent"
@@ -141,6 +141,15 @@ def reported(plan: VehiclePlan, position: VehiclePosition, now_ns: int) -> Progr
     late_s = _in_steps(max(0.0, age_s(plan.depart_ns, now_ns)))
     text = "waits to leave" if now_ns < plan.depart_ns else "leaves now"
     return Progress("depot", text, "reported", part, place, following, late_s)
+
+
+def missed(plan: VehiclePlan, told: SilentVehicle) -> Progress:
+    """Of a vehicle that only the dispatcher has heard, before it fell silent."""
+    place = None
+    if told.segment is not None and told.share is not None:
+        place = told.segment, told.share
+    following = 1 if len(plan.stops) > 1 else None
+    return Progress("silent", "last: as the dispatcher heard it", "last", None, place, following)
 
 
 def planned_part(plan: VehiclePlan, now_ns: int) -> tuple[int | None, tuple[str, float] | None]:

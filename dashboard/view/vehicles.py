@@ -12,7 +12,13 @@ from dashboard.view.model import LIST_FOR_S, VehicleView
 from dashboard.view.progress import Progress
 from slipstream import freshness
 from slipstream.freshness import age_s
-from slipstream.messages import CycleReport, PlannedStop, VehiclePlan, VehiclePosition
+from slipstream.messages import (
+    CycleReport,
+    PlannedStop,
+    SilentVehicle,
+    VehiclePlan,
+    VehiclePosition,
+)
 
 COLOURS: Final = 12
 """Of vehicles on the operator's page."""
@@ -42,9 +48,13 @@ def vehicle_views(
     oldest_ns = now_ns - round(LIST_FOR_S * 1e9)
     plans = {name: plan for name, plan in snapshot.plans.items() if plan.valid_until_ns > oldest_ns}
     heard = {name for name, told in snapshot.positions.items() if told.time_ns > oldest_ns}
+    missed = (
+        {} if snapshot.dispatcher is None else {v.vehicle: v for v in snapshot.dispatcher.silent}
+    )
     loaded = {order.vehicle for order in snapshot.orders if order.vehicle and not order.ended}
+    loaded |= {name for name, told in missed.items() if told.orders}
     # A silent one with orders is listed for as long as it has them.
-    heard |= loaded & snapshot.positions.keys()
+    heard |= loaded & (snapshot.positions.keys() | missed.keys())
     last = last_good(snapshot.cycles, now_ns) if live else None
     views = []
     for index, name in enumerate(sorted({*plans, *heard, *fleet})):
@@ -52,7 +62,15 @@ def vehicle_views(
         has_orders = name in loaded
         views.append(
             vehicle_view(
-                snapshot, plan, index, last, now_ns, open_roads, live=live, has_orders=has_orders
+                snapshot,
+                plan,
+                index,
+                last,
+                now_ns,
+                open_roads,
+                live=live,
+                has_orders=has_orders,
+                missed=missed.get(name),
             )
         )
     # Colours follow the names, so that none changes when a vehicle becomes idle.
@@ -83,6 +101,7 @@ def vehicle_view(
     *,
     live: bool = True,
     has_orders: bool = False,
+    missed: SilentVehicle | None = None,
 ) -> VehicleView:
     """The view of one vehicle.
 
@@ -95,8 +114,13 @@ def vehicle_view(
         open_roads: see `vehicle_views`.
         live: likewise.
         has_orders: it has orders that have not ended.
+        missed: what the dispatcher tells of it if it is silent: it may have heard it before the
+            page was there.
     """
     position = snapshot.positions.get(plan.vehicle)
+    if position is None and missed is not None:
+        done = progress.missed(plan, missed)
+        return _silent(plan, done, missed.heard_ns, index, now_ns, open_roads, has_orders)
     if position is None:
         return _planned(plan, None, index, last, now_ns, open_roads, live=live)
     followed = plan
@@ -105,7 +129,9 @@ def vehicle_view(
         same = known is not None and known.cycle == position.cycle
         followed = known if known is not None and same else _without_route(plan)
     if freshness.fault(position.time_ns, now_ns) is not None:
-        return _silent(followed, position, index, now_ns, open_roads, has_orders=has_orders)
+        done = progress.silent(followed, position)
+        view = _silent(followed, done, position.time_ns, index, now_ns, open_roads, has_orders)
+        return replace(view, charge_kwh=position.charge_kwh)
     if position.cycle is None:
         return _planned(plan, position, index, last, now_ns, open_roads)
     return _driving(followed, position, index, now_ns, open_roads)
@@ -160,21 +186,20 @@ def _planned(
 
 def _silent(
     plan: VehiclePlan,
-    position: VehiclePosition,
+    done: Progress,
+    heard_ns: int,
     index: int,
     now_ns: int,
     open_roads: Container[str],
-    *,
     has_orders: bool,
 ) -> VehicleView:
     """The view of a vehicle that was heard, and is not now: where it was then."""
     silence: Literal["idle", "warn", "bad"] = "idle"
     if has_orders or (plan.stops and now_ns <= plan.valid_until_ns):
-        overdue = abs(age_s(position.time_ns, now_ns)) > SILENT_AFTER_S
+        overdue = abs(age_s(heard_ns, now_ns)) > SILENT_AFTER_S
         silence = "bad" if overdue else "warn"
-    done = progress.silent(plan, position)
-    told = f"silent for {labels.duration(age_s(position.time_ns, now_ns))}"
-    if freshness.is_ahead(position.time_ns, now_ns):
+    told = f"silent for {labels.duration(age_s(heard_ns, now_ns))}"
+    if freshness.is_ahead(heard_ns, now_ns):
         told = "its clock is ahead of this one's"
         done = replace(done, text=f"{told}; {done.text}")
     return _view(
@@ -184,8 +209,7 @@ def _silent(
         done=done,
         expired=now_ns > plan.valid_until_ns,
         open_roads=open_roads,
-        charge_kwh=position.charge_kwh,
-        silent_ns=position.time_ns,
+        silent_ns=heard_ns,
         silence=silence,
     )
 

@@ -138,6 +138,20 @@ class RsuReception(Message):
     delay_spread_s: NonNegative | None = Field(description="Interquartile range of the same.")
 
 
+class SilentVehicle(Message):
+    """A vehicle that has been heard before, and is not now."""
+
+    vehicle: Identifier
+    heard_ns: TimeNs = Field(description="When its last message came.")
+    segment: Identifier | None = Field(
+        description="Of its last position, however old; null: it never sent one."
+    )
+    share: Annotated[float, Field(ge=0, le=1)] | None = Field(
+        description="Of that segment that lay behind it."
+    )
+    orders: Count = Field(description="That it has by its plan, or has left with.")
+
+
 class DispatcherHealth(Message):
     """How the dispatcher is doing; counters run from its start."""
 
@@ -183,6 +197,14 @@ class DispatcherHealth(Message):
         default=0, description="Vehicles that have ever sent a position, answer or visit."
     )
     vehicles_silent: Count = Field(default=0, description="Those of them that do not now.")
+    silent: Annotated[tuple[SilentVehicle, ...], Field(max_length=200)] = Field(
+        default=(), description="Those, with most orders first; senders before: none."
+    )
+    unheard: Annotated[tuple[Identifier, ...], Field(max_length=200)] = Field(
+        default=(),
+        description="Vehicles that have orders by a plan and have never sent anything: nobody knows "
+        "whether they drive; senders before: none.",
+    )
     orders: dict[OrderState, Count] = Field(
         default_factory=dict, description="Number of orders by state; senders before: none."
     )

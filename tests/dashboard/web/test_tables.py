@@ -18,6 +18,7 @@ from slipstream.messages import (
     Alarm,
     Alarms,
     RsuHealth,
+    SilentVehicle,
     StoppedVehicle,
     StoppedVehicles,
     Unserved,
@@ -344,6 +345,18 @@ def test_a_silent_van_stays_where_it_was_heard_last_and_is_red(tables, world, no
     assert "vehicle/van-a" in [item["subject"] for item in tables.moment["status"]["items"]]
     order = tables.moment["orders"]["o-1"]
     assert (order["level"], order["silent_since"]) == ("bad", now_ns // 10**6)
+
+
+def test_a_van_that_only_the_dispatcher_heard_is_silent_not_unheard(tables, world, now_ns):
+    """A page that is started when the fleet is silent already: its place is the dispatcher's."""
+    told = SilentVehicle(
+        vehicle="van-a", heard_ns=now_ns - 60 * S, segment="avenue_east", share=0.5, orders=3
+    )
+    dispatcher = world.dispatcher(now_ns).model_copy(update={"silent": (told,)})
+    tables.update(_snapshot(world, now_ns, dispatcher=dispatcher), now_ns)
+    row = tables.moment["vehicles"]["van-a"]
+    assert (row["state"], row["level"], row["road"]) == ("silent", "bad", "avenue_east")
+    assert (row["source"], row["seen"]) == ("last", (now_ns - 60 * S) // 10**6)
 
 
 def test_a_fleet_that_falls_silent_is_one_trouble(tables, world, now_ns):
