@@ -92,6 +92,7 @@ class Tables:
             "energy": None,
             "next_cycle": None,
             "paused": False,
+            "dispatcher_heard": False,
         }
 
     def update(
@@ -151,13 +152,19 @@ class Tables:
             "energy": self._energy(snapshot, energy),
             "next_cycle": _next_cycle(snapshot, heard),
             "paused": snapshot.dispatcher is not None and snapshot.dispatcher.paused,
+            "dispatcher_heard": down is None and self._is_heard(snapshot, now_ns),
         }
         return self._take(new, ms(now_ns) or 0)
 
+    def _is_heard(self, snapshot: Snapshot, now_ns: int) -> bool:
+        health, silent_after_s = snapshot.dispatcher, self._limits.silent_after_s
+        if health is None:
+            return False
+        return fault(health.time_ns, now_ns, stale_after_s=silent_after_s) is None
+
     def _is_planning(self, snapshot: Snapshot, now_ns: int, wrong: Sequence[Trouble]) -> bool:
         """Whether the dispatcher is heard, and nothing keeps it from planning."""
-        health, silent_after_s = snapshot.dispatcher, self._limits.silent_after_s
-        if health is None or fault(health.time_ns, now_ns, stale_after_s=silent_after_s):
+        if not self._is_heard(snapshot, now_ns):
             return False
         return not any(t.level == "bad" and t.subject in ("bus", "dispatcher") for t in wrong)
 
@@ -185,7 +192,7 @@ class Tables:
                 changed["set"][table] = told
             if gone:
                 changed["del"][table] = gone
-        for key in ("status", "energy", "next_cycle", "paused"):
+        for key in ("status", "energy", "next_cycle", "paused", "dispatcher_heard"):
             if old[key] != new[key]:
                 changed[key] = new[key]
         if len(changed) == 2 and not changed["set"] and not changed["del"]:

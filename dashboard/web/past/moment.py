@@ -81,6 +81,7 @@ def moment_at(facts: Facts, snapshot: Snapshot, scene: Scene) -> Moment:
         "energy": facts.energy,
         "next_cycle": None,
         "paused": facts.paused,
+        "dispatcher_heard": False,
     }
 
 

@@ -97,8 +97,10 @@ class Page {
       setBoxes(box.checked);
       this.card.draw();
     });
-    setInterval(() => this.header.tick(this.shown, this._now()), 1000);
+    setInterval(() => this._tick(), 1000);
   }
+
+  _tick() { this.header.tick(this.shown, this._now(), this._control()); }
 
   /** Begins: the stream, the past, and what the address says. */
   async start() {
@@ -129,7 +131,8 @@ class Page {
     this.connection = { up, since, text };
     document.documentElement.dataset.connection = up ? "up" : this.live.t === null ? "none" : "lost";
     this._drawBanner();
-    this.header.tick(this.shown, this._now());
+    this._tick();
+    this.card.draw();
   }
 
   _showPast(moment) {
@@ -148,9 +151,12 @@ class Page {
     return `${this.banner.title}, ${f.moment(now)} ${f.zone(now)}${this.past ? " (past)" : ""}`;
   }
 
+  /** Whether the dispatcher can be asked for anything: the page may, it is heard, and the present is shown. */
+  _control() { return this.config.control && this.past === null && this.connection.up && this.live.dispatcher_heard; }
+
   _context() {
     return {
-      f: this.format, now: this._now(), t: this.past ? this.time.t : null, control: this.config.control, tables: this.shown.tables,
+      f: this.format, now: this._now(), t: this.past ? this.time.t : null, control: this._control(), tables: this.shown.tables,
       roadName: (road) => this.names.get(road) ?? road,
     };
   }
@@ -161,11 +167,13 @@ class Page {
     this.tabs.update(shown.tables, changed);
     drawGlance(byId("glance"), counts(shown, this.format));
     this._drawBanner();
-    this.header.tick(shown, this._now());
+    this._tick();
     this.map.update(shown.tables, changed);
     this._drawPane();
     const table = this.selection && KINDS[this.selection.kind].table;
-    this.card.refresh(changed === null || Boolean(table && changed[table]?.has(this.selection.id)));
+    const control = this._control();
+    this.card.refresh(changed === null || control !== this.offered || Boolean(table && changed[table]?.has(this.selection.id)));
+    this.offered = control;
     this._drawExport();
     if (document.documentElement.dataset.ready) return;
     document.documentElement.dataset.ready = "1";
@@ -210,7 +218,7 @@ class Page {
     const button = target.closest("button[data-action]");
     const goal = target.closest("[data-go]");
     const tab = target.closest("[data-tab]");
-    if (button) this.actions.ask(button.getAttribute("data-action"), button.getAttribute("data-subject"), button.getAttribute("data-vehicle"));
+    if (button) this.actions.ask(button.getAttribute("data-action"), button.getAttribute("data-subject"), button.getAttribute("data-vehicle"), button.getAttribute("data-only"));
     else if (goal && !event.ctrlKey && !event.metaKey) {
       event.preventDefault();
       this.select(parseSubject(goal.getAttribute("data-go")), { show: true });

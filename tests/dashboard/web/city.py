@@ -111,6 +111,7 @@ def moment(
         },
         "next_cycle": t + 21_000,
         "paused": False,
+        "dispatcher_heard": True,
     }
 
 

@@ -179,6 +179,7 @@ class Moment(TypedDict):
     energy: Energy
     next_cycle: Ms | None
     paused: bool
+    dispatcher_heard: bool
 
 
 @with_config(STRICT)
@@ -191,6 +192,7 @@ class Delta(TypedDict):
     energy: NotRequired[Energy]
     next_cycle: NotRequired[Ms | None]
     paused: NotRequired[bool]
+    dispatcher_heard: NotRequired[bool]
 
 
 @with_config(STRICT)

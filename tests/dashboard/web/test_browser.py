@@ -257,6 +257,7 @@ def test_a_finished_run_opens_at_its_last_moment(opened, page: FakePage):
 
 def test_an_action_asks_first_and_shows_the_answer(opened, page: FakePage):
     """The token is asked for once, and again after it was refused."""
+    page.moment["orders"]["o-4"].update(state="planned", source="api")
     tab = opened("#order/o-4")
     tab.click("text=Lock to a vehicle")
     assert tab.input_value("#action-vehicle") == "van-5"
@@ -290,6 +291,47 @@ def test_without_control_nothing_can_be_asked_for(opened, page: FakePage):
     tab = opened("#order/o-4")
     tab.wait_for_selector("#card-body .small")
     assert tab.locator("[data-action]:visible").count() == 0
+
+
+def test_what_would_be_refused_is_not_offered(opened, page: FakePage):
+    """Behind a silent dispatcher, of the past, while paused, by the order's state and the alarm."""
+    orders = page.moment["orders"]
+    orders["o-4"].update(state="planned", source="api")
+    orders["o-8"].update(state="under_way", source="api", vehicle="van-9")
+    orders["o-9"].update(state="planned", source="file")
+    page.moment["alarms"]["page/bus/bad"] = {**page.moment["alarms"]["a-1"], "subject": "bus"}
+    tab = opened("#order/o-4")
+
+    def offered(path: str) -> list[str]:
+        tab.goto(page.url + path)
+        tab.wait_for_selector("#card-body .facts")
+        return tab.locator("#card [data-action]").all_inner_texts()
+
+    assert offered("#order/o-4") == ["Lock to a vehicle", "Cancel the order"]
+    assert offered("#order/o-8") == ["Lock to a vehicle"]
+    tab.click("#card [data-action=pin]")
+    assert tab.locator("#action-vehicle option").all_inner_texts() == ["choose one", "van-9"]
+    tab.click("#action-close")
+    assert offered("#order/o-9") == ["Lock to a vehicle"]
+    assert offered("#order/o-2") == []
+    assert offered("#alarm/a-1") == ["Acknowledge"]
+    assert offered("#alarm/a-4") == offered("#alarm/page/bus/bad") == []
+    tab.click("#control summary")
+    assert tab.locator("#control [data-action]:visible").all_inner_texts() == ["Pause", "Solve now"]
+    page.send(paused=True)
+    until(
+        tab, "document.getElementById('solve').hidden && !document.getElementById('resume').hidden"
+    )
+    offered("#order/o-4")
+    page.send(dispatcher_heard=False)
+    until(tab, "document.querySelector('#control').hidden")
+    until(tab, "!document.querySelector('#card [data-action]')")
+    page.send(dispatcher_heard=True)
+    until(tab, "document.querySelector('#card [data-action]') !== null")
+    tab.goto(f"{page.url}?t={city.T0 - city.HOUR}#order/o-4")
+    until(tab, "document.getElementById('badge').textContent === 'Past'")
+    until(tab, "document.querySelector('#control').hidden")
+    assert tab.locator("#card [data-action]").count() == 0
 
 
 def test_the_banner_tells_the_worst_first_and_counts_in_the_title(opened, page: FakePage):

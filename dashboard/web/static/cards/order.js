@@ -6,6 +6,8 @@ import { doubts } from "../judged.js";
 import { chip } from "../marks.js";
 import { actionButton, facts, link, longTable, section, tile } from "./parts.js";
 
+/** States in which a caller's order can be cancelled; one of the fleet's file is taken out of the file. */
+const CANCELLED = new Set(["open", "planned"]);
 const ENDED = new Set(["served", "failed", "cancelled"]);
 
 function late(row, f, now) {
@@ -23,10 +25,10 @@ export function orderCard(id, row, detail, ctx) {
       tile("ETA", f.time(row.eta, now)),
       tile("Window", f.window(row.earliest, row.latest, now)),
       tile("Late", late(row, f, now))),
-    ctx.control && ctx.t === null && !ENDED.has(row.state) ? h("div.buttons", {},
+    ctx.control && !ENDED.has(row.state) ? h("div.buttons", {},
       row.pinned ? actionButton("Release", { action: "release", subject: `order/${id}` })
-        : actionButton("Lock to a vehicle", { action: "pin", subject: `order/${id}`, vehicle: row.vehicle }),
-      actionButton("Cancel the order", { action: "cancel", subject: `order/${id}` })) : null,
+        : actionButton("Lock to a vehicle", { action: "pin", subject: `order/${id}`, vehicle: row.vehicle, only: row.state === "under_way" ? row.vehicle : null }),
+      CANCELLED.has(row.state) && row.source === "api" ? actionButton("Cancel the order", { action: "cancel", subject: `order/${id}` }) : null) : null,
     facts([
       ["Vehicle", row.vehicle ? link("vehicle", row.vehicle) : "none yet"],
       ["Why", row.why],
