@@ -25,6 +25,7 @@ from slipstream.messages import (
     StoppedVehicles,
     VehiclePlan,
     VehiclePosition,
+    capture_time_ns,
     decode,
     plan_key,
     position_key,
@@ -67,7 +68,8 @@ class Snapshot:
         connected: whether the bus answers.
         has_database: whether there is one; True until it was looked for.
         drafting_kwh: what platoons save of a plan, by vehicle and cycle, as far as it is stored.
-        previews: latest JPEG and the UTC ns of its arrival, by RSU.
+        previews: latest JPEG and UTC ns at which it was taken, of its arrival where the RSU does
+            not say it, by RSU.
         history_problem: why the stored history cannot be read; None if it can.
     """
 
@@ -95,7 +97,7 @@ class LiveData:
 
     Args:
         history_cycles: number of cycle reports to keep.
-        clock_ns: UTC in ns. It is the time of pictures, which carry none. A message dated ahead of
+        clock_ns: UTC in ns. It is the time of pictures that carry none. A message dated ahead of
             it is replaced by any other, so that a clock that was set back does not block the page.
         refusal: why a SegmentState or StoppedVehicles is not admitted; None: it is.
         network: roads, of which states are read quickly; None: of none.
@@ -208,7 +210,8 @@ class LiveData:
         if len(payload) > MAX_PREVIEW_BYTES:
             raise InputError(key, f"picture of {len(payload)} bytes", "send smaller previews")
         with self._lock:
-            self._previews[rsu] = (payload, self._clock_ns())
+            # A unit whose camera has stopped sends its last picture again.
+            self._previews[rsu] = (payload, capture_time_ns(payload) or self._clock_ns())
             self._previews.move_to_end(rsu)
             if len(self._previews) > MAX_PREVIEWS:
                 self._previews.popitem(last=False)

@@ -17,7 +17,7 @@ from dashboard.scene.canvas import Batch, Canvas
 from dashboard.scene.geometry import Array
 from dashboard.scene.lanes import Lanes
 from dashboard.scene.marks import Mark
-from dashboard.view import Rgb, VehicleView
+from dashboard.view import Rgb, VehicleView, labels
 
 MAX_VEHICLES: Final = 2000
 MAX_ROUTE_STRIPS: Final = 6000
@@ -33,7 +33,8 @@ LANE_UNITS: Final = 0.5
 _ROUTE_UNITS: Final[Array] = np.array([1.0 + 0.24 * lane for lane in range(ROUTE_LANES)])
 """Offset of each lane of routes to the right of its road's line, in units: beside the band."""
 PLANNED_OPACITY: Final = 0.38
-"""Of vehicles that are where their plans put them, as nobody has heard of them."""
+"""Of vehicles that nobody hears: never heard, they are where their plans put them; silent, where
+they were heard last."""
 _MAX_LINK_VEHICLES: Final = 12.0
 """Members of a platoon further apart than so many drawn vehicles are not linked."""
 _LINK_RGB: Final[Rgb] = (0, 120, 90)
@@ -120,7 +121,8 @@ class FleetLayer:
         self._update_stops(known)
         self._update_routes(known)
         self._update_platoons(known, frozenset(open_roads))
-        placed = self._place([van for van in known if van.position and not van.expired], open_roads)
+        drawn = [van for van in known if van.position and (van.silence or not van.expired)]
+        placed = self._place(drawn, open_roads)
         self._update_bodies(placed)
         return placed, [*self._vehicle_marks(placed), *self._stop_marks]
 
@@ -256,7 +258,7 @@ class FleetLayer:
         )
 
     def _update_bodies(self, placed: Placed) -> None:
-        rgb = np.array([van.rgb for van in placed.vehicles]).reshape(-1, 3)
+        rgb = np.array([_body_rgb(van) for van in placed.vehicles]).reshape(-1, 3)
         for (trucks, reported), batch in self._body_batches.items():
             mine = (placed.trucks == trucks) & (placed.reported == reported)
             bodies = self._canvas.bodies(
@@ -267,18 +269,40 @@ class FleetLayer:
     def _vehicle_marks(self, placed: Placed) -> list[Mark]:
         tops = self._canvas.positions(placed.places_m, 0.75 * VEHICLE_UNITS)
         return [
-            Mark("van", van.vehicle, van.vehicle[:40], (float(x), float(y), float(z)))
+            Mark(
+                "van",
+                van.vehicle,
+                _label(van),
+                (float(x), float(y), float(z)),
+                van.silence == "bad",
+            )
             for van, (x, y, z) in zip(placed.vehicles, tops, strict=True)
         ]
 
 
+def _body_rgb(van: VehicleView) -> Rgb:
+    """Its colour; a silent one with work to do has that of trouble."""
+    if van.silence == "warn" or van.silence == "bad":
+        return labels.LEVEL_RGB[van.silence]
+    return van.rgb
+
+
+def _label(van: VehicleView) -> str:
+    """Its name, and what it is where nobody hears it."""
+    name = van.vehicle[:40]
+    if van.silence is not None:
+        return f"{name}, {van.activity.partition(';')[0]}"
+    return f"{name}, by plan" if van.progress.state == "planned" else name
+
+
 def _platoons(vehicles: Sequence[VehicleView], open_roads: Collection[str]) -> list[list[int]]:
-    """Vehicles that are in a platoon where they are now, each platoon from its leader on."""
+    """Vehicles that are in a platoon where they are now, by their plans if nobody has heard them,
+    each platoon from its leader on."""
     members: dict[str, list[tuple[int, float, int]]] = {}
     for index, van in enumerate(vehicles):
         assert van.position is not None
         road, share = van.position
-        if road not in open_roads:
+        if road not in open_roads or not van.progress.on_road:
             continue
         order = next((n for n, part in enumerate(van.route) if part[0] == road), None)
         platoon = None if order is None else van.route[order][1]

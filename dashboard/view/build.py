@@ -99,11 +99,11 @@ def _previews(
         PreviewView(
             rsu=rsu,
             jpeg=jpeg,
-            age_s=_age_s(arrived_ns, now_ns),
-            stale=freshness.fault(arrived_ns, now_ns, stale_after_s=stale_after_s) is not None,
+            age_s=_age_s(taken_ns, now_ns),
+            stale=freshness.fault(taken_ns, now_ns, stale_after_s=stale_after_s) is not None,
             level=levels.get(rsu, "bad"),
         )
-        for rsu, (jpeg, arrived_ns) in sorted(previews.items())
+        for rsu, (jpeg, taken_ns) in sorted(previews.items())
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Container
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Final, Literal
 
 from dashboard.view.labels import Level, Rgb, Traffic
 from dashboard.view.progress import Progress
@@ -78,10 +78,11 @@ class PreviewView:
 
 @dataclass(frozen=True)
 class VehicleView:
-    """One vehicle's plan and position; the position is the reported one, else the planned one.
+    """One vehicle's plan and position: the reported one, of a silent vehicle the last one that it
+    reported, of one that was never heard the planned one.
 
     A vehicle is idle if its plan is empty, or if the last cycle gave it none, which voids an older
-    one. It then has no route, stops and position.
+    one. It then has no route and stops. A silent one is never idle: what it does is not known.
 
     Attributes:
         vehicle: its name.
@@ -93,7 +94,8 @@ class VehicleView:
         activity: the same in words, with times.
         expired: its plan has run out.
         charge_kwh: in its battery, as it reports.
-        silent: it has reported its position on a plan, and does not now.
+        silent_ns: UTC of its last position; None: it is heard, or never was.
+        silence: how bad that is: not at all of one without plan and orders; None likewise.
     """
 
     vehicle: str
@@ -105,7 +107,8 @@ class VehicleView:
     activity: str
     expired: bool = False
     charge_kwh: float | None = None
-    silent: bool = False
+    silent_ns: int | None = None
+    silence: Literal["idle", "warn", "bad"] | None = None
 
     @property
     def idle(self) -> bool:

@@ -17,7 +17,7 @@ from slipstream.messages import Alarm
 _RANK: Final[dict[Level, int]] = {"bad": 0, "warn": 1, "ok": 2}
 _KINDS: Final = (
     *("bus", "dispatcher", "database", "cluster", "solver"),
-    *("rsu", "road", "order", "vehicle"),
+    *("fleet", "rsu", "road", "order", "vehicle"),
 )
 """Of subjects: what else depends on the first ones."""
 QUIET_SHARE: Final = 0.75
@@ -96,11 +96,7 @@ def troubles(
         if road.stopped
     ]
     if answers:
-        found += [
-            Trouble(f"vehicle/{van.vehicle}", "warn", f"{van.vehicle} tells no position any more")
-            for van in vans
-            if van.silent and not van.idle
-        ]
+        found += _of_fleet(vans)
     told = {trouble.subject for trouble in found}
     alarms = () if snapshot.alarms is None else snapshot.alarms.alarms
     found += [trouble for trouble in of_alarms(alarms) if trouble.subject not in told]
@@ -193,6 +189,21 @@ def _of_dispatcher(snapshot: Snapshot, now_ns: int, silent_after_s: float) -> It
     if health.database_set_aside is not None:
         text = f"A damaged database was set aside as {health.database_set_aside}"
         yield Trouble("database", "warn", text)
+
+
+def _of_fleet(vans: Sequence[VehicleView]) -> Iterator[Trouble]:
+    """Vehicles that have work and are silent; where most are, that stands before them."""
+    heard = sum(van.progress.source != "planned" for van in vans)
+    gone = [van for van in vans if van.silence == "bad"]
+    if len(gone) > 1 and 2 * len(gone) >= heard:
+        since_ns = max(van.silent_ns or 0 for van in gone)
+        text = f"{len(gone)} of {labels.plural(heard, 'vehicle')} that were heard are silent"
+        mend = "look at the network that they send over; call their drivers"
+        yield Trouble("fleet", "bad", text, since_ns, mend)
+    for van in vans:
+        if van.silence == "warn" or van.silence == "bad":
+            text = f"{van.vehicle} tells no position any more"
+            yield Trouble(f"vehicle/{van.vehicle}", van.silence, text, van.silent_ns)
 
 
 def _of_database(snapshot: Snapshot) -> Sequence[Trouble]:

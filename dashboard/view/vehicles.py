@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Container, Sequence
-from typing import Final
+from dataclasses import replace
+from typing import Final, Literal
 
 from dashboard.live import Snapshot
 from dashboard.view import labels, progress
@@ -11,10 +12,18 @@ from dashboard.view.model import LIST_FOR_S, VehicleView
 from dashboard.view.progress import Progress
 from slipstream import freshness
 from slipstream.freshness import age_s
-from slipstream.messages import CycleReport, PlannedStop, VehiclePlan, VehiclePosition
+from slipstream.messages import (
+    CycleReport,
+    PlannedStop,
+    SilentVehicle,
+    VehiclePlan,
+    VehiclePosition,
+)
 
 COLOURS: Final = 12
 """Of vehicles on the operator's page."""
+SILENT_AFTER_S: Final = 15.0
+"""Beyond this age of its last position the dispatcher plans nothing for a vehicle, s."""
 
 
 def vehicle_views(
@@ -23,27 +32,47 @@ def vehicle_views(
     open_roads: Container[str],
     fleet: Collection[str] = (),
     *,
-    left_out_is_idle: bool = True,
+    live: bool = True,
 ) -> tuple[VehicleView, ...]:
     """The fleet's vehicles, those whose plan expired or whose position came less than `LIST_FOR_S`
-    ago, by name, idle ones last.
+    ago, and those with open orders, by name, idle ones last.
 
     Args:
         snapshot: the latest messages.
         now_ns: UTC in ns.
         open_roads: roads on which platoons may drive close now; on others no plan's platoon is one.
         fleet: names of all vehicles.
-        left_out_is_idle: whether a cycle that gives a vehicle no plan voids its older one; not
-            where plans that were no longer in force have been left out.
+        live: False of a past moment: positions are not stored, and plans that were no longer in
+            force have been left out.
     """
     oldest_ns = now_ns - round(LIST_FOR_S * 1e9)
     plans = {name: plan for name, plan in snapshot.plans.items() if plan.valid_until_ns > oldest_ns}
     heard = {name for name, told in snapshot.positions.items() if told.time_ns > oldest_ns}
-    last = last_good(snapshot.cycles, now_ns) if left_out_is_idle else None
-    views = (
-        vehicle_view(snapshot, plans.get(name) or _no_plan(name), index, last, now_ns, open_roads)
-        for index, name in enumerate(sorted({*plans, *heard, *fleet}))
+    missed = (
+        {} if snapshot.dispatcher is None else {v.vehicle: v for v in snapshot.dispatcher.silent}
     )
+    loaded = {order.vehicle for order in snapshot.orders if order.vehicle and not order.ended}
+    loaded |= {name for name, told in missed.items() if told.orders}
+    # A silent one with orders is listed for as long as it has them.
+    heard |= loaded & (snapshot.positions.keys() | missed.keys())
+    last = last_good(snapshot.cycles, now_ns) if live else None
+    views = []
+    for index, name in enumerate(sorted({*plans, *heard, *fleet})):
+        plan = plans.get(name) or _no_plan(name)
+        has_orders = name in loaded
+        views.append(
+            vehicle_view(
+                snapshot,
+                plan,
+                index,
+                last,
+                now_ns,
+                open_roads,
+                live=live,
+                has_orders=has_orders,
+                missed=missed.get(name),
+            )
+        )
     # Colours follow the names, so that none changes when a vehicle becomes idle.
     return tuple(sorted(views, key=lambda van: van.idle))
 
@@ -69,6 +98,10 @@ def vehicle_view(
     last: CycleReport | None,
     now_ns: int,
     open_roads: Container[str],
+    *,
+    live: bool = True,
+    has_orders: bool = False,
+    missed: SilentVehicle | None = None,
 ) -> VehicleView:
     """The view of one vehicle.
 
@@ -79,16 +112,28 @@ def vehicle_view(
         last: see `last_good`.
         now_ns: UTC.
         open_roads: see `vehicle_views`.
+        live: likewise.
+        has_orders: it has orders that have not ended.
+        missed: what the dispatcher tells of it if it is silent: it may have heard it before the
+            page was there.
     """
     position = snapshot.positions.get(plan.vehicle)
-    heard = position is not None and position.cycle is not None
-    if position is None or freshness.fault(position.time_ns, now_ns) is not None:
-        position = None
-    if position is None or position.cycle is None:
-        return _planned(plan, position, index, last, now_ns, open_roads, silent=heard)
-    followed = snapshot.followed.get(plan.vehicle)
-    if followed is None or followed.cycle != position.cycle:
-        followed = _without_route(plan)
+    if position is None and missed is not None:
+        done = progress.missed(plan, missed)
+        return _silent(plan, done, missed.heard_ns, index, now_ns, open_roads, has_orders)
+    if position is None:
+        return _planned(plan, None, index, last, now_ns, open_roads, live=live)
+    followed = plan
+    if position.cycle is not None and position.cycle != plan.cycle:
+        known = snapshot.followed.get(plan.vehicle)
+        same = known is not None and known.cycle == position.cycle
+        followed = known if known is not None and same else _without_route(plan)
+    if freshness.fault(position.time_ns, now_ns) is not None:
+        done = progress.silent(followed, position)
+        view = _silent(followed, done, position.time_ns, index, now_ns, open_roads, has_orders)
+        return replace(view, charge_kwh=position.charge_kwh)
+    if position.cycle is None:
+        return _planned(plan, position, index, last, now_ns, open_roads)
     return _driving(followed, position, index, now_ns, open_roads)
 
 
@@ -108,19 +153,26 @@ def _planned(
     now_ns: int,
     open_roads: Container[str],
     *,
-    silent: bool,
+    live: bool = True,
 ) -> VehicleView:
-    """The view of a vehicle without a reported position on a plan: by its latest plan."""
+    """The view of a vehicle that reports to follow no plan, or was never heard: by its latest."""
     left_out = last is not None and plan.cycle != last.cycle and plan.issued_ns < last.started_ns
-    idle = left_out or not (plan.segments or plan.stops)
-    activity = _activity(plan, now_ns)
-    done = progress.planned(plan, now_ns)
-    if idle:
+    unheard = ", never heard" if live and position is None else ""
+    if left_out or not (plan.segments or plan.stops):
         since_cycle = left_out and last is not None and plan.issued_ns > 0
         text = f"no plan in cycle #{last.cycle}" if since_cycle and last else ""
         activity = f"idle, {text}" if text else "idle"
-        done = progress.idle(text or "has no plan", position)
+        done = progress.idle((text or "has no plan") + unheard, position)
         plan = _without_route(plan)
+    elif position is not None:
+        done = progress.not_taken(plan, position, now_ns)
+        activity = done.text
+    else:
+        done = progress.planned(plan, now_ns)
+        activity = _activity(plan, now_ns)
+        if done.state == "planned":
+            activity = f"by plan: {activity}"
+        done, activity = replace(done, text=done.text + unheard), activity + unheard
     return _view(
         plan,
         index,
@@ -128,8 +180,37 @@ def _planned(
         done=done,
         expired=now_ns > plan.valid_until_ns,
         open_roads=open_roads,
-        silent=silent,
         charge_kwh=None if position is None else position.charge_kwh,
+    )
+
+
+def _silent(
+    plan: VehiclePlan,
+    done: Progress,
+    heard_ns: int,
+    index: int,
+    now_ns: int,
+    open_roads: Container[str],
+    has_orders: bool,
+) -> VehicleView:
+    """The view of a vehicle that was heard, and is not now: where it was then."""
+    silence: Literal["idle", "warn", "bad"] = "idle"
+    if has_orders or (plan.stops and now_ns <= plan.valid_until_ns):
+        overdue = abs(age_s(heard_ns, now_ns)) > SILENT_AFTER_S
+        silence = "bad" if overdue else "warn"
+    told = f"silent for {labels.duration(age_s(heard_ns, now_ns))}"
+    if freshness.is_ahead(heard_ns, now_ns):
+        told = "its clock is ahead of this one's"
+        done = replace(done, text=f"{told}; {done.text}")
+    return _view(
+        plan,
+        index,
+        activity=f"{told}; {done.text}",
+        done=done,
+        expired=now_ns > plan.valid_until_ns,
+        open_roads=open_roads,
+        silent_ns=heard_ns,
+        silence=silence,
     )
 
 
@@ -176,7 +257,8 @@ def _view(
     done: Progress,
     expired: bool,
     open_roads: Container[str],
-    silent: bool = False,
+    silent_ns: int | None = None,
+    silence: Literal["idle", "warn", "bad"] | None = None,
     charge_kwh: float | None = None,
 ) -> VehicleView:
     return VehicleView(
@@ -189,7 +271,8 @@ def _view(
         activity=activity,
         expired=expired,
         charge_kwh=charge_kwh,
-        silent=silent,
+        silent_ns=silent_ns,
+        silence=silence,
     )
 
 

@@ -23,7 +23,7 @@ class Action(Settings):
         action: what.
         subject: `dispatcher`, `order/ID` or `alarm/ID`.
         vehicle: to pin an order to; None: the one whose plan has it.
-        reason: in words, for the log; None: none was given.
+        reason: in words, handed on to the dispatcher; None: none was given.
     """
 
     action: Kind
@@ -62,22 +62,21 @@ class Call:
 def call_of(action: Action) -> Call:
     """The call that does what is asked for."""
     name = quote(action.name, safe="")
+    told = {"vehicle": action.vehicle, "reason": action.reason}
+    body: dict[str, object] | None = {k: v for k, v in told.items() if v is not None} or None
     match action.action:
         case "pause" | "resume":
-            return Call("POST", f"/v1/control/{action.action}")
+            return Call("POST", f"/v1/control/{action.action}", body)
         case "solve":
-            return Call("POST", "/v1/control/cycle")
+            return Call("POST", "/v1/control/cycle", body)
         case "pin":
-            body: dict[str, object] | None = None
-            if action.vehicle is not None:
-                body = {"vehicle": action.vehicle}
             return Call("POST", f"/v1/orders/{name}/pin", body)
         case "release":
-            return Call("POST", f"/v1/orders/{name}/release")
+            return Call("POST", f"/v1/orders/{name}/release", body)
         case "cancel":
-            return Call("DELETE", f"/v1/orders/{name}")
+            return Call("DELETE", f"/v1/orders/{name}", body)
         case "acknowledge":
-            return Call("POST", f"/v1/alarms/{name}/acknowledge")
+            return Call("POST", f"/v1/alarms/{name}/acknowledge", body)
 
 
 def told(action: Action) -> str:

@@ -9,6 +9,7 @@ from fastapi import APIRouter, Query
 from fastapi.responses import Response
 
 from dashboard.web.pictures import Pictures, picture_key
+from dashboard.web.rows import ms
 from dashboard.web.services import Page, Services
 from slipstream.http.problems import Problem
 from slipstream.http.streaming import EndlessResponse
@@ -16,6 +17,8 @@ from slipstream.http.streaming import EndlessResponse
 SEND_WITHIN_S: Final = 10.0
 FIRST_WITHIN_S: Final = 10.0
 """A stream ends where no picture comes for so long."""
+TAKEN: Final = "X-Picture-Taken"
+"""Header of a picture: ms of UTC at which it was taken."""
 _BOUNDARY: Final = "slipstream-picture"
 
 Boxes = Annotated[bool, Query(description="With the boxes that the unit draws.")]
@@ -42,15 +45,16 @@ async def still(page: Page, rsu: str, boxes: Boxes = True) -> Response:
     pictures = _pictures(page, rsu)
     key = picture_key(rsu, boxes=boxes)
     pictures.glance(key)
-    jpeg = pictures.latest(key)
-    if jpeg is None:
+    found = pictures.latest(key)
+    if found is None:
         with pictures.looking(key):
             async for first in pictures.following(key, FIRST_WITHIN_S):
-                jpeg = first
+                found = first
                 break
-    if jpeg is None:
+    if found is None:
         raise Problem(404, f"no picture came from {rsu}", "look at the unit's health")
-    return Response(jpeg, media_type="image/jpeg", headers={"Cache-Control": "no-store"})
+    headers = {"Cache-Control": "no-store", TAKEN: str(ms(found.taken_ns))}
+    return Response(found.jpeg, media_type="image/jpeg", headers=headers)
 
 
 def _pictures(page: Services, rsu: str) -> Pictures:
@@ -63,8 +67,9 @@ async def _parts(pictures: Pictures, key: str) -> AsyncIterator[bytes]:
     with pictures.looking(key) as taken:
         if not taken:
             return
-        async for jpeg in pictures.following(key, FIRST_WITHIN_S):
+        async for one in pictures.following(key, FIRST_WITHIN_S):
             head = (
-                f"--{_BOUNDARY}\r\nContent-Type: image/jpeg\r\nContent-Length: {len(jpeg)}\r\n\r\n"
+                f"--{_BOUNDARY}\r\nContent-Type: image/jpeg\r\nContent-Length: {len(one.jpeg)}\r\n"
+                f"{TAKEN}: {ms(one.taken_ns)}\r\n\r\n"
             )
-            yield head.encode() + jpeg + b"\r\n"
+            yield head.encode() + one.jpeg + b"\r\n"

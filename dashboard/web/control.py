@@ -29,6 +29,7 @@ BURST: Final = 10.0
 MAX_RUNNING: Final = 4
 """Calls that wait for the dispatcher at once."""
 _SOURCE: Final = "request"
+_TOKEN_MEND: Final = "enter yours; who runs the dispatcher makes one with `slipstream token new`"
 
 router = APIRouter(prefix="/api")
 _rate: Final = RateLimit(RATE_PER_S, BURST)
@@ -52,8 +53,7 @@ async def act(
         raise Problem(429, "too many actions", "wait a little", headers=after)
     kind, _, token = authorization.partition(" ")
     if kind.lower() != "bearer" or not token:
-        mend = "send 'Authorization: Bearer TOKEN'; `slipstream token new` makes one"
-        raise Problem(401, "a token is missing", mend, field="Authorization")
+        raise Problem(401, "a token is missing", _TOKEN_MEND, field="Authorization")
     # A form of another site cannot send this type.
     if content_type.partition(";")[0].strip().lower() != "application/json":
         raise Problem(415, "not JSON", "send Content-Type: application/json", field="Content-Type")
@@ -64,10 +64,20 @@ async def act(
         raise from_input_error(error) from None
     client = ApiClient(page.settings.dispatcher_api, "dispatcher_api")
     answer = await run_in_threadpool(_call, client, call_of(action), token.strip())
+    text = told(action)
+    if action.reason is not None and answer.status == 422 and "reason" in _field(answer):
+        # A dispatcher of the version before takes none here.
+        call = call_of(action.model_copy(update={"reason": None}))
+        answer = await run_in_threadpool(_call, client, call, token.strip())
+        text += " The dispatcher's version does not keep the reason."
     _log(action, remote, answer)
     if answer.status >= 400:
         raise _refusal(answer)
-    return Response(encoded({"text": told(action)}), media_type="application/json")
+    return Response(encoded({"text": text}), media_type="application/json")
+
+
+def _field(answer: Answer) -> str:
+    return str(answer.document.get("field") or "")
 
 
 def _call(client: ApiClient, call: Call, token: str) -> Answer:
@@ -76,7 +86,9 @@ def _call(client: ApiClient, call: Call, token: str) -> Answer:
     try:
         return client.call(call.method, call.path, call.body, token, WITHIN_S)
     except InputError as error:
-        raise Problem(502, f"the dispatcher: {error.problem}", error.mend) from None
+        log.warning("the dispatcher's API: %s", error)
+        mend = "look whether it runs; where the page asks it is dispatcher_api in its settings"
+        raise Problem(502, f"the dispatcher gives no answer: {error.problem}", mend) from None
     finally:
         _running.release()
 
@@ -99,6 +111,9 @@ def _refusal(answer: Answer) -> Problem:
         value: Any = answer.document.get(key)
         return None if value is None else str(value)
 
-    return Problem(
-        answer.status, text("detail") or "the dispatcher refused", text("mend"), field=text("field")
-    )
+    detail, mend = text("detail") or "the dispatcher refused", text("mend")
+    if answer.status == 401:
+        detail, mend = "the dispatcher does not know this token", _TOKEN_MEND
+    elif answer.status == 403:
+        mend = "ask your administrator for a token that may"
+    return Problem(answer.status, detail, mend, field=text("field"))

@@ -39,9 +39,9 @@ def _columns(text: str) -> tuple[Column, ...]:
 
 TABLES: Final[Mapping[str, tuple[Column, ...]]] = {
     "vehicles": _columns(
-        "id=vehicle level state text=doing road platoon place *with next=next_stop @eta delay_s "
-        "stops_left carrier cycle x=x_m y=y_m heading=heading_deg source=position kwh saved_kwh km "
-        "platoon_km charge_kwh"
+        "id=vehicle level state text=doing @seen=silent_since road platoon place "
+        "*with next=next_stop @eta delay_s stops_left carrier cycle x=x_m y=y_m "
+        "heading=heading_deg source=position kwh saved_kwh km platoon_km charge_kwh"
     ),
     "roads": _columns(
         "id=road level flag why kmh cv=speed_cv vehicles gate gate_why rsu stopped @since"
@@ -51,8 +51,8 @@ TABLES: Final[Mapping[str, tuple[Column, ...]]] = {
         "@seen x=x_m y=y_m"
     ),
     "orders": _columns(
-        "id=order level state vehicle node @eta @earliest @latest late_s pinned source why @since "
-        "x=x_m y=y_m"
+        "id=order level state vehicle node @eta @earliest @latest late_s "
+        "@late_since @silent_since pinned source why @since x=x_m y=y_m"
     ),
     "cycles": _columns(
         "id=cycle @t=started level status why wall_s plans solver variables saved_kwh saved_share "
@@ -104,7 +104,7 @@ def _cell(column: Column, name: str, row: Mapping[str, Any]) -> str | float | No
     if value is None:
         return None
     if column.kind == "time":
-        return datetime.fromtimestamp(value / 1e3, UTC).isoformat(timespec="seconds")
+        return datetime.fromtimestamp(round(value / 1e3), UTC).isoformat(timespec="seconds")
     if column.kind == "list":
         return harmless("; ".join(map(str, value)))
     if isinstance(value, bool):

@@ -8,11 +8,12 @@ import threading
 import time
 from collections import Counter, OrderedDict
 from collections.abc import AsyncIterator, Callable, Iterator
+from dataclasses import dataclass
 from typing import Final, Protocol
 from urllib.parse import unquote
 
 from slipstream.errors import InputError
-from slipstream.messages import bare_preview_key, preview_key
+from slipstream.messages import bare_preview_key, capture_time_ns, preview_key
 
 MAX_PICTURE_BYTES: Final = 512 * 1024
 MAX_KEPT: Final = 64
@@ -20,7 +21,7 @@ MAX_KEPT: Final = 64
 MAX_LOOKS: Final = 64
 """Streams of pictures at once."""
 KEPT_S: Final = 3.0
-"""A picture is shown as the latest for so long."""
+"""A picture is the latest for so long after it came."""
 GLANCE_S: Final = 5.0
 """Whoever asks for single pictures is taken to look on for so long after each."""
 
@@ -33,6 +34,20 @@ class Listener(Protocol):
         ...
 
 
+@dataclass(frozen=True)
+class Picture:
+    """One picture of a camera.
+
+    Attributes:
+        jpeg: of it.
+        taken_ns: UTC at which it was taken, as its unit says: one whose camera has stopped sends
+            its last picture again. Of a unit that does not say it, when it came.
+    """
+
+    jpeg: bytes
+    taken_ns: int
+
+
 class Pictures:
     """The latest picture of each unit that is looked at; safe for threads.
 
@@ -41,13 +56,18 @@ class Pictures:
 
     Args:
         clock_s: a monotonic clock.
+        clock_ns: UTC.
     """
 
-    def __init__(self, clock_s: Callable[[], float] = time.monotonic) -> None:
-        self._clock_s = clock_s
+    def __init__(
+        self,
+        clock_s: Callable[[], float] = time.monotonic,
+        clock_ns: Callable[[], int] = time.time_ns,
+    ) -> None:
+        self._clock_s, self._clock_ns = clock_s, clock_ns
         self._lock = threading.Lock()
         self._looks: Counter[str] = Counter()
-        self._latest: OrderedDict[str, tuple[bytes, float]] = OrderedDict()
+        self._latest: OrderedDict[str, tuple[Picture, float]] = OrderedDict()
         self._waiting: dict[str, set[tuple[asyncio.AbstractEventLoop, asyncio.Event]]] = {}
         self._glances: dict[str, tuple[asyncio.TimerHandle, contextlib.ExitStack]] = {}
         self._listener: Listener | None = None
@@ -68,8 +88,9 @@ class Pictures:
         """
         check_key(key)
         check_jpeg(key, payload)
+        picture = Picture(payload, capture_time_ns(payload) or self._clock_ns())
         with self._lock:
-            self._latest[key] = payload, self._clock_s()
+            self._latest[key] = picture, self._clock_s()
             self._latest.move_to_end(key)
             if len(self._latest) > MAX_KEPT:
                 self._latest.popitem(last=False)
@@ -78,11 +99,11 @@ class Pictures:
             with contextlib.suppress(RuntimeError):  # the loop is closed: the server went down
                 loop.call_soon_threadsafe(event.set)
 
-    def latest(self, key: str) -> bytes | None:
-        """The latest picture of a key; None: there is none of the last `KEPT_S`."""
+    def latest(self, key: str) -> Picture | None:
+        """The latest picture of a key; None: none came in the last `KEPT_S`."""
         with self._lock:
-            jpeg, at_s = self._latest.get(key, (b"", 0.0))
-        return jpeg if jpeg and self._clock_s() - at_s <= KEPT_S else None
+            picture, at_s = self._latest.get(key, (None, 0.0))
+        return picture if self._clock_s() - at_s <= KEPT_S else None
 
     @contextlib.contextmanager
     def looking(self, key: str) -> Iterator[bool]:
@@ -120,7 +141,7 @@ class Pictures:
 
         self._glances[key] = asyncio.get_running_loop().call_later(GLANCE_S, end), look
 
-    async def following(self, key: str, within_s: float) -> AsyncIterator[bytes]:
+    async def following(self, key: str, within_s: float) -> AsyncIterator[Picture]:
         """The pictures of a key as they come; one that is not taken in time is left out.
 
         Args:
@@ -133,10 +154,10 @@ class Pictures:
         shown = None
         try:
             while True:
-                jpeg = self.latest(key)
-                if jpeg is not None and jpeg is not shown:
-                    shown = jpeg
-                    yield jpeg
+                picture = self.latest(key)
+                if picture is not None and picture is not shown:
+                    shown = picture
+                    yield picture
                 try:
                     async with asyncio.timeout(within_s):
                         await event.wait()

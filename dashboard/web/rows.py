@@ -28,6 +28,8 @@ MAX_ORDERS: Final = 5000
 MAX_CYCLES: Final = 200
 LATE_AFTER_S: Final = 300.0
 """Behind its plan, s: a vehicle beyond it is in trouble."""
+OVERDUE_NS: Final = 60 * 10**9
+"""An order is late by its arrival so long after it: a vehicle's word takes some time."""
 _HARMLESS: Final = frozenset({"too_few_vehicles", "window_not_covered"})
 """Reasons of an unknown flag that are no fault."""
 
@@ -50,8 +52,8 @@ class Scene:
 
 
 def ms(time_ns: int | None) -> int | None:
-    """UTC nanoseconds as a browser's milliseconds."""
-    return None if time_ns is None else time_ns // 1_000_000
+    """UTC nanoseconds as a browser's milliseconds, to the nearest."""
+    return None if time_ns is None else (time_ns + 500_000) // 1_000_000
 
 
 def road_row(road: RoadView) -> Row:
@@ -226,7 +228,7 @@ def vehicle_row(
     place = None if done.position is None else scene.places.on_road(*done.position)
     part = None if done.part is None else plan.segments[done.part]
     platoon = None
-    if part is not None and done.state in ("driving", "stopped") and part.segment in van.open_roads:
+    if part is not None and done.on_road and part.segment in van.open_roads:
         platoon = part.platoon
     eta_ns = done.eta_ns(plan)
     together = partners.get((platoon, part.segment), ()) if part is not None and platoon else ()
@@ -234,7 +236,7 @@ def vehicle_row(
         "x": None if place is None else round(place[0], 1),
         "y": None if place is None else round(place[1], 1),
         "heading": None if place is None else round(place[2]) % 360,
-        "source": None if place is None else "reported" if done.reported else "planned",
+        "source": None if place is None else done.source,
         "state": done.state,
         "text": done.text,
         "road": None if done.position is None else done.position[0],
@@ -245,6 +247,7 @@ def vehicle_row(
         "eta": ms(eta_ns),
         "delay_s": done.delay_s,
         "stops_left": 0 if done.stop is None else tour.left[done.stop],
+        "seen": ms(van.silent_ns),
         "level": _vehicle_level(van, eta_ns),
         "route": drawn,
         "at": None if done.part is None else tour.before[done.part],
@@ -257,6 +260,10 @@ def vehicle_row(
 
 def _vehicle_level(van: VehicleView, eta_ns: int | None) -> str:
     done = van.progress
+    if van.silence is not None:
+        return van.silence
+    # Of one that was never heard nothing is known to be well.
+    well = "ok" if done.reported else "idle"
     if done.state == "idle":
         return "idle"
     if done.stop is not None and eta_ns is not None:
@@ -264,7 +271,7 @@ def _vehicle_level(van: VehicleView, eta_ns: int | None) -> str:
         if latest_ns is not None and eta_ns > latest_ns:
             return "bad"
     late = done.delay_s is not None and done.delay_s >= LATE_AFTER_S
-    return "warn" if late or van.silent or done.state == "expired" else "ok"
+    return "warn" if late or done.state == "expired" else well
 
 
 def platoons(plans: Iterable[VehiclePlan]) -> dict[tuple[str, str], list[str]]:
@@ -278,28 +285,74 @@ def platoons(plans: Iterable[VehiclePlan]) -> dict[tuple[str, str], list[str]]:
     return {key: [name for _, name in sorted(members)] for key, members in found.items()}
 
 
-def order_row(order: OrderRecord, plan: VehiclePlan | None, scene: Scene) -> Row:
-    """One order.
+@dataclass(frozen=True)
+class Serving:
+    """What of a vehicle says whether its orders will be served in time.
+
+    Attributes:
+        plan: its latest.
+        silent_ns: UTC since when it is silent; None: it is not.
+        reported: whether it reports what it does.
+        at: the stop that it reports to stand at; None: at none.
+        delay_s: that it reports; 0 where it reports none.
+    """
+
+    plan: VehiclePlan
+    silent_ns: int | None = None
+    reported: bool = False
+    at: str | None = None
+    delay_s: float = 0.0
+
+    @classmethod
+    def of(cls, van: VehicleView, plan: VehiclePlan) -> Serving:
+        """That of a vehicle.
+
+        Args:
+            van: its view.
+            plan: its latest, which it need not follow yet.
+        """
+        done = van.progress
+        at = None if done.at is None else van.plan.stops[done.at].stop
+        return cls(plan, van.silent_ns, done.reported, at, max(0.0, done.delay_s or 0.0))
+
+    def eta_ns(self, order: str) -> int | None:
+        """UTC of its arrival at an order; None: its plan has no such stop."""
+        stops = (stop for stop in self.plan.stops if stop.stop == order)
+        return next((stop.arrival_ns + round(self.delay_s * 1e9) for stop in stops), None)
+
+
+def order_row(order: OrderRecord, serving: Serving | None, scene: Scene, now_ns: int) -> Row:
+    """One order, judged by the clock: what is over is never taken for on its way.
 
     Args:
         order: as it is stored.
-        plan: the latest of its vehicle; None: it has none.
+        serving: the vehicle that has it; None: none has, or it has no plan.
         scene: the roads.
+        now_ns: UTC.
     """
     place = scene.places.at_node(order.node)
-    arrival_ns = None
-    if plan is not None and not order.ended:
-        stops = (stop for stop in plan.stops if stop.stop == order.order)
-        arrival_ns = next((stop.arrival_ns for stop in stops), None)
-    ends_ns = order.since_ns if order.state == "served" else arrival_ns
+    carried = None if order.ended else serving
+    eta_ns = None if carried is None else carried.eta_ns(order.order)
+    overdue_ns = _overdue_ns(order, carried, eta_ns, now_ns)
+    missed = overdue_ns is not None and overdue_ns == order.latest_ns
     late_s = None
-    if ends_ns is not None and order.latest_ns is not None:
-        late_s = max(0, round((ends_ns - order.latest_ns) / 1e9))
+    if order.latest_ns is not None:
+        ends_ns = order.since_ns if order.state == "served" else eta_ns
+        if missed:
+            ends_ns = max(now_ns, eta_ns or 0)
+        if ends_ns is not None and not (order.ended and order.state != "served"):
+            late_s = max(0, round((ends_ns - order.latest_ns) / 1e9))
+            # A clock that runs changes a row once a minute.
+            late_s -= late_s % 60 if missed else 0
+    silent_ns = None if carried is None else carried.silent_ns
     level = {"failed": "bad", "cancelled": "idle"}.get(order.state, "ok")
-    if level == "ok" and late_s:
-        level = "warn"
-    if order.state == "open" and order.cycle is None and order.reason:
-        level = "warn" if level == "ok" and order.latest_ns is not None else level
+    if carried is not None and not carried.reported and carried.silent_ns is None:
+        level = "idle"
+    waits = order.state == "open" and order.cycle is None and order.reason
+    if late_s or overdue_ns is not None or (waits and order.latest_ns is not None):
+        level = "warn" if level in ("ok", "idle") and order.state != "cancelled" else level
+    if missed or silent_ns is not None:
+        level = "bad"
     return {
         "state": order.state,
         "level": level,
@@ -307,15 +360,42 @@ def order_row(order: OrderRecord, plan: VehiclePlan | None, scene: Scene) -> Row
         "x": None if place is None else round(place[0], 1),
         "y": None if place is None else round(place[1], 1),
         "vehicle": order.vehicle,
-        "eta": ms(arrival_ns),
+        "eta": ms(eta_ns),
         "earliest": ms(order.earliest_ns),
         "latest": ms(order.latest_ns),
         "late_s": late_s,
+        "late_since": ms(overdue_ns),
+        "silent_since": ms(silent_ns),
         "pinned": order.pinned,
         "source": order.source,
         "why": order.reason or None,
         "since": ms(order.since_ns),
     }
+
+
+def _overdue_ns(
+    order: OrderRecord, serving: Serving | None, eta_ns: int | None, now_ns: int
+) -> int | None:
+    """UTC since when an order is late: its window has closed, or it was to be reached before now.
+
+    None: it is not, or its vehicle stands there.
+    """
+    if order.ended or (serving is not None and serving.at == order.order):
+        return None
+    if order.latest_ns is not None and order.latest_ns < now_ns:
+        return order.latest_ns
+    return eta_ns if eta_ns is not None and eta_ns + OVERDUE_NS < now_ns else None
+
+
+def changes_ns(order: OrderRecord, row: Row, serving: Serving | None, now_ns: int) -> int | None:
+    """UTC at which the clock alone changes an order's row; None: it never does."""
+    if order.ended:
+        return None
+    if row["late_s"] and row["late_since"] is not None:
+        return now_ns + 60 * 10**9
+    eta_ns = None if serving is None else serving.eta_ns(order.order)
+    ends = [order.latest_ns, None if eta_ns is None else eta_ns + OVERDUE_NS]
+    return min((end for end in ends if end is not None and end >= now_ns), default=None)
 
 
 def alarm_row(alarm: Alarm) -> Row:
@@ -350,6 +430,8 @@ def cycle_row(report: CycleReport) -> Row:
     """One dispatch cycle."""
     energy = None if report.energy is None else energy_sum(report.energy)
     status, level = labels.CYCLE_STATUS[report.status]
+    if report.unserved and level == "ok":
+        level = "warn"
     return {
         "t": ms(report.started_ns),
         "status": status,

@@ -19,7 +19,7 @@ from dashboard.web.road_table import RoadTable
 from dashboard.web.rows import TABLES, Moment, Row, Rows, Scene, Tour, ms
 from slipstream.freshness import age_s, fault
 from slipstream.messages import CycleReport, VehiclePlan
-from slipstream.orders import OrderRecord
+from slipstream.orders import ENDED, OrderRecord
 
 Partners = dict[tuple[str, str], list[str]]
 OWN_ALARMS: Final = ("bus", "dispatcher", "database")
@@ -30,8 +30,9 @@ answers again, s: units that start with the page load their detector before."""
 SETTLE_S: Final = 5.0
 """For so long after an outage of the bus silence tells nothing, s: each sender tries again to reach
 the router, every 4 s at most."""
-_ORDERS_AGAIN_NS: Final = 60 * 10**9
-"""For so long orders that have ended stay, though their time is over."""
+
+_KnownOrder = tuple[OrderRecord, rows.Serving | None, int | None, Row]
+"""An order, its vehicle, UTC at which the clock changes its row, and that."""
 
 
 @dataclass(frozen=True)
@@ -78,8 +79,8 @@ class Tables:
         self._answers_ns: int | None = None
         self._tours: dict[str, tuple[Tour, tuple[bool, ...], list[list[int]]]] = {}
         self._partners: tuple[tuple[int, ...], tuple[VehiclePlan, ...], Partners] = (), (), {}
-        self._orders: tuple[Sequence[OrderRecord], tuple[VehiclePlan, ...], int, Rows]
-        self._orders = (), (), 0, {}
+        self._orders: dict[str, _KnownOrder] = {}
+        self._order_table: Rows = {}
         self._cycles: tuple[tuple[CycleReport, ...], Rows] = (), {}
         self._last_energy: Row | None = None
         self.moment: Moment = {
@@ -91,6 +92,7 @@ class Tables:
             "energy": None,
             "next_cycle": None,
             "paused": False,
+            "dispatcher_heard": False,
         }
 
     def update(
@@ -138,24 +140,31 @@ class Tables:
         worst = worst_by_row((*wrong, *of_alarms(alarms)))
         new: Moment = {
             "vehicles": raised(
-                self._vehicle_rows(vans, heard, snapshot.drafting_kwh), worst.get("vehicles")
+                self._vehicle_rows(vans, heard, snapshot.drafting_kwh),
+                worst.get("vehicles"),
             ),
             "roads": raised(roads.rows, worst.get("roads")),
             "rsus": raised(dict(sorted(rsu_rows.items())), worst.get("rsus")),
-            "orders": raised(self._order_rows(snapshot, now_ns), worst.get("orders")),
+            "orders": raised(self._order_rows(snapshot, vans, heard, now_ns), worst.get("orders")),
             "cycles": self._cycle_rows(snapshot),
             "alarms": self._alarm_rows(snapshot, wrong, now_ns),
             "status": status(wrong),
             "energy": self._energy(snapshot, energy),
             "next_cycle": _next_cycle(snapshot, heard),
             "paused": snapshot.dispatcher is not None and snapshot.dispatcher.paused,
+            "dispatcher_heard": down is None and self._is_heard(snapshot, now_ns),
         }
         return self._take(new, ms(now_ns) or 0)
 
+    def _is_heard(self, snapshot: Snapshot, now_ns: int) -> bool:
+        health, silent_after_s = snapshot.dispatcher, self._limits.silent_after_s
+        if health is None:
+            return False
+        return fault(health.time_ns, now_ns, stale_after_s=silent_after_s) is None
+
     def _is_planning(self, snapshot: Snapshot, now_ns: int, wrong: Sequence[Trouble]) -> bool:
         """Whether the dispatcher is heard, and nothing keeps it from planning."""
-        health, silent_after_s = snapshot.dispatcher, self._limits.silent_after_s
-        if health is None or fault(health.time_ns, now_ns, stale_after_s=silent_after_s):
+        if not self._is_heard(snapshot, now_ns):
             return False
         return not any(t.level == "bad" and t.subject in ("bus", "dispatcher") for t in wrong)
 
@@ -183,7 +192,7 @@ class Tables:
                 changed["set"][table] = told
             if gone:
                 changed["del"][table] = gone
-        for key in ("status", "energy", "next_cycle", "paused"):
+        for key in ("status", "energy", "next_cycle", "paused", "dispatcher_heard"):
             if old[key] != new[key]:
                 changed[key] = new[key]
         if len(changed) == 2 and not changed["set"] and not changed["del"]:
@@ -215,29 +224,48 @@ class Tables:
             self._tours[van.vehicle] = tour, is_open, drawn
             saved_kwh = drafting_kwh.get((van.vehicle, van.plan.cycle))
             row = rows.vehicle_row(van, tour, drawn, self._scene, self._partners[2], saved_kwh)
-            if not heard and row["level"] == "ok":
+            if not heard and (row["level"] == "ok" or row["state"] == "planned"):
                 # Nobody plans for it any more, or its place cannot be confirmed.
                 row["level"] = "warn"
             made[van.vehicle] = row
         return made
 
-    def _order_rows(self, snapshot: Snapshot, now_ns: int) -> Rows:
-        # Plans and orders are replaced, never changed.
-        plans = tuple(snapshot.plans.values())
-        same = self._orders[0] is snapshot.orders and _identical(self._orders[1], plans)
-        if same and now_ns < self._orders[2]:
-            return self._orders[3]
+    def _order_rows(
+        self, snapshot: Snapshot, vans: tuple[VehicleView, ...], heard: bool, now_ns: int
+    ) -> Rows:
+        serving = servings(vans, snapshot.plans)
         oldest_ns = now_ns - round(rows.ENDED_ORDERS_FOR_S * 1e9)
         shown = sorted(
             (order for order in snapshot.orders if not order.ended or order.since_ns > oldest_ns),
             key=lambda order: (order.ended, -order.since_ns),
         )
-        made = {
-            order.order: rows.order_row(order, snapshot.plans.get(order.vehicle or ""), self._scene)
-            for order in shown[: rows.MAX_ORDERS]
+        known, self._orders = self._orders, {}
+        same = len(known) == min(len(shown), rows.MAX_ORDERS)
+        for order in shown[: rows.MAX_ORDERS]:
+            name, by = order.order, serving.get(order.vehicle or "")
+            before = known.get(name)
+            # Orders and plans are replaced, never changed.
+            if (
+                before is None
+                or before[0] is not order
+                or before[1] != by
+                or _is_due(before, now_ns)
+            ):
+                row = rows.order_row(order, by, self._scene, now_ns)
+                before = order, by, rows.changes_ns(order, row, by, now_ns), row
+                same = False
+            self._orders[name] = before
+        if not same:
+            self._order_table = {name: entry[3] for name, entry in self._orders.items()}
+        if heard:
+            return self._order_table
+        # Nobody plans for what is open any more.
+        return {
+            name: {**row, "level": "warn"}
+            if row["level"] == "ok" and row["state"] not in ENDED
+            else row
+            for name, row in self._order_table.items()
         }
-        self._orders = snapshot.orders, plans, now_ns + _ORDERS_AGAIN_NS, made
-        return made
 
     def _cycle_rows(self, snapshot: Snapshot) -> Rows:
         shown = tuple(snapshot.cycles[-rows.MAX_CYCLES :])
@@ -265,6 +293,17 @@ class Tables:
             self._last_energy = rows.energy_sum(last.energy, **self._factors)
         unknown = {"today": None, "week": None, "total": None, "since": None}
         return {**unknown, **(told or {}), "last_cycle": self._last_energy}
+
+
+def servings(
+    vans: Sequence[VehicleView], plans: Mapping[str, VehiclePlan]
+) -> dict[str, rows.Serving]:
+    """What says whether orders will be served in time, by vehicle."""
+    return {van.vehicle: rows.Serving.of(van, plans.get(van.vehicle, van.plan)) for van in vans}
+
+
+def _is_due(known: _KnownOrder, now_ns: int) -> bool:
+    return known[2] is not None and now_ns > known[2]
 
 
 def _changes(before: Rows, after: Rows) -> Rows:

@@ -19,6 +19,7 @@ from slipstream.messages import (
     rsu_health_key,
     state_key,
     stopped_key,
+    with_capture_time,
 )
 from slipstream.sumo_net import load_network
 
@@ -52,6 +53,9 @@ def test_each_kind_arrives(live, world, now_ns):
     assert snapshot.cycles == (cycle,)
     assert snapshot.dispatcher == dispatcher
     assert snapshot.previews == {"rsu/1 ü": (world.jpeg(), now_ns)}
+    again = with_capture_time(world.jpeg(), now_ns - 210 * 10**9)
+    live.on_preview(preview_key("rsu/1 ü"), again)
+    assert live.snapshot().previews == {"rsu/1 ü": (again, now_ns - 210 * 10**9)}
 
 
 def test_stopped_vehicles_arrive_in_order(live, now_ns):

@@ -15,6 +15,7 @@ from dashboard.web.levels import raised, worst_by_row
 from dashboard.web.past import views
 from dashboard.web.past.facts import Facts
 from dashboard.web.rows import Moment, Row, Scene, Tour, ms
+from dashboard.web.tables import servings
 from slipstream.messages import Alarm, Severity
 from slipstream.orders import drafting_kwh
 from storage import Event
@@ -42,11 +43,13 @@ def moment_at(facts: Facts, snapshot: Snapshot, scene: Scene) -> Moment:
     """
     roads = views.road_views(facts)
     names = {*scene.vehicles, *(record.plan.vehicle for record in facts.plans)}
-    vans = vehicle_views(snapshot, facts.time_ns, open_roads(roads), names, left_out_is_idle=False)
+    vans = vehicle_views(snapshot, facts.time_ns, open_roads(roads), names, live=False)
     partners = rows.platoons(van.plan for van in vans if not van.idle)
     alarms = {str(event.alarm): alarm_at(event, facts.time_ns) for event in facts.alarms}
     wrong = list(of_alarms(alarms.values()))
     worst = worst_by_row(wrong)
+
+    serving = servings(vans, snapshot.plans)
 
     def vehicle_row(van: VehicleView) -> Row:
         tour = Tour.of(van.plan, scene)
@@ -63,7 +66,9 @@ def moment_at(facts: Facts, snapshot: Snapshot, scene: Scene) -> Moment:
         "rsus": raised(views.rsu_rows(facts, scene.places), worst.get("rsus")),
         "orders": raised(
             {
-                order.order: rows.order_row(order, snapshot.plans.get(order.vehicle or ""), scene)
+                order.order: rows.order_row(
+                    order, serving.get(order.vehicle or ""), scene, facts.time_ns
+                )
                 for order in facts.orders
             },
             worst.get("orders"),
@@ -76,6 +81,7 @@ def moment_at(facts: Facts, snapshot: Snapshot, scene: Scene) -> Moment:
         "energy": facts.energy,
         "next_cycle": None,
         "paused": facts.paused,
+        "dispatcher_heard": False,
     }
 
 

@@ -15,6 +15,9 @@ const QUESTIONS = {
   acknowledge: ["Acknowledge the alarm?", "Others see that you know of it. It stays until its cause is gone.", "Acknowledge"],
 };
 
+/** "it is over" as "It is over." @param {string} text */
+function sentence(text) { return `${text[0].toUpperCase()}${text.slice(1)}${/[.!?]$/.test(text) ? "" : "."}`; }
+
 /** The dialog of all actions. */
 export class Actions {
   /** @param {() => Iterable<string>} vehicles names that an order can be locked to */
@@ -29,8 +32,8 @@ export class Actions {
     byId("action-close").addEventListener("click", () => this.dialog.close());
   }
 
-  /** Asks whether to do it. @param {string} action @param {string} subject @param {string|null} vehicle the one proposed */
-  ask(action, subject, vehicle = null) {
+  /** Asks whether to do it. @param {string} action @param {string} subject @param {string|null} vehicle the one proposed @param {string|null} only the one that alone can be */
+  ask(action, subject, vehicle = null, only = null) {
     const [title, text, button] = QUESTIONS[action];
     Object.assign(this, { action, subject });
     setText(byId("action-title"), title);
@@ -45,7 +48,7 @@ export class Actions {
     byId("action-vehicle-line").hidden = action !== "pin";
     pick.required = action === "pin";
     if (action === "pin") {
-      pick.replaceChildren(h("option", { value: "" }, "choose one"), ...[...this.vehicles()].map((id) => h("option", { value: id }, id)));
+      pick.replaceChildren(h("option", { value: "" }, "choose one"), ...(only === null ? [...this.vehicles()] : [only]).map((id) => h("option", { value: id }, id)));
       pick.value = vehicle ?? "";
     }
     byId("action-reason").value = "";
@@ -84,7 +87,7 @@ export class Actions {
       byId("action-close").focus();
     } catch (error) {
       answer.dataset.level = "bad";
-      setText(answer, error.message);
+      setText(answer, sentence(error.message));
       if (error.status === 401 || error.status === 403) {
         sessionStorage.removeItem(TOKEN);
         this._askToken(true);

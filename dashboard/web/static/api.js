@@ -16,7 +16,10 @@ export class Problem extends Error {
  * @returns {Promise<any>}
  */
 export async function getJson(url, options = {}) {
-  const answer = await fetch(url, options);
+  const answer = await fetch(url, options).catch((error) => {
+    // A browser says it in its own words, as "Failed to fetch".
+    throw error instanceof TypeError ? new TypeError("the page's server does not answer") : error;
+  });
   const body = await answer.json().catch(() => ({}));
   if (!answer.ok) throw new Problem(answer.status, body);
   return body;

@@ -32,23 +32,27 @@ export class Banner {
       if (!(/** @type {Element} */ (event.target).closest("[data-more]"))) return;
       this.open = !this.open;
       this.shown = "";
-      this.show(this.items, this.past);
+      this.show(this.items, this.past, this.told);
     });
   }
 
-  /** @param {{subject: string, level: string, text: string}[]} items @param {boolean} past whether the page shows another moment than the faults' */
-  show(items, past = false) {
-    Object.assign(this, { items, past });
-    const key = JSON.stringify([items, this.open, past]);
+  /**
+   * @param {{subject: string, level: string, text: string}[]} items
+   * @param {boolean} past whether the page shows another moment than the faults'
+   * @param {string|null} told the answer to what the reader asked for: it stands alone, whatever else is wrong
+   */
+  show(items, past = false, told = null) {
+    Object.assign(this, { items, past, told });
+    const key = JSON.stringify([items, this.open, past, told]);
     // An alert is read aloud at each change: none where nothing has changed.
     if (key === this.shown) return;
     this.shown = key;
     document.title = items.length ? `(${items.length.toLocaleString("en-GB")}) ${this.title}` : this.title;
-    this.root.hidden = items.length === 0;
-    this.root.dataset.level = items[0]?.level ?? "ok";
+    this.root.hidden = items.length === 0 && !told;
+    this.root.dataset.level = items[0]?.level ?? "warn";
     if (!items.length) this.open = false;
     const [first, ...others] = items;
-    morph(this.root, h("div", {}, first && h("div.worst", {}, icon("alarm"), past ? "Now: " : null, line(first),
+    morph(this.root, h("div", {}, told && h("p.told", {}, told), first && h("div.worst", {}, icon("alarm"), past ? "Now: " : null, line(first),
       others.length ? h("button.link", { type: "button", "data-more": true, "aria-expanded": String(this.open) },
         this.open ? "show the worst only" : `and ${others.length.toLocaleString("en-GB")} more`) : null),
     this.open ? h("ul.others", { tabindex: "0", "aria-label": "Everything that is wrong" }, others.map((item) => h("li", {}, levelMark(item.level), " ", line(item)))) : null));

@@ -19,5 +19,5 @@ export function setBoxes(on) {
   for (const box of document.querySelectorAll("input[data-boxes]")) /** @type {HTMLInputElement} */ (box).checked = on;
 }
 
-/** The address of a unit's pictures. @param {string} rsu @param {"/picture"|"/still"} tail */
-export function pictureUrl(rsu, tail) { return subjectUrl("rsus", rsu, null, tail) + (hasBoxes() ? "" : "?boxes=false"); }
+/** The address of a unit's latest picture. @param {string} rsu */
+export function pictureUrl(rsu) { return subjectUrl("rsus", rsu, null, "/still") + (hasBoxes() ? "" : "?boxes=false"); }

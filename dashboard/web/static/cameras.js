@@ -1,14 +1,12 @@
-/** The camera grid: pictures of the units that the reader chooses, asked for only while they are in view. */
+/** The camera grid: pictures of the units that the reader chooses. */
 
-import { boxSwitch, pictureUrl } from "./boxes.js";
+import { boxSwitch } from "./boxes.js";
 import { h, setText } from "./dom.js";
 import { levelMark, levelRank } from "./marks.js";
+import { pictureParts, release } from "./pictures.js";
 
 const KEY = "slipstream.cameras";
 const FIRST = 6;
-/** A browser keeps six connections to one host: a stream each would leave none for the rest of the page. */
-const AT_ONCE = 2;
-const REST_MS = 250;
 
 /** Tiles with pictures and a list to choose from. */
 export class CameraGrid {
@@ -19,24 +17,14 @@ export class CameraGrid {
     this.rows = new Map();
     /** @type {Map<string, HTMLElement>} */
     this.tiles = new Map();
-    this.seen = new Set();
     this.open = false;
     this.past = false;
-    this.turn = 0;
     this.summary = h("summary", {}, "Choose cameras");
     this.choice = h("div.choice", {});
     this.grid = h("div.cameras", {});
     this.note = h("p.empty", { hidden: true });
     root.replaceChildren(h("details.choose", {}, this.summary, this.choice), boxSwitch(), this.note, this.grid);
-    this.watcher = new IntersectionObserver((entries) => {
-      for (const { target, isIntersecting } of entries) {
-        const id = /** @type {string} */ (target.getAttribute("data-rsu"));
-        if (isIntersecting) this.seen.add(id);
-        else this.seen.delete(id);
-      }
-    });
     this.choice.addEventListener("change", (event) => this._choose(/** @type {HTMLInputElement} */ (event.target)));
-    for (let i = 0; i < AT_ONCE; i += 1) this._work();
   }
 
   /** @param {Map<string, any>} rows @param {boolean} open whether the tab is shown @param {boolean} past */
@@ -65,20 +53,17 @@ export class CameraGrid {
   _drawTiles(wanted) {
     for (const [id, tile] of this.tiles) {
       if (wanted.includes(id)) continue;
-      this.watcher.unobserve(tile);
-      release(tile);
+      release(/** @type {HTMLImageElement} */ (tile.querySelector("img")));
       tile.remove();
       this.tiles.delete(id);
-      this.seen.delete(id);
     }
     for (const id of wanted) {
       const row = this.rows.get(id);
       let tile = this.tiles.get(id);
       if (!tile) {
-        tile = h("figure.camera", { "data-rsu": id }, h("img", { alt: `Picture of ${id}`, hidden: true }), h("p.wait", {}, "Waiting for a picture…"),
+        tile = h("figure.camera", { "data-picture": id }, pictureParts(id),
           h("figcaption", {}, h("span.mark", {}), h("a", { href: "#", "data-go": `rsu/${id}` }, id), h("span.muted.how", {})));
         this.tiles.set(id, tile);
-        this.watcher.observe(tile);
       }
       const mark = /** @type {HTMLElement} */ (tile.querySelector(".mark"));
       if (mark.dataset.level !== row.level) {
@@ -97,39 +82,6 @@ export class CameraGrid {
     localStorage.setItem(KEY, JSON.stringify(this.chosen));
     this.show(this.rows, this.open, this.past);
   }
-
-  /** Takes the tiles in view in turn, one picture after the other. */
-  async _work() {
-    for (;;) {
-      const ids = this.open && !this.past && !document.hidden ? [...this.seen] : [];
-      const id = ids.length ? ids[(this.turn += 1) % ids.length] : null;
-      if (id) await this._fetch(id);
-      await new Promise((resolve) => setTimeout(resolve, REST_MS));
-    }
-  }
-
-  async _fetch(id) {
-    try {
-      const answer = await fetch(pictureUrl(id, "/still"), { cache: "no-store", signal: AbortSignal.timeout(5000) });
-      const tile = this.tiles.get(id);
-      if (!tile) return;
-      const image = /** @type {HTMLImageElement} */ (tile.querySelector("img"));
-      const wait = /** @type {HTMLElement} */ (tile.querySelector(".wait"));
-      image.hidden = !answer.ok;
-      wait.hidden = answer.ok;
-      if (!answer.ok) return setText(wait, "It sends no picture now.");
-      const old = image.src;
-      image.src = URL.createObjectURL(await answer.blob());
-      if (old) URL.revokeObjectURL(old);
-    } catch {
-      // The banner says that the server is away.
-    }
-  }
-}
-
-function release(tile) {
-  const { src } = /** @type {HTMLImageElement} */ (tile.querySelector("img"));
-  if (src) URL.revokeObjectURL(src);
 }
 
 function read() {

@@ -1,6 +1,7 @@
 /** The columns of each table: what they show, what they sort by, and which ones a narrow table leaves to the card. */
 
 import { words } from "./format.js";
+import { doing, doubts } from "./judged.js";
 import { FLAG_SIGN, levelRank, levelSign, levelWord, severityLevel, swatch } from "./marks.js";
 
 /**
@@ -42,7 +43,7 @@ export function makeColumns(f, city) {
     vehicles: [
       level(),
       { ...id("Vehicle"), paint: paintVehicle },
-      text("text", "Now", 120, 1, { grow: true, text: (row) => row.text || words(row.state) }),
+      text("text", "Now", 120, 1, { grow: true, text: (row) => doing(row, f, city.now()) }),
       text("next", "Next stop", 92, 3),
       time("eta", "ETA", 2),
       figure("delay_s", "Delay", 76, 2, (s) => f.delay(s)),
@@ -50,9 +51,9 @@ export function makeColumns(f, city) {
       text("platoon", "Platoon", 88, 4, {
         text: (row) => (row.platoon ? `${row.platoon}${row.place === null ? "" : ` · ${row.place + 1}`}` : "–"),
       }),
-      figure("saved_kwh", "Saved kWh", 76, 6, (kwh) => f.number(kwh, 3)),
+      figure("saved_kwh", "To save kWh", 84, 6, (kwh) => f.number(kwh, 3)),
       figure("platoon_km", "In platoon", 76, 7, (km) => f.km(km)),
-      text("source", "Place", 76, 8, { text: (row) => ({ reported: "reported", planned: "by plan" })[row.source] ?? "–" }),
+      text("source", "Place", 76, 8, { text: (row) => ({ reported: "reported", last: "last heard", planned: "by plan" })[row.source] ?? "–" }),
       text("carrier", "Carrier", 90, 9),
     ],
     roads: [
@@ -96,7 +97,7 @@ export function makeColumns(f, city) {
         whole: (row) => f.window(row.earliest, row.latest, city.now()),
       },
       figure("late_s", "Late", 76, 2, (s) => (s > 0 ? f.delay(s) : "–")),
-      text("why", "Why", 130, 5, { grow: true }),
+      text("why", "Why", 130, 2, { grow: true, text: (row) => [...doubts(row, f, city.now()), row.why].filter(Boolean).join("; ") || "–" }),
       text("pinned", "Locked", 58, 6, { text: (row) => (row.pinned ? "locked" : "–") }),
       time("since", "Since", 7),
       text("node", "Place", 92, 8),
@@ -107,8 +108,8 @@ export function makeColumns(f, city) {
       { key: "id", label: "Cycle", width: 60, rank: 0, figure: true, text: (_row, n) => n, value: (_row, n) => Number(n) },
       figure("t", "Time", 78, 0, (ms) => f.clock(ms)),
       code("status", "Result", 100, 1, { grow: true, text: (row) => (row.why ? `${words(row.status)}: ${row.why}` : words(row.status)) }),
-      figure("saved_kwh", "Saved kWh", 76, 2, (kwh) => f.number(kwh, 2)),
-      figure("saved_share", "Saved", 56, 3, (x) => f.share(x)),
+      figure("saved_kwh", "To save kWh", 84, 2, (kwh) => f.number(kwh, 2)),
+      figure("saved_share", "To save", 60, 3, (x) => f.share(x)),
       figure("platoon_km", "In platoons", 80, 4, (km) => f.km(km)),
       figure("wall_s", "Took s", 56, 4, (s) => f.number(s, 1)),
       text("solver", "Solver", 86, 5),

@@ -2,6 +2,8 @@
 
 const MISSING = "–";
 const NBSP = "\u00a0";
+const SECOND_MS = 1000;
+const MINUTE_MS = 60_000;
 const HALF_DAY_MS = 43_200_000;
 const KM_PER_MILE = 1.609344;
 const M_PER_FOOT = 0.3048;
@@ -27,19 +29,23 @@ export class Format {
     );
   }
 
-  /** "14:02:11" @param {number|null} ms */
-  clock(ms) { return missing(ms) ? MISSING : this._clock.format(ms); }
+  /** "14:02:11", the nearest second @param {number|null} ms */
+  clock(ms) { return missing(ms) ? MISSING : this._clock.format(nearest(ms, SECOND_MS)); }
 
-  /** "14:02", and the day before it half a day or more from `now`. @param {number|null} ms */
+  /** "14:02", the nearest minute, and the day before it half a day or more from `now`. @param {number|null} ms */
   time(ms, now = Date.now()) {
     if (missing(ms)) return MISSING;
-    const minute = this._minute.format(ms);
-    return this._near(ms, now) ? minute : `${this._shortDay(ms)}, ${minute}`;
+    const whole = nearest(ms, MINUTE_MS);
+    const minute = this._minute.format(whole);
+    return this._near(whole, now) ? minute : `${this._shortDay(whole)}, ${minute}`;
   }
+
+  /** When something began: to the second while it is recent, so that it does not lie ahead. @param {number|null} ms */
+  since(ms, now = Date.now()) { return !missing(ms) && Math.abs(now - ms) < 90 * SECOND_MS ? this.clock(ms) : this.time(ms, now); }
 
   /** The same in a narrow column: the day alone, half a day or more from `now`. @param {number|null} ms */
   brief(ms, now = Date.now()) {
-    return missing(ms) || this._near(ms, now) ? this.time(ms, now) : this._shortDay(ms);
+    return missing(ms) || this._near(nearest(ms, MINUTE_MS), now) ? this.time(ms, now) : this._shortDay(nearest(ms, MINUTE_MS));
   }
 
   _shortDay(ms) { return this._day.format(ms).replace(" ", NBSP); }
@@ -48,7 +54,7 @@ export class Format {
   _near(ms, now) { return Math.abs(ms - now) < HALF_DAY_MS || this.isoDay(ms) === this.isoDay(now); }
 
   /** "Mon 23 Nov 2026, 14:02:11" @param {number|null} ms */
-  moment(ms) { return missing(ms) ? MISSING : `${this._date.format(ms).replace(",", "")}, ${this._clock.format(ms)}`; }
+  moment(ms) { return missing(ms) ? MISSING : `${this.date(nearest(ms, SECOND_MS))}, ${this.clock(ms)}`; }
 
   /** "Mon 23 Nov 2026" @param {number|null} ms */
   date(ms) { return missing(ms) ? MISSING : this._date.format(ms).replace(",", ""); }
@@ -64,7 +70,7 @@ export class Format {
 
   /** "2026-11-23 14:02:11", which `fromLocalInput` reads. @param {number} ms */
   localInput(ms) {
-    const part = Object.fromEntries(this._parts.formatToParts(ms).map(({ type, value }) => [type, value]));
+    const part = Object.fromEntries(this._parts.formatToParts(nearest(ms, SECOND_MS)).map(({ type, value }) => [type, value]));
     return `${part.year}-${part.month}-${part.day} ${part.hour}:${part.minute}:${part.second}`;
   }
 
@@ -77,12 +83,14 @@ export class Format {
     const match = /^\s*(?:(\d{4}-\d\d-\d\d)[T ]\s*)?(\d\d?):(\d\d)(:\d\d)?\s*$/.exec(text);
     if (!match) return null;
     const [, date = this.isoDay(day), hour, minute, second = ":00"] = match;
-    const naive = Date.parse(`${date}T${hour.padStart(2, "0")}:${minute}${second}Z`);
+    const wanted = `${date} ${hour.padStart(2, "0")}:${minute}${second}`;
+    const naive = Date.parse(`${wanted.replace(" ", "T")}Z`);
     if (Number.isNaN(naive)) return null;
     // Twice: the first guess may lie on the other side of a change to summer time.
     let ms = naive;
     for (let i = 0; i < 2; i += 1) ms += naive - Date.parse(`${this.localInput(ms).replace(" ", "T")}Z`);
-    return ms;
+    // A date that there is not, as 30 February, and an hour that clocks leave out become another one.
+    return this.localInput(ms) === wanted ? ms : null;
   }
 
   /** "14:02–14:30"; an open end is left out. */
@@ -172,6 +180,9 @@ export class Format {
     return `${sign}${this.currency}${NBSP}${this.number(Math.abs(value), 2)}`;
   }
 }
+
+/** A moment to its nearest second or minute: one that a calculation left a hair short is not told a whole unit short. @param {number} ms @param {number} unit ms */
+function nearest(ms, unit) { return Math.round(ms / unit) * unit; }
 
 /** @param {any} value */
 function missing(value) { return value === null || value === undefined || Number.isNaN(value); }

@@ -19,8 +19,10 @@ export function counts(store, f) {
   const number = (value) => f.number(value);
   const trouble = (table) => {
     const found = bad(table);
-    return found ? [[["warn", `${number(found)} in trouble`, "trouble"]]] : [];
+    return found ? [["warn", `${number(found)} in trouble`, "trouble"]] : [];
   };
+  /** A note that is left out where there is nothing to count; it opens what it counts. */
+  const some = (found, level, what) => (found ? [[level, `${number(found)} ${what}`, what]] : []);
   const health = (table) => {
     const idle = n(table, (row) => row.level === "idle");
     return !table.size ? "none known" : idle ? `${number(idle)} not known` : "all well";
@@ -31,17 +33,27 @@ export function counts(store, f) {
   return [
     {
       tab: "vehicles", name: "Vehicles", value: number(vehicles.size),
-      notes: [["", `${number(n(vehicles, (row) => row.state === "driving"))} driving`, ""], ["", `${number(n(vehicles, (row) => row.platoon !== null && row.platoon !== undefined && row.with?.length > 0))} in platoons`, ""], ...trouble(vehicles).flat()],
+      notes: [
+        ["", `${number(n(vehicles, (row) => row.state === "driving"))} driving`, ""],
+        ["", `${number(n(vehicles, (row) => row.source === "reported" && row.platoon !== null && row.platoon !== undefined && row.with?.length > 0))} in platoons`, ""],
+        ...some(n(vehicles, (row) => row.state === "silent" && row.level !== "idle"), "bad", "silent"),
+        ...some(n(vehicles, (row) => row.state === "planned"), store.live ? "idle" : "", "by plan"),
+        ...trouble(vehicles),
+      ],
     },
     {
       tab: "roads", name: "Watched roads", value: number(roads.size),
       notes: ["stable", "turbulent", "unknown"].map((flag) => [flag, n(roads, (row) => row.flag === flag)])
         .map(([flag, found]) => [flag === "turbulent" && found ? "flag" : "", `${number(found)} ${flag}`, found ? flag : ""]),
     },
-    { tab: "rsus", name: "RSUs", value: number(rsus.size), notes: bad(rsus) ? trouble(rsus).flat() : [["", health(rsus), ""]] },
+    { tab: "rsus", name: "RSUs", value: number(rsus.size), notes: bad(rsus) ? trouble(rsus) : [["", health(rsus), ""]] },
     {
       tab: "orders", name: "Open orders", value: number(n(orders, (row) => ["open", "planned", "under_way"].includes(row.state))),
-      notes: [["", `${number(n(orders, (row) => row.state === "served"))} served`, "served"], ...(n(orders, (row) => row.late_s > 0) ? [["warn", `${number(n(orders, (row) => row.late_s > 0))} late`, ""]] : [])],
+      notes: [
+        ["", `${number(n(orders, (row) => row.state === "served"))} served`, "served"],
+        ...some(n(orders, (row) => row.silent_since !== null && row.silent_since !== undefined), "bad", "vehicle silent"),
+        ...some(n(orders, (row) => row.late_s > 0 || (row.late_since !== null && row.late_since !== undefined)), "warn", "late"),
+      ],
     },
     { tab: "alarms", name: "Alarms", value: number(inForce), notes: [[waiting ? "warn" : "", inForce ? `${number(waiting)} not acknowledged` : "none in force", waiting ? "not yet" : ""]] },
     {

@@ -15,7 +15,6 @@ export class Header {
     setText(byId("title"), config.title && config.title !== "Slipstream" ? config.title : "");
     byId("version").textContent = config.version ? `version ${config.version}` : "";
     byId("scene").hidden = !config.scene_url;
-    byId("control").hidden = !config.control;
     byId("reports").hidden = !config.history;
     this.link(null);
     byId("theme").addEventListener("click", () => {
@@ -35,21 +34,25 @@ export class Header {
     byId("scene").href = url.href;
   }
 
-  /** Each second. @param {import("./store.js").Store} shown @param {number} now the moment shown */
-  tick(shown, now) {
+  /** Each second. @param {import("./store.js").Store} shown @param {number} now the moment shown @param {boolean} control whether the dispatcher can be asked for anything */
+  tick(shown, now, control) {
     const { format: f } = this;
     const state = document.documentElement.dataset;
     const lost = state.connection === "lost" || state.connection === "none";
     const past = state.time === "past";
-    const silent = (shown.status?.items ?? []).some((item) => item.subject === "bus");
+    const wrong = new Set((shown.status?.items ?? []).map((item) => item.subject));
+    const silent = wrong.has("bus");
+    const dead = wrong.has("fleet");
     setText(byId("clock"), f.clock(now));
     setText(byId("zone"), f.zone(now));
     setText(byId("date"), f.date(now));
     const badge = byId("badge");
-    badge.dataset.state = past ? "past" : lost || silent ? "lost" : "live";
-    setText(badge, past ? "Past" : lost ? "No connection" : silent ? "Not up to date" : "Live");
+    badge.dataset.state = past ? "past" : lost || silent || dead ? "lost" : "live";
+    setText(badge, past ? "Past" : lost ? "No connection" : silent ? "Not up to date" : dead ? "Fleet silent" : "Live");
     setText(byId("next"), this._next(shown, now, past));
+    byId("control").hidden = !control;
     byId("pause").hidden = shown.paused;
+    byId("solve").hidden = shown.paused;
     byId("resume").hidden = !shown.paused;
   }
 

@@ -14,6 +14,8 @@ import { Format } from "./format.js";
 import { counts, drawGlance } from "./glance.js";
 import { Header } from "./header.js";
 import { MapPanel, onMap } from "./map_panel.js";
+import { showPictures } from "./pictures.js";
+import { makePrintable } from "./print.js";
 import { KINDS, Router, hashOf, parseSubject } from "./router.js";
 import { Search } from "./search.js";
 import { makeSplitter } from "./splitter.js";
@@ -68,7 +70,10 @@ class Page {
         this._address(false);
       },
       onFailure: (text) => { this.failure = text; this._drawBanner(); },
+      onStay: () => this._address(false),
     });
+    showPictures(format);
+    makePrintable(this);
     makeSplitter(byId("splitter"), byId("main"));
   }
 
@@ -92,8 +97,10 @@ class Page {
       setBoxes(box.checked);
       this.card.draw();
     });
-    setInterval(() => this.header.tick(this.shown, this._now()), 1000);
+    setInterval(() => this._tick(), 1000);
   }
+
+  _tick() { this.header.tick(this.shown, this._now(), this._control()); }
 
   /** Begins: the stream, the past, and what the address says. */
   async start() {
@@ -108,8 +115,8 @@ class Page {
     if (!this.config.history) return;
     await this.time.refreshRange();
     const { t } = this.router.read();
-    if (t !== null) this.time.go(t);
-    else if (!this.config.live) this.time.go(this.time.range.last ?? 0);
+    if (!this.config.live) await this.time.go(this.time.range.last ?? 0);
+    if (t !== null) await this.time.go(t);
   }
 
   _take(changed) {
@@ -124,7 +131,8 @@ class Page {
     this.connection = { up, since, text };
     document.documentElement.dataset.connection = up ? "up" : this.live.t === null ? "none" : "lost";
     this._drawBanner();
-    this.header.tick(this.shown, this._now());
+    this._tick();
+    this.card.draw();
   }
 
   _showPast(moment) {
@@ -143,9 +151,12 @@ class Page {
     return `${this.banner.title}, ${f.moment(now)} ${f.zone(now)}${this.past ? " (past)" : ""}`;
   }
 
+  /** Whether the dispatcher can be asked for anything: the page may, it is heard, and the present is shown. */
+  _control() { return this.config.control && this.past === null && this.connection.up && this.live.dispatcher_heard; }
+
   _context() {
     return {
-      f: this.format, now: this._now(), t: this.past ? this.time.t : null, control: this.config.control, tables: this.shown.tables,
+      f: this.format, now: this._now(), t: this.past ? this.time.t : null, control: this._control(), tables: this.shown.tables,
       roadName: (road) => this.names.get(road) ?? road,
     };
   }
@@ -156,11 +167,13 @@ class Page {
     this.tabs.update(shown.tables, changed);
     drawGlance(byId("glance"), counts(shown, this.format));
     this._drawBanner();
-    this.header.tick(shown, this._now());
+    this._tick();
     this.map.update(shown.tables, changed);
     this._drawPane();
     const table = this.selection && KINDS[this.selection.kind].table;
-    this.card.refresh(changed === null || Boolean(table && changed[table]?.has(this.selection.id)));
+    const control = this._control();
+    this.card.refresh(changed === null || control !== this.offered || Boolean(table && changed[table]?.has(this.selection.id)));
+    this.offered = control;
     this._drawExport();
     if (document.documentElement.dataset.ready) return;
     document.documentElement.dataset.ready = "1";
@@ -176,8 +189,7 @@ class Page {
   _drawBanner() {
     const status = this.config.live ? this.live.status : this.shown.status;
     const items = faults(status, this.connection);
-    if (this.failure) items.push({ subject: "page", level: "warn", text: this.failure });
-    this.banner.show(items, this.past !== null && this.config.live);
+    this.banner.show(items, this.past !== null && this.config.live, this.failure);
   }
 
   _drawExport() {
@@ -206,7 +218,7 @@ class Page {
     const button = target.closest("button[data-action]");
     const goal = target.closest("[data-go]");
     const tab = target.closest("[data-tab]");
-    if (button) this.actions.ask(button.getAttribute("data-action"), button.getAttribute("data-subject"), button.getAttribute("data-vehicle"));
+    if (button) this.actions.ask(button.getAttribute("data-action"), button.getAttribute("data-subject"), button.getAttribute("data-vehicle"), button.getAttribute("data-only"));
     else if (goal && !event.ctrlKey && !event.metaKey) {
       event.preventDefault();
       this.select(parseSubject(goal.getAttribute("data-go")), { show: true });

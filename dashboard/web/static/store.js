@@ -1,7 +1,7 @@
 /** What is shown at one moment: tables of rows, kept up by deltas (docs/page.md). */
 
 export const TABLES = /** @type {const} */ (["vehicles", "roads", "rsus", "orders", "cycles", "alarms"]);
-const FIELDS = ["status", "energy", "next_cycle", "paused"];
+const FIELDS = ["status", "energy", "next_cycle", "paused", "dispatcher_heard"];
 
 /** @typedef {Object<string, any>} Row */
 /** @typedef {Object<string, Map<string, Row>>} Tables */
@@ -22,6 +22,7 @@ export class Store {
     /** @type {number|null} */
     this.next_cycle = null;
     this.paused = false;
+    this.dispatcher_heard = false;
   }
 
   /** Replaces everything. @param {any} moment @returns {Changed} */

@@ -2,18 +2,32 @@
 
 import { getJson } from "./api.js";
 import { byId, setText } from "./dom.js";
+import { readMoment } from "./moments.js";
 
 const SPANS = { hour: 3_600_000, day: 86_400_000, week: 604_800_000, all: Infinity };
 const RANGE_MS = 60_000;
 const FRAME_MS = 500;
 const DRAG_MS = 120;
+/** Moments are written to the second: so far beyond the ends of what is kept they are meant. */
+const SLACK_MS = 1000;
+/** A last cycle that is farther from the moment shown than so many of its periods, and at least so long, is told. */
+const PERIODS = 5;
+const APART_MS = 600_000;
+
+/** That what is shown is of long before the moment, as no cycle ran near it; null: one did. @param {any} moment @param {import("./format.js").Format} f */
+function apart(moment, f) {
+  const begun = Object.values(moment.cycles ?? {}).map((row) => row.t).sort((a, b) => b - a);
+  const period = begun.length > 1 ? (begun[0] - begun[Math.min(begun.length - 1, 10)]) / Math.min(begun.length - 1, 10) : 0;
+  if (!begun.length || moment.t - begun[0] <= Math.max(APART_MS, PERIODS * period)) return null;
+  return `No cycle is stored near this moment: plans and roads are those of ${f.moment(begun[0])} ${f.zone(begun[0])}, the last one before it.`;
+}
 
 /** Says which moment is shown, and fetches those of the past. */
 export class TimeBar {
   /**
    * @param {import("./format.js").Format} format
    * @param {{history: boolean, live: boolean}} config
-   * @param {{onMoment: (moment: any) => void, onLive: () => void, onFailure: (text: string|null) => void}} handlers
+   * @param {{onMoment: (moment: any) => void, onLive: () => void, onFailure: (text: string|null) => void, onStay: () => void}} handlers
    */
   constructor(format, config, handlers) {
     Object.assign(this, { format, config, handlers });
@@ -45,10 +59,9 @@ export class TimeBar {
     });
     moment.addEventListener("change", () => {
       if (!moment.value.trim()) return this._draw();
-      const t = this.format.fromLocalInput(moment.value, this._here());
-      moment.setCustomValidity(t === null ? `Write a moment as ${this.format.localInput(this._here())}, or its time alone.` : "");
-      if (t === null) moment.reportValidity();
-      else this.go(t);
+      const read = readMoment(moment.value, this.format, { now: Date.now(), shown: this._here() });
+      if ("problem" in read) this._refuse(read.problem);
+      else this.go(read.t, read.note);
     });
     moment.addEventListener("input", () => moment.setCustomValidity(""));
     back.addEventListener("click", () => this.go(this._here() - 60_000));
@@ -70,12 +83,40 @@ export class TimeBar {
 
   _here() { return this.t ?? this.range.last ?? Date.now(); }
 
-  /** Shows a past moment, the nearest that is kept. @param {number} t */
-  async go(t) {
+  /** Leaves what is shown, and says why. @param {string} problem */
+  _refuse(problem) {
+    const { moment } = this.parts;
+    this.pause();
+    const shown = this.t === null ? "the present" : this.format.moment(this.t);
+    this.handlers.onFailure(`${problem} Shown is still ${shown}.`);
+    this.handlers.onStay();
+    if (document.activeElement !== moment) return;
+    moment.setCustomValidity(problem);
+    moment.reportValidity();
+  }
+
+  /** Why nothing can be shown of a moment, in words; null: it is kept. @param {number} t @returns {Promise<string|null>} */
+  async _notKept(t) {
+    const isOut = () => t < this.range.first - SLACK_MS || t > this.range.last + SLACK_MS;
+    if (this.range.first === null || isOut()) await this.refreshRange();
+    const { format: f, range: { first, last } } = this;
+    if (first === null || last === null) return this.failed ? null : "No past is stored yet.";
+    if (!isOut()) return null;
+    const why = t > Date.now() ? `${f.moment(t)} ${f.zone(t)} is yet to come` : `Nothing is kept of ${f.moment(t)} ${f.zone(t)}`;
+    return `${why}: the past is kept from ${f.moment(first)} to ${f.moment(last)} ${f.zone(last)}.`;
+  }
+
+  /**
+   * Shows a past moment, or says why it cannot.
+   * @param {number} t
+   * @param {string|null} [note] what to say of it
+   */
+  async go(t, note = null) {
+    const problem = await this._notKept(t);
+    if (problem !== null) return this._refuse(problem);
     const { first, last } = this.range;
     if (first === null || last === null) return;
-    const wanted = Math.max(first, Math.min(last, t));
-    this.wanted = wanted;
+    this.wanted = Math.max(first, Math.min(last, t));
     if (this.asking) return;
     this.asking = true;
     try {
@@ -85,7 +126,7 @@ export class TimeBar {
         const moment = await getJson(`api/at?t=${Math.round(asked)}`);
         if (this.wanted === null) break;
         this.t = asked;
-        this.handlers.onFailure(null);
+        this.handlers.onFailure(note ?? apart(moment, this.format));
         this._draw();
         this.handlers.onMoment(moment);
       }
@@ -151,7 +192,7 @@ export class TimeBar {
       // "now" moves on: a moment beside it would be old at once.
       moment.value = this.t === null ? "" : this.format.localInput(here);
       moment.setCustomValidity("");
-      moment.title = `Kept from ${this.format.localInput(first)} to ${this.format.localInput(last)}`;
+      moment.title = `Kept from ${this.format.localInput(first)} to ${this.format.localInput(last)} ${this.format.zone(last)}; write a moment in this time zone, as ${this.format.localInput(last)}, “yesterday 14:00” or 14:00 of the day shown`;
     }
     this._label(this.t);
   }

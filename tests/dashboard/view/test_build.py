@@ -327,17 +327,20 @@ def test_what_a_van_does(world, now_ns):
         (van,) = _view(Snapshot(plans={"van-a": plan}), time_ns).vehicles
         return van.activity, van.expired
 
-    assert at(now_ns) == ("leaves in 10 s", False)
-    assert at(plan.stops[0].arrival_ns - 20 * S) == ("c2 in 20 s", False)
-    assert at(plan.stops[0].arrival_ns + S) == ("at c2", False)
+    def by_plan(text):
+        return f"by plan: {text}, never heard", False
+
+    assert at(now_ns) == by_plan("leaves in 10 s")
+    assert at(plan.stops[0].arrival_ns - 20 * S) == by_plan("c2 in 20 s")
+    assert at(plan.stops[0].arrival_ns + S) == by_plan("at c2")
     stop = plan.stops[0].model_copy(update={"wait_s": 5.0})
     served, plan = plan, plan.model_copy(update={"stops": (stop, *plan.stops[1:])})
-    assert at(stop.departure_ns - 6 * S) == ("at c2", False)
-    assert at(stop.departure_ns - 4 * S) == ("waits at c2", False)
+    assert at(stop.departure_ns - 6 * S) == by_plan("at c2")
+    assert at(stop.departure_ns - 4 * S) == by_plan("waits at c2")
     plan = served
-    assert at(plan.segments[-1].exit_ns - 5 * S) == ("back in 5 s", False)
-    assert at(plan.segments[-1].exit_ns) == ("done", False)
-    assert at(plan.valid_until_ns + 120 * S) == ("plan ran out 2 min ago", True)
+    assert at(plan.segments[-1].exit_ns - 5 * S) == by_plan("back in 5 s")
+    assert at(plan.segments[-1].exit_ns) == by_plan("done")
+    assert at(plan.valid_until_ns + 120 * S) == ("plan ran out 2 min ago, never heard", True)
 
 
 @pytest.mark.parametrize(

@@ -40,7 +40,7 @@ def _position(plan, part, share, late_s=0.0, **changes):
 
 
 def test_a_round_by_plan(plan, now_ns):
-    """Depot, road, stop, road back, depot; then the plan runs out."""
+    """Depot, road, stop, road back, depot, none of it heard; then the plan runs out."""
     first, last = plan.stops[1], plan.stops[-1]
     told = [
         progress.planned(plan, at_ns)
@@ -53,11 +53,12 @@ def test_a_round_by_plan(plan, now_ns):
             plan.valid_until_ns + S,
         )
     ]
-    assert [one.state for one in told] == [
-        *("depot", "driving", "waiting", "driving", "depot", "expired")
+    assert [one.state for one in told] == [*["planned"] * 5, "expired"]
+    assert [one.text.removeprefix("by plan: ") for one in told[:5]] == [
+        *("waits to leave", f"drives to {first.stop}", f"at {first.stop}"),
+        *("drives back", "is back"),
     ]
-    assert told[1].text == f"drives to {first.stop}"
-    assert told[3].text == "drives back"
+    assert [one.on_road for one in told] == [False, True, False, True, False, False]
     assert [one.stop for one in told] == [1, 1, 2, 3, None, None]
     assert not any(one.reported or one.delay_s for one in told)
 

@@ -61,7 +61,7 @@ def test_a_position_belongs_to_its_vehicle(now_ns):
 
 
 def test_a_van_is_shown_where_it_is_not_where_its_plan_puts_it(world, now_ns):
-    """A fresh position wins over the plan; one that has grown old does not."""
+    """A fresh position wins over the plan; one that has grown old is its last known place."""
     plan = _round(world, 1, now_ns)
     snapshot = Snapshot(
         plans={"van-a": plan},
@@ -72,7 +72,9 @@ def test_a_van_is_shown_where_it_is_not_where_its_plan_puts_it(world, now_ns):
     assert van.position == ("avenue_east", 0.25)
     assert van.activity == f"to {plan.stops[2].stop}, 36 km/h"
     (late,) = vehicle_views(snapshot, now_ns + 6 * S, frozenset())
-    assert late.position == ("depot_road_east", 0.0)
+    assert late.position == ("avenue_east", 0.25)
+    assert (late.progress.state, late.progress.source) == ("silent", "last")
+    assert late.activity == f"silent for 6 s; last: drives to {plan.stops[2].stop}"
 
 
 @pytest.mark.parametrize(

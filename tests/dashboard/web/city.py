@@ -111,31 +111,42 @@ def moment(
         },
         "next_cycle": t + 21_000,
         "paused": False,
+        "dispatcher_heard": True,
     }
 
 
 def van(i: int, roads: list[Row], dice: random.Random, t: int) -> Row:
-    """One vehicle on a route of a dozen roads; each twentieth is late, each eighth silent."""
+    """One vehicle on a route of a dozen roads; each twentieth is late, of each sixteen one was
+    never heard, and one is silent.
+    """
     first = dice.randrange(max(1, len(roads) - 13))
     at = dice.randrange(12)
     shape = roads[first + at]["shape"]
     late = 900.0 if i % 20 == 0 else dice.uniform(-60, 100)
+    unheard, silent = i % 16 == 0, i % 16 == 8
+    state = "driving" if i % 5 else "stopped"
+    text = f"to o-{i}" if i % 5 else f"unloads at o-{i}"
+    if unheard:
+        state, text = "planned", f"by plan: drives to o-{i}, never heard"
+    if silent:
+        state, text = "silent", f"last: drives to o-{i}"
     return {
         "x": shape[2],
         "y": shape[3],
         "heading": round(dice.uniform(0, 359)),
-        "source": "planned" if i % 8 == 0 else "reported",
-        "state": "driving" if i % 5 else "stopped",
-        "text": f"to o-{i}" if i % 5 else f"unloads at o-{i}",
+        "source": "planned" if unheard else "last" if silent else "reported",
+        "state": state,
+        "text": text,
+        "seen": t - 210_000 if silent else None,
         "road": roads[first + at]["id"],
         "platoon": None,
         "place": None,
         "with": [],
         "next": f"o-{i}",
         "eta": t + 6 * MINUTE,
-        "delay_s": round(late),
+        "delay_s": None if unheard or silent else round(late),
         "stops_left": 1 + i % 7,
-        "level": "warn" if late > 600 else "ok",
+        "level": "idle" if unheard else "bad" if silent else "warn" if late > 600 else "ok",
         "route": [[first + k, 0] for k in range(12)],
         "at": at,
         "colour": i % 12,
@@ -214,6 +225,8 @@ def order(i: int, vans: int, dice: random.Random, t: int) -> Row:
         "earliest": earliest,
         "latest": earliest + 30 * MINUTE,
         "late_s": 840 if late else None,
+        "late_since": t - 14 * MINUTE if late else None,
+        "silent_since": None,
         "pinned": i % 50 == 0,
         "source": "file",
         "why": "nobody at home" if i == 5 else "van-4 is delayed" if late else None,

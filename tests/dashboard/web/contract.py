@@ -18,9 +18,10 @@ class VehicleRow(TypedDict):
     x: Number | None
     y: Number | None
     heading: int | None
-    source: Literal["reported", "planned"] | None
-    state: Literal["driving", "stopped", "waiting", "depot", "idle", "expired"]
+    source: Literal["reported", "last", "planned"] | None
+    state: Literal["driving", "stopped", "waiting", "depot", "idle", "expired", "planned", "silent"]
     text: str
+    seen: Ms | None
     road: str | None
     platoon: str | None
     place: int | None
@@ -86,6 +87,8 @@ class OrderRow(TypedDict):
     earliest: Ms | None
     latest: Ms | None
     late_s: int | None
+    late_since: Ms | None
+    silent_since: Ms | None
     pinned: str | None
     source: Literal["file", "api"]
     why: str | None
@@ -176,6 +179,7 @@ class Moment(TypedDict):
     energy: Energy
     next_cycle: Ms | None
     paused: bool
+    dispatcher_heard: bool
 
 
 @with_config(STRICT)
@@ -188,6 +192,7 @@ class Delta(TypedDict):
     energy: NotRequired[Energy]
     next_cycle: NotRequired[Ms | None]
     paused: NotRequired[bool]
+    dispatcher_heard: NotRequired[bool]
 
 
 @with_config(STRICT)

@@ -59,6 +59,8 @@ class FakePage:
         }
         self.past: dict[str, int | None] = {"first": city.T0 - city.DAY, "last": city.T0}
         self.silent = threading.Event()
+        self.taken: int | None = None
+        """UTC at which its pictures were taken, ms; None: now."""
         self.actions: list[city.Row] = []
         self.asked: list[str] = []
         self.streams = 0
@@ -192,7 +194,8 @@ class _Handler(BaseHTTPRequestHandler):
             case ["export", name]:
                 self._send(200, "text/csv", f"id\n{name}\n".encode())
             case ["rsus", _, "still"]:
-                self._send(200, "image/jpeg", picture())
+                taken = self.page.taken and {"X-Picture-Taken": str(self.page.taken)}
+                self._send(200, "image/jpeg", picture(), taken or {})
             case ["rsus", _, "picture"]:
                 self._pictures()
             case [table, key]:
@@ -251,12 +254,16 @@ class _Handler(BaseHTTPRequestHandler):
         value = {"title": "Refused", "detail": detail, "mend": mend}
         self._send(status, "application/problem+json", json.dumps(value).encode())
 
-    def _send(self, status: int, kind: str, body: bytes) -> None:
+    def _send(
+        self, status: int, kind: str, body: bytes, headers: dict[str, str] | None = None
+    ) -> None:
         self.send_response(status)
         self.send_header("Content-Type", f"{kind}; charset=utf-8" if kind[:5] == "text/" else kind)
         self.send_header("Content-Length", str(len(body)))
         self.send_header("Content-Security-Policy", POLICY)
         self.send_header("X-Content-Type-Options", "nosniff")
+        for name, value in (headers or {}).items():
+            self.send_header(name, value)
         self.end_headers()
         self.wfile.write(body)
 

@@ -28,6 +28,14 @@ def test_each_action_is_one_call(asked: str) -> None:
     assert told(action)
 
 
+@pytest.mark.parametrize("asked", CALLS)
+def test_the_reason_goes_to_the_dispatcher(asked: str) -> None:
+    """With each action."""
+    kind, _, subject = asked.partition(" ")
+    action = Action.model_validate({"action": kind, "subject": subject, "reason": "customer rang"})
+    assert call_of(action).body == {"reason": "customer rang"}
+
+
 def test_an_order_is_pinned_to_a_vehicle() -> None:
     """If one is named."""
     action = Action(action="pin", subject="order/o-1", vehicle="van-2")

@@ -257,6 +257,7 @@ def test_a_finished_run_opens_at_its_last_moment(opened, page: FakePage):
 
 def test_an_action_asks_first_and_shows_the_answer(opened, page: FakePage):
     """The token is asked for once, and again after it was refused."""
+    page.moment["orders"]["o-4"].update(state="planned", source="api")
     tab = opened("#order/o-4")
     tab.click("text=Lock to a vehicle")
     assert tab.input_value("#action-vehicle") == "van-5"
@@ -290,6 +291,47 @@ def test_without_control_nothing_can_be_asked_for(opened, page: FakePage):
     tab = opened("#order/o-4")
     tab.wait_for_selector("#card-body .small")
     assert tab.locator("[data-action]:visible").count() == 0
+
+
+def test_what_would_be_refused_is_not_offered(opened, page: FakePage):
+    """Behind a silent dispatcher, of the past, while paused, by the order's state and the alarm."""
+    orders = page.moment["orders"]
+    orders["o-4"].update(state="planned", source="api")
+    orders["o-8"].update(state="under_way", source="api", vehicle="van-9")
+    orders["o-9"].update(state="planned", source="file")
+    page.moment["alarms"]["page/bus/bad"] = {**page.moment["alarms"]["a-1"], "subject": "bus"}
+    tab = opened("#order/o-4")
+
+    def offered(path: str) -> list[str]:
+        tab.goto(page.url + path)
+        tab.wait_for_selector("#card-body .facts")
+        return tab.locator("#card [data-action]").all_inner_texts()
+
+    assert offered("#order/o-4") == ["Lock to a vehicle", "Cancel the order"]
+    assert offered("#order/o-8") == ["Lock to a vehicle"]
+    tab.click("#card [data-action=pin]")
+    assert tab.locator("#action-vehicle option").all_inner_texts() == ["choose one", "van-9"]
+    tab.click("#action-close")
+    assert offered("#order/o-9") == ["Lock to a vehicle"]
+    assert offered("#order/o-2") == []
+    assert offered("#alarm/a-1") == ["Acknowledge"]
+    assert offered("#alarm/a-4") == offered("#alarm/page/bus/bad") == []
+    tab.click("#control summary")
+    assert tab.locator("#control [data-action]:visible").all_inner_texts() == ["Pause", "Solve now"]
+    page.send(paused=True)
+    until(
+        tab, "document.getElementById('solve').hidden && !document.getElementById('resume').hidden"
+    )
+    offered("#order/o-4")
+    page.send(dispatcher_heard=False)
+    until(tab, "document.querySelector('#control').hidden")
+    until(tab, "!document.querySelector('#card [data-action]')")
+    page.send(dispatcher_heard=True)
+    until(tab, "document.querySelector('#card [data-action]') !== null")
+    tab.goto(f"{page.url}?t={city.T0 - city.HOUR}#order/o-4")
+    until(tab, "document.getElementById('badge').textContent === 'Past'")
+    until(tab, "document.querySelector('#control').hidden")
+    assert tab.locator("#card [data-action]").count() == 0
 
 
 def test_the_banner_tells_the_worst_first_and_counts_in_the_title(opened, page: FakePage):
@@ -461,18 +503,114 @@ def test_rows_are_saved_as_they_are_shown(opened):
 def test_boxes_in_pictures_are_switched_off_and_stay_off(opened):
     """On a unit's card and in the grid alike, also after a reload."""
     tab = opened("?tab=rsus#rsu/rsu-1")
-    picture = tab.locator("figure.picture img")
-    assert picture.get_attribute("src") == "api/rsus/rsu-1/picture"
+    still = "/api/rsus/rsu-1/still"
+    with tab.expect_request(lambda request: still in request.url) as asked:
+        tab.wait_for_selector("figure.picture img")
+    assert asked.value.url.endswith(still)
     tab.uncheck("figure.picture [data-boxes]")
-    assert picture.get_attribute("src") == "api/rsus/rsu-1/picture?boxes=false"
-    tab.reload()
-    tab.wait_for_selector("figure.picture img")
-    assert picture.get_attribute("src") == "api/rsus/rsu-1/picture?boxes=false"
+    for again in (lambda: None, tab.reload):
+        with tab.expect_request(lambda request: request.url.endswith("/still?boxes=false")):
+            again()
     tab.click("#tab-cameras")
     assert not tab.is_checked("#pane-cameras [data-boxes]")
     with tab.expect_request(lambda request: "/still" in request.url) as asked:
         pass
     assert asked.value.url.endswith("/still?boxes=false")
+
+
+REACHED = """(selector) => {
+  // Whether a reader can bring it into the window, and point at it there.
+  const node = [...document.querySelectorAll(selector)].find((one) => one.getClientRects().length);
+  if (!node) return `no ${selector}`;
+  node.scrollIntoView({block: "center"});
+  const box = node.getBoundingClientRect();
+  if (box.left < -1 || box.right > innerWidth + 1) return `${selector} sticks out`;
+  const hit = document.elementFromPoint((box.left + box.right) / 2, (box.top + box.bottom) / 2);
+  return hit && (node.contains(hit) || hit.contains(node)) ? null : `${selector} is covered`;
+}"""
+
+
+@pytest.mark.parametrize(("width", "height"), [(640, 400), (320, 256), (1280, 400)])
+def test_a_low_window_scrolls_to_everything(chromium: Any, page: FakePage, width: int, height: int):
+    """As a page at 200 % or 400 %: tables have a height and scroll, and nothing is out of reach."""
+    context = chromium.new_context(viewport={"width": width, "height": height})
+    tab = open_page(context, page)
+    rows = tab.evaluate("document.querySelector('.scroller').clientHeight")
+    assert rows >= 100
+    assert tab.evaluate(
+        "(() => { const s = document.querySelector('.scroller'); s.scrollTop = 400;"
+        " return s.scrollTop > 100; })()"
+    )
+    assert tab.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    parts = (
+        *(
+            "#search",
+            "#control summary",
+            "#export summary",
+            "#theme",
+            "#banner a",
+            "#glance button",
+        ),
+        *(".map-buttons button", "#filter", "tbody tr[data-id]", "#time-slider", "#time-moment"),
+        *("#time-live", "#time-forth", "#time-span"),
+    )
+    assert [fault for part in parts if (fault := tab.evaluate(REACHED, part))] == []
+    tab.evaluate("document.querySelector('tbody tr[data-id]').click()")
+    tab.wait_for_selector("#card-body .timeline")
+    assert tab.evaluate(REACHED, "#card-body section:last-of-type h3") is None
+    assert tab.evaluate(REACHED, "#card-close") is None
+    assert tab.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    assert tab.faults == []
+    context.close()
+
+
+def test_paper_has_the_whole_table_in_light_colours(opened, page: FakePage):
+    """Title, moment and zone, all rows; then the page is as before."""
+    tab = opened("?tab=orders#order/o-3", theme="dark")
+    shown = "document.querySelectorAll('#pane-orders tr[data-id]').length"
+    before = tab.evaluate(shown)
+    assert before < 80
+    tab.evaluate(f"addEventListener('beforeprint', () => {{ window.printed = {shown}; }})")
+    assert tab.pdf().startswith(b"%PDF")
+    assert tab.evaluate("window.printed") == 80
+    until(tab, f"{shown} === {before}")
+    tab.emulate_media(media="print")
+    until(tab, f"{shown} === 80")
+    looks = tab.evaluate(
+        """() => ({
+          ground: getComputedStyle(document.body).backgroundColor,
+          ink: getComputedStyle(document.querySelector("#pane-orders td")).color,
+          cut: [...document.querySelectorAll("#pane-orders td")]
+            .filter((cell) => cell.scrollWidth > cell.clientWidth + 1).length,
+          hidden: ["#timebar", "#tabs", "#filter", "#control", "#search"]
+            .filter((part) => document.querySelector(part).getClientRects().length),
+          head: document.querySelector("#header").innerText,
+          title: document.querySelector("#print-title").innerText,
+        })"""
+    )
+    assert looks["ground"] == "rgb(255, 255, 255)"
+    assert looks["ink"] == "rgb(23, 33, 44)"
+    assert (looks["cut"], looks["hidden"]) == (0, [])
+    for part in ("Troy", "Wed 18 Nov 2026", "11:06", "UTC"):
+        assert part in looks["head"]
+    assert looks["title"] == "Orders: 80 rows"
+    tab.emulate_media(media="screen")
+    until(tab, f"{shown} === {before}")
+
+
+@pytest.mark.parametrize("path", ["?tab=rsus#rsu/rsu-1", "?tab=cameras"])
+def test_a_picture_that_is_none_of_now_is_grey_and_tells_its_age(opened, page, path: str):
+    """That of a camera that has stopped, which its unit sends again and again; a new one is not."""
+    page.taken = city.T0 - 210_000
+    tab = opened(path)
+    tab.wait_for_selector("figure.stale img")
+    assert "grayscale" in tab.evaluate(
+        "getComputedStyle(document.querySelector('.stale img')).filter"
+    )
+    told = tab.inner_text("figure.stale .age")
+    assert re.fullmatch(r"Old: of 11:03, 3\smin \d+\ss ago", told), told
+    page.taken = None
+    until(tab, "!document.querySelector('figure[data-picture].stale')")
 
 
 @pytest.mark.slow(long=True)
@@ -542,6 +680,66 @@ def test_a_moment_is_written_in_24_hours_and_none_stands_beside_now(opened):
     tab.click("#time-live")
     until(tab, "document.getElementById('badge').textContent === 'Live'")
     until(tab, "document.getElementById('time-moment').value === ''")
+
+
+MOMENTS = """async () => {
+  const { Format } = await import("/static/format.js");
+  const { readMoment } = await import("/static/moments.js");
+  const f = new Format({ time_zone: "Europe/Berlin" });
+  const now = Date.UTC(2026, 10, 26, 19, 0), shown = now - 3 * 86400000;
+  const told = (text) => {
+    const read = readMoment(text, f, { now, shown });
+    return read.problem ?? [new Date(read.t).toISOString().slice(0, 16), read.note];
+  };
+  return Object.fromEntries([
+    "2026-11-25 14:00", "yesterday 14:00", "today 8:05", "14:00", "2026-11-25T14:00Z",
+    "2026-11-25 14:00 +05:30", "2026-02-30 14:00", "2026-03-29 02:30", "2026-10-25 02:30",
+    "at noon",
+  ].map((text) => [text, told(text)]));
+}"""
+
+
+def test_a_moment_is_taken_as_it_is_written_or_refused_in_words(opened):
+    """In the page's zone, or its own; a date that there is not, and an hour that clocks skip."""
+    told = opened().evaluate(MOMENTS)
+    assert told["2026-11-25 14:00"] == told["yesterday 14:00"] == ["2026-11-25T13:00", None]
+    assert told["today 8:05"] == ["2026-11-26T07:05", None]
+    assert told["14:00"] == ["2026-11-23T13:00", None]
+    assert told["2026-11-25T14:00Z"] == ["2026-11-25T14:00", None]
+    assert told["2026-11-25 14:00 +05:30"] == ["2026-11-25T08:30", None]
+    assert told["2026-02-30 14:00"] == "There is no 2026-02-30 14:00:00."
+    assert "clocks were put forward" in told["2026-03-29 02:30"]
+    first, note = told["2026-10-25 02:30"]
+    assert (first, "came twice" in note) == ("2026-10-25T00:30", True)
+    assert "“at noon” is no moment" in told["at noon"]
+    assert "time zone" in told["at noon"]
+
+
+def test_a_moment_that_is_not_kept_is_refused_and_none_takes_its_place(opened, page: FakePage):
+    """Before the first, yet to come, and in the address: what is shown stays, and is said."""
+    tab = opened()
+    field = tab.locator("#time-moment")
+    until(tab, "!document.getElementById('time-moment').disabled")
+    for text, words in (
+        ("2026-11-01 14:00", "Nothing is kept of Sun 1 Nov 2026, 14:00:00 UTC"),
+        ("2027-01-01 00:00", "is yet to come"),
+    ):
+        field.fill(text)
+        field.press("Enter")
+        until(tab, f"document.getElementById('banner').innerText.includes({words!r})")
+        told = tab.inner_text("#banner")
+        assert "kept from Tue 17 Nov 2026, 11:06:40 to Wed 18 Nov 2026, 11:06:40 UTC" in told
+        assert "Shown is still the present" in told
+        assert tab.inner_text("#badge") == "Live"
+    assert not any("/api/at" in asked for asked in page.asked)
+    field.fill("2026-11-18 08:15")
+    field.press("Enter")
+    until(tab, "document.getElementById('badge').textContent === 'Past'")
+    assert "is kept" not in tab.inner_text("#banner")
+    tab.goto(page.url + "?t=1700000000000")
+    until(tab, "document.getElementById('banner').innerText.includes('Nothing is kept of')")
+    assert tab.inner_text("#badge") == "Live"
+    assert "t=" not in tab.url
 
 
 def test_a_table_that_is_cut_says_where_the_others_are(opened, page: FakePage):

@@ -26,15 +26,17 @@ class Api(BaseHTTPRequestHandler):
     asked: list[tuple[str, str, str | None, bytes]]
 
     def do_POST(self) -> None:
-        size = int(self.headers.get("Content-Length", 0))
+        body = self.rfile.read(int(self.headers.get("Content-Length", 0)))
         token = self.headers.get("Authorization")
-        type(self).asked.append((self.command, self.path, token, self.rfile.read(size)))
+        type(self).asked.append((self.command, self.path, token, body))
         status, document = 200, {"paused": True, "paused_by": "anna"}
         if token != "Bearer good":
             status, document = 401, {"detail": "unknown token", "mend": "send one"}
         elif self.path.endswith("/cancelled"):
             status = 409
             document = {"detail": "order is under way", "mend": "wait", "field": "order"}
+        elif "/strict/" in self.path and b"reason" in body:
+            status, document = 422, {"detail": "unknown key", "field": "reason"}
         text = json.dumps(document).encode()
         self.send_response(status)
         self.send_header("Content-Length", str(len(text)))
@@ -86,7 +88,9 @@ def test_an_action_is_handed_on_and_logged(
     with caplog.at_level(logging.INFO, "dashboard.web.control"):
         answer = act(page, PAUSE)
     assert (answer.status, set(answer.json)) == (200, {"text"})
-    assert asked == [("POST", "/v1/control/pause", "Bearer good", b"")]
+    assert asked == [
+        ("POST", "/v1/control/pause", "Bearer good", b'{"reason": "ice\\non the road"}')
+    ]
     (line,) = [record.getMessage() for record in caplog.records]
     assert line.startswith("pause of 'dispatcher' asked for by 'anna' at 127.0.0.1: done")
     assert "\n" not in line
@@ -112,7 +116,28 @@ def test_refusals_pass_through(serve: Callable[..., Served], api: Any) -> None:
         "order is under way",
         "wait",
     )
-    assert act(page, PAUSE, Authorization="Bearer bad").status == 401
+    unknown = act(page, PAUSE, Authorization="Bearer bad")
+    assert (unknown.status, unknown.json["detail"]) == (
+        401,
+        "the dispatcher does not know this token",
+    )
+    assert "Authorization" not in unknown.json["mend"]
+
+
+def test_a_dispatcher_that_takes_no_reason_is_asked_without_and_that_is_said(
+    serve: Callable[..., Served], api: Any
+) -> None:
+    """One of the version before: the action is done all the same."""
+    address, asked = api
+    page = serve(allow_control=True, dispatcher_api=address)
+    wanted = {"action": "pin", "subject": "order/strict", "vehicle": "van-1", "reason": "ice"}
+    answer = act(page, wanted)
+    assert answer.status == 200
+    assert answer.json["text"].endswith("does not keep the reason.")
+    assert [body for *_, body in asked] == [
+        b'{"vehicle": "van-1", "reason": "ice"}',
+        b'{"vehicle": "van-1"}',
+    ]
 
 
 def test_what_is_no_action_does_not_leave_the_page(serve: Callable[..., Served], api: Any) -> None:

@@ -115,7 +115,7 @@ def test_a_moment_is_whole(run: Run) -> None:
     holds("Moment", moment)
     assert (moment["live"], moment["paused"]) == (False, False)
     van = moment["vehicles"]["van-a"]
-    assert (van["source"], van["state"], van["cycle"]) == ("planned", "driving", 1)
+    assert (van["source"], van["state"], van["cycle"]) == ("planned", "planned", 1)
     assert van["x"] is not None
     assert van["road"] in ("depot_road_east", "mill_street_east")
     assert moment["vehicles"]["van-c"]["state"] == "idle"
@@ -137,7 +137,8 @@ def test_plans_change_and_end(run: Run) -> None:
     assert run.at(301)["vehicles"]["van-b"]["cycle"] == 2
     last = run.at(599.9)
     assert (last["vehicles"]["van-a"]["cycle"], last["vehicles"]["van-b"]["cycle"]) == (2, 2)
-    assert last["vehicles"]["van-b"]["state"] == "waiting"
+    van_b = last["vehicles"]["van-b"]
+    assert (van_b["state"], van_b["text"]) == ("planned", "by plan: at c3")
     end = run.at(600)
     assert end["vehicles"]["van-a"]["cycle"] == 3
     assert end["roads"]["avenue_east"]["flag"] == "turbulent"

@@ -168,6 +168,7 @@ def test_pictures_are_asked_of_units_that_are_looked_at(serve, tell, world, now_
     still = page.get("/api/rsus/rsu-avenue_east/still")
     assert (still.status, still.headers["content-type"]) == (200, "image/jpeg"), still.body
     assert still.body == world.jpeg(150)
+    assert abs(int(still.headers["x-picture-taken"]) / 1e3 - time.time()) < 60
     wait_until_nobody_looks()
     assert asked == [frozenset(), {preview_key("rsu-avenue_east")}, frozenset()]
     bare = page.get("/api/rsus/rsu-avenue_east/still?boxes=false")

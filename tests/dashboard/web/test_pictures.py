@@ -6,7 +6,22 @@ import asyncio
 
 from dashboard.web import pictures as module
 from dashboard.web.pictures import Pictures
-from slipstream.messages import preview_key
+from slipstream.messages import preview_key, with_capture_time
+
+
+def test_a_picture_has_the_time_that_it_was_taken(world, now_ns):
+    """Not that of its arrival: a unit whose camera stopped sends its last one again."""
+    key, clock = preview_key("rsu-1"), [now_ns]
+    pictures = Pictures(clock_ns=lambda: clock[0])
+    taken_ns = now_ns - 210 * 10**9
+    pictures.accept(key, with_capture_time(world.jpeg(), taken_ns))
+    told = pictures.latest(key)
+    assert told is not None
+    assert told.taken_ns == taken_ns
+    pictures.accept(key, world.jpeg())
+    told = pictures.latest(key)
+    assert told is not None
+    assert told.taken_ns == now_ns
 
 
 class Asked:

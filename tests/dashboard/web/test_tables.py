@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from dataclasses import replace
 
 import pytest
 
@@ -17,11 +18,13 @@ from slipstream.messages import (
     Alarm,
     Alarms,
     RsuHealth,
+    SilentVehicle,
     StoppedVehicle,
     StoppedVehicles,
     Unserved,
     VehiclePosition,
 )
+from slipstream.orders import OrderRecord
 
 from .. import city as of
 
@@ -161,7 +164,7 @@ def test_partners_are_named_where_a_platoon_drives(tables, world, now_ns):
     tables.update(snapshot, middle_ns)
     row = tables.moment["vehicles"]["van-a"]
     assert (row["platoon"], row["place"], row["with"]) == ("east-1", 0, ["van-b"])
-    assert (row["source"], row["state"], row["road"]) == ("planned", "driving", "avenue_east")
+    assert (row["source"], row["state"], row["road"]) == ("planned", "planned", "avenue_east")
 
 
 def test_the_whole_fleet_is_listed_with_its_depots(world, now_ns, tmp_path):
@@ -229,14 +232,15 @@ def test_a_second_of_a_city_is_a_few_kilobytes(world, now_ns):
 
 
 def test_a_cycle_keeps_the_number_of_its_unserved_stops(world, now_ns):
-    """Also once there is a later one, of which alone the solvers and gates are kept."""
+    """Also once there is a later one; a cycle that leaves orders without a plan is not green."""
     live = LiveData(10, lambda: now_ns)
     unserved = tuple(Unserved(stop=f"s{n}", reason="no vehicle is free") for n in range(3))
     first = world.cycle(1, now_ns).model_copy(update={"unserved": unserved})
     live.add_history((first, world.cycle(2, now_ns + S)), ())
     tables = Tables(Scene(Places(world.network)), Limits(5.0, 4.0))
     tables.update(live.snapshot(), now_ns + S)
-    assert [row["unserved"] for row in tables.moment["cycles"].values()] == [3, 0]
+    told = [(row["unserved"], row["level"]) for row in tables.moment["cycles"].values()]
+    assert told == [(3, "warn"), (0, "ok")]
 
 
 def _alarm(subject, severity="critical", **more):
@@ -265,7 +269,7 @@ def test_a_row_is_at_the_level_of_what_is_told_of_it(tables, world, now_ns):
     tables.update(_snapshot(world, now_ns), now_ns)
     before = tables.moment
     levels = [before["vehicles"]["van-a"]["level"], before["rsus"]["rsu-avenue_east"]["level"]]
-    assert levels == ["ok", "ok"]
+    assert levels == ["idle", "ok"]
     told = Alarms(time_ns=now_ns, alarms=alarms)
     delta = tables.update(_snapshot(world, now_ns, alarms=told), now_ns)
     assert delta is not None
@@ -285,20 +289,165 @@ def test_a_row_is_at_the_level_of_what_is_told_of_it(tables, world, now_ns):
     assert tables.moment["rsus"] == before["rsus"]
 
 
+def _position(van, time_ns, **changes):
+    fields = {
+        "vehicle": van,
+        "time_ns": time_ns,
+        "segment": "avenue_east",
+        "share": 0.5,
+        "speed_mps": 10.0,
+        "cycle": 3,
+        "leg": 0,
+        "on_road": True,
+    }
+    return VehiclePosition(**(fields | changes))
+
+
+def _order(name, van, now_ns, **changes):
+    fields = {
+        "order": name,
+        "node": "mill",
+        "service_s": 60.0,
+        "demand": 1,
+        "earliest_ns": None,
+        "latest_ns": None,
+        "state": "under_way",
+        "since_ns": now_ns,
+        "reason": "",
+        "vehicle": van,
+        "cycle": 3,
+    }
+    return OrderRecord(**(fields | changes))
+
+
+def test_a_silent_van_stays_where_it_was_heard_last_and_is_red(tables, world, now_ns):
+    """Whatever later cycles leave out: it has orders, and nobody knows of it."""
+    snapshot = _snapshot(
+        world,
+        now_ns,
+        positions={van: _position(van, now_ns) for van in ("van-a", "van-b")},
+        orders=(_order("o-1", "van-a", now_ns),),
+    )
+    tables.update(snapshot, now_ns)
+    before = tables.moment["vehicles"]["van-a"]
+    assert (before["state"], before["level"], before["seen"]) == ("driving", "ok", None)
+    late_ns = now_ns + 210 * S
+    later = replace(
+        snapshot,
+        positions={**snapshot.positions, "van-b": _position("van-b", late_ns)},
+        cycles=(world.cycle(3, now_ns), world.cycle(4, late_ns - S)),
+        dispatcher=world.dispatcher(late_ns),
+    )
+    tables.update(later, late_ns)
+    row = tables.moment["vehicles"]["van-a"]
+    assert (row["state"], row["level"], row["source"]) == ("silent", "bad", "last")
+    assert (row["x"], row["y"], row["seen"]) == (before["x"], before["y"], now_ns // 10**6)
+    assert "vehicle/van-a" in [item["subject"] for item in tables.moment["status"]["items"]]
+    order = tables.moment["orders"]["o-1"]
+    assert (order["level"], order["silent_since"]) == ("bad", now_ns // 10**6)
+
+
+def test_a_van_that_only_the_dispatcher_heard_is_silent_not_unheard(tables, world, now_ns):
+    """A page that is started when the fleet is silent already: its place is the dispatcher's."""
+    told = SilentVehicle(
+        vehicle="van-a", heard_ns=now_ns - 60 * S, segment="avenue_east", share=0.5, orders=3
+    )
+    dispatcher = world.dispatcher(now_ns).model_copy(update={"silent": (told,)})
+    tables.update(_snapshot(world, now_ns, dispatcher=dispatcher), now_ns)
+    row = tables.moment["vehicles"]["van-a"]
+    assert (row["state"], row["level"], row["road"]) == ("silent", "bad", "avenue_east")
+    assert (row["source"], row["seen"]) == ("last", (now_ns - 60 * S) // 10**6)
+
+
+def test_a_fleet_that_falls_silent_is_one_trouble(tables, world, now_ns):
+    """Before those of its vehicles; a vehicle that was off duty is none."""
+    positions = {van: _position(van, now_ns) for van in ("van-a", "van-b")}
+    positions["van-c"] = _position("van-c", now_ns, cycle=None, leg=None, on_road=False)
+    snapshot = _snapshot(world, now_ns, positions=positions)
+    at_ns = now_ns + 20 * S
+    heard = replace(
+        snapshot,
+        dispatcher=world.dispatcher(at_ns),
+        rsus={"rsu-avenue_east": world.health("avenue_east", at_ns)},
+    )
+    tables.update(heard, at_ns)
+    told = [(one["subject"], one["level"]) for one in tables.moment["status"]["items"]]
+    vans = [("vehicle/van-a", "bad"), ("vehicle/van-b", "bad")]
+    assert told == [("fleet", "bad"), *vans]
+    off_duty = tables.moment["vehicles"]["van-c"]
+    assert (off_duty["state"], off_duty["level"]) == ("silent", "idle")
+
+
+def test_a_van_that_was_never_heard_is_planned_not_driving(tables, world, now_ns):
+    """Neither green, nor late before its time; its plan says where it should be."""
+    dispatcher = world.dispatcher(now_ns + 20 * S)
+    tables.update(_snapshot(world, now_ns, dispatcher=dispatcher), now_ns + 20 * S)
+    row = tables.moment["vehicles"]["van-a"]
+    assert (row["state"], row["source"], row["level"]) == ("planned", "planned", "idle")
+    assert row["text"].startswith("by plan: ")
+    assert row["text"].endswith(", never heard")
+
+
+def test_a_van_that_is_heard_without_its_plan_does_not_drive_it(tables, world, now_ns):
+    """It stands at its depot, and the plan's departure goes by."""
+    free = _position("van-a", now_ns + 60 * S, cycle=None, leg=None, on_road=False, speed_mps=0.0)
+    tables.update(_snapshot(world, now_ns, positions={"van-a": free}), now_ns + 60 * S)
+    row = tables.moment["vehicles"]["van-a"]
+    assert (row["state"], row["text"]) == ("depot", "has not taken its plan of cycle #3")
+    assert (row["source"], row["road"], row["delay_s"]) == ("reported", "avenue_east", 50.0)
+
+
+def test_orders_are_judged_by_the_clock(tables, world, now_ns):
+    """Not green past arrival or window; the vehicle's delay moves the arrival; served stays so."""
+    plan = world.plan("van-a", 3, now_ns)
+    eta_ns, part = plan.stops[0].arrival_ns, plan.segments[1]
+    name, closes_ns = plan.stops[0].stop, eta_ns + 300 * S
+
+    def look(at_ns, **changes):
+        told = {"segment": part.segment, "leg": part.leg}
+        order = _order(name, "van-a", now_ns, **({"latest_ns": closes_ns} | changes))
+        snapshot = _snapshot(
+            world,
+            now_ns,
+            positions={"van-a": _position("van-a", at_ns, **told)},
+            dispatcher=world.dispatcher(at_ns),
+            orders=(order,),
+        )
+        tables.update(snapshot, at_ns)
+        return tables.moment["orders"][name]
+
+    half_ns = (part.entry_ns + part.exit_ns) // 2
+    on_time = look(half_ns)
+    assert (on_time["level"], on_time["eta"]) == ("ok", round(eta_ns / 1e6))
+    assert look(half_ns + 40 * S)["eta"] == round(eta_ns / 1e6) + 40_000
+    missed = look(closes_ns + 125 * S)
+    assert (missed["level"], missed["late_since"]) == ("bad", round(closes_ns / 1e6))
+    assert missed["late_s"] >= 120
+    open_one = look(closes_ns + 125 * S, state="open", vehicle=None, cycle=None)
+    assert (open_one["level"], open_one["late_since"]) == ("bad", round(closes_ns / 1e6))
+    served = look(closes_ns + 125 * S, state="served", since_ns=closes_ns - S)
+    assert (served["level"], served["late_since"], served["late_s"]) == ("ok", None, 0)
+
+
+def test_an_order_whose_arrival_has_passed_is_late(tables, world, now_ns):
+    """Also one of a vehicle that was never heard, and one without a window."""
+    plan = world.plan("van-a", 3, now_ns)
+    stop = plan.stops[0]
+    order = _order(stop.stop, "van-a", now_ns)
+    snapshot = _snapshot(world, now_ns, orders=(order,))
+    tables.update(snapshot, stop.arrival_ns - S)
+    assert tables.moment["orders"][stop.stop]["level"] == "idle"
+    tables.update(snapshot, stop.arrival_ns + 61 * S)
+    row = tables.moment["orders"][stop.stop]
+    assert (row["level"], row["late_since"]) == ("warn", round(stop.arrival_ns / 1e6))
+
+
 def test_nothing_is_green_while_nobody_plans(tables, world, now_ns):
     """A vehicle that reports where it is, behind a silent dispatcher; units behind a dead bus."""
-    position = VehiclePosition(
-        vehicle="van-a",
-        time_ns=now_ns,
-        segment="avenue_east",
-        share=0.5,
-        speed_mps=10.0,
-        cycle=3,
-        leg=0,
-        on_road=True,
-    )
-    plans = {van: world.plan(van, 3, now_ns) for van in ("van-a", "van-b")}
-    known = {"positions": {"van-a": position}, "followed": plans, "plans": plans}
+    vans = ("van-a", "van-b")
+    plans = {van: world.plan(van, 3, now_ns) for van in vans}
+    positions = {van: _position(van, now_ns) for van in vans}
+    known = {"positions": positions, "followed": plans, "plans": plans}
     tables.update(_snapshot(world, now_ns, **known), now_ns)
     assert tables.moment["vehicles"]["van-a"]["source"] == "reported"
     assert {row["level"] for row in tables.moment["vehicles"].values()} == {"ok"}

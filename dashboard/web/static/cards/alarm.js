@@ -20,6 +20,7 @@ export function alarmCard(id, row, _detail, ctx) {
       ["Ended", row.ended ? f.moment(row.ended) : null],
       ["Acknowledged", row.acknowledged ? `${f.moment(row.acknowledged)}${row.by ? ` by ${row.by}` : ""}` : "not yet"],
     ]),
-    ctx.control && ctx.t === null && !row.acknowledged ? h("div.buttons", {}, actionButton("Acknowledge", { action: "acknowledge", subject: `alarm/${id}` })) : null,
+    // What the page itself tells is no alarm of the dispatcher's.
+    ctx.control && !row.acknowledged && !row.ended && !id.startsWith("page/") ? h("div.buttons", {}, actionButton("Acknowledge", { action: "acknowledge", subject: `alarm/${id}` })) : null,
   ];
 }

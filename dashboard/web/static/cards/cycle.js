@@ -12,7 +12,7 @@ export function cycleCard(id, row, detail, ctx) {
   return [
     h("div.lead", {}, chip(row.level, row.why ? `${words(row.status)}: ${row.why}` : words(row.status))),
     h("div.tiles", {},
-      tile("Saved", f.kwh(row.saved_kwh), f.share(row.saved_share)),
+      tile("To save", f.kwh(row.saved_kwh), f.share(row.saved_share)),
       tile("In platoons", f.km(row.platoon_km)),
       tile("Took", `${f.number(row.wall_s, 1)}\u00a0s`),
       tile("Unserved", f.number(detail?.unserved?.length ?? row.unserved))),

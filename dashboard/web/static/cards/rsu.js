@@ -1,9 +1,10 @@
 /** A roadside unit's card: its picture, its figures, its faults and its calibration. */
 
-import { boxSwitch, pictureUrl } from "../boxes.js";
+import { boxSwitch } from "../boxes.js";
 import { h } from "../dom.js";
 import { count, words } from "../format.js";
 import { chip } from "../marks.js";
+import { pictureParts } from "../pictures.js";
 import { facts, links, section, tile } from "./parts.js";
 
 /** @param {string} id @param {any} row @param {any} detail @param {import("./parts.js").CardContext} ctx */
@@ -70,7 +71,7 @@ function calibration(told, f) {
 function picture(id, row, ctx) {
   if (ctx.t !== null) return h("p.muted", {}, "Pictures are not stored: there is none of a past moment.");
   if (!row.picture) return h("p.empty.picture", {}, "It sends no picture.");
-  return h("figure.picture", { "data-key": id },
-    h("img", { src: pictureUrl(id, "/picture"), alt: `Live picture of ${id}` }),
+  // What the picture shows is kept up beside the card.
+  return h("figure.picture", { "data-key": id, "data-picture": id, "data-keep": true }, pictureParts(id),
     h("figcaption", {}, boxSwitch()));
 }

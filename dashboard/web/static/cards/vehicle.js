@@ -2,6 +2,7 @@
 
 import { h } from "../dom.js";
 import { words } from "../format.js";
+import { doing } from "../judged.js";
 import { chip, swatch } from "../marks.js";
 import { timeline } from "../timeline.js";
 import { facts, link, links, longTable, section, sentences, tile } from "./parts.js";
@@ -13,16 +14,16 @@ export function vehicleCard(id, row, detail, ctx) {
   const { f, now } = ctx;
   const plan = detail?.plan;
   return [
-    h("div.lead", {}, swatch(row.colour, row.source), chip(row.level, row.text || words(row.state))),
+    h("div.lead", {}, swatch(row.colour, row.source), chip(row.level, doing(row, f, now))),
     h("div.tiles", {},
       tile("Next stop", row.next ?? "none"),
-      tile("ETA", f.time(row.eta, now)),
+      tile(row.source === "reported" ? "ETA" : "ETA by plan", f.time(row.eta, now)),
       tile("Delay", f.delay(row.delay_s)),
       tile("Stops left", f.number(row.stops_left))),
     facts([
-      ["Place", SOURCES[row.source] ?? "unknown"],
+      ["Place", row.source === "last" ? `where it was heard last, ${f.duration((now - row.seen) / 1000)} ago` : SOURCES[row.source] ?? "unknown"],
       ["Road", row.road ? link("road", row.road, ctx.roadName(row.road)) : null],
-      ["Platoon", row.platoon ? h("span", {}, row.platoon, row.place === null ? "" : `, place ${row.place + 1}`) : "drives alone"],
+      ["Platoon", row.platoon ? h("span", {}, row.platoon, row.place === null ? "" : `, place ${row.place + 1}`, row.source === "reported" ? "" : ", by plan") : row.source === "reported" ? "drives alone" : "not known"],
       row.with?.length ? ["Partners", h("span", {}, links("vehicle", row.with.filter((other) => other !== id)))] : null,
       ["Carrier", row.carrier],
       ["Battery", row.charge_kwh === null ? null : f.kwh(row.charge_kwh)],
@@ -72,5 +73,5 @@ function energyOf(plan, row, f) {
   return h("div.tiles", {},
     tile("This plan", kwh(plan.energy_kwh)),
     alone === null ? null : tile("Alone", kwh(alone), "the same drive"),
-    saved === null ? null : tile("Platoons save", kwh(saved), alone ? f.share(saved / alone) : ""));
+    saved === null ? null : tile("To save", kwh(saved), alone ? f.share(saved / alone) : ""));
 }

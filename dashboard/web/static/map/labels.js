@@ -11,6 +11,7 @@ import { boxesAlong, Placement } from "./plane/placement.js";
 import { reaches } from "./paint/routes.js";
 import { makeLabel } from "./paint/text.js";
 import { VEHICLE_RADIUS } from "./paint/vehicles.js";
+import { age } from "./words.js";
 
 /** From these scales on, px a metre, all RSUs and orders have names. */
 const RSUS_FROM = 0.25;
@@ -254,7 +255,7 @@ export function placeMoving(view, scene, taken, sides) {
   }
   if (!named.length) return [];
   const rank = (mover) =>
-    selection?.id === mover.id ? 0 : relation?.vehicles.has(mover.id) ? 1 : mover.row.level === "bad" ? 2 : 3;
+    selection?.id === mover.id ? 0 : relation?.vehicles.has(mover.id) ? 1 : mover.row.level === "bad" ? 1.5 : 3;
   named.sort((a, b) => rank(a) - rank(b) || (a.id < b.id ? -1 : 1));
   const frame = /** @type {[number, number, number, number]} */ ([0, 0, view.width, view.height]);
   const placement = new Placement(frame);
@@ -274,8 +275,9 @@ export function placeMoving(view, scene, taken, sides) {
   const placed = [];
   for (const mover of named.slice(0, MAX_VEHICLES)) {
     const isDimmed = relation && !relation.vehicles.has(mover.id);
-    const label = makeLabel("vehicle", mover.id, mover.id, palette, {
-      weight: 600, colour: isDimmed ? palette.inkSoft : palette.names[mover.row.colour ?? 0],
+    const isSilent = mover.row.state === "silent" && mover.row.level !== "idle";
+    const label = makeLabel("vehicle", mover.id, isSilent ? `${mover.id}, silent ${age(mover.row.seen)}` : mover.id, palette, {
+      weight: 600, colour: isDimmed ? palette.inkSoft : isSilent ? palette[mover.row.level] : palette.names[mover.row.colour ?? 0],
     });
     const halo = relation?.vehicles.has(mover.id) ? 8 : 1;
     const [x, y] = [view.px(mover.x), view.py(mover.y)];

@@ -6,6 +6,13 @@
 
 const MAX_NAMES = 8;
 
+/** How long ago: "40 s", "3 min", "2 h". Silence is of the present only. @param {number} ms */
+export function age(ms) {
+  const seconds = Math.max(0, Math.round((Date.now() - ms) / 1000));
+  if (seconds < 100) return `${seconds} s`;
+  return seconds < 5400 ? `${Math.round(seconds / 60)} min` : `${Math.round(seconds / 3600)} h`;
+}
+
 /** @param {number} kmh @param {string} units */
 function speed(kmh, units) {
   return units === "imperial" ? `${Math.round(kmh / 1.609344)} mph` : `${Math.round(kmh)} km/h`;
@@ -28,7 +35,7 @@ export function describe(hit, { tables, network }, units) {
 const DESCRIPTIONS = {
   vehicle({ id }, tables) {
     const row = tables.vehicles.get(id) ?? {};
-    const place = row.source === "reported" ? "place as reported" : "place by plan";
+    const place = { reported: "place as reported", last: `heard here last, ${age(row.seen)} ago` }[row.source] ?? "place by plan";
     const platoon = row.platoon && row.with?.length ? `in a platoon with ${names(row.with)}` : "";
     return [id, row.text ?? row.state, platoon, place];
   },
@@ -54,7 +61,9 @@ const DESCRIPTIONS = {
   order({ id }, tables) {
     const row = tables.orders.get(id) ?? {};
     const late = row.late_s > 0 ? `${Math.ceil(row.late_s / 60)} min late` : "";
-    return [id, [row.state?.replace("_", " "), late].filter(Boolean).join(", "), row.vehicle && `by ${row.vehicle}`, row.why];
+    const overdue = row.late_since && !late ? `late for ${age(row.late_since)}` : "";
+    const silent = row.silent_since ? `vehicle silent for ${age(row.silent_since)}` : "";
+    return [id, [row.state?.replace("_", " "), late, overdue, silent].filter(Boolean).join(", "), row.vehicle && `by ${row.vehicle}`, row.why];
   },
   depot({ id }) {
     return [id, "depot"];
@@ -75,13 +84,14 @@ export function summary({ network, tables, selection }) {
   const count = (number, word) => `${number} ${word}${number === 1 ? "" : "s"}`;
   const vehicles = [...tables.vehicles.values()];
   const placed = vehicles.filter((row) => row.x != null);
-  const planned = placed.filter((row) => row.source !== "reported").length;
+  const planned = placed.filter((row) => row.source === "planned").length;
+  const silent = placed.filter((row) => row.source === "last").length;
   const flags = { stable: 0, turbulent: 0, unknown: 0 };
   for (const row of tables.roads.values()) flags[row.flag] = (flags[row.flag] ?? 0) + 1;
   const bad = [...tables.rsus.values()].filter((row) => row.level === "bad" || row.level === "warn").length;
   return [
     `Map of ${count(network.roads.length, "road")}.`,
-    `${count(placed.length, "vehicle")} shown of ${vehicles.length}, ${planned} by plan.`,
+    `${count(placed.length, "vehicle")} shown of ${vehicles.length}, ${planned} by plan${silent ? `, ${silent} silent` : ""}.`,
     `Watched roads: ${flags.stable} stable, ${flags.turbulent} turbulent, ${flags.unknown} unknown.`,
     `${count(tables.rsus.size, "roadside unit")}, ${bad} with trouble.`,
     selection ? `Selected: ${selection.kind} ${selection.id}.` : "",

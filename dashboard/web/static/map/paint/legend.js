@@ -21,6 +21,7 @@ const ENTRIES = [
   ["platoon ahead, gate open", band],
   ["vehicle, place reported", vehicle({ source: "reported", state: "driving" })],
   ["vehicle, place by plan", vehicle({ source: "planned", state: "driving" })],
+  ["vehicle silent, place heard last", vehicle({ source: "last", state: "silent", level: "bad" })],
   ["stopped", vehicle({ source: "reported", state: "stopped" })],
   ["waiting", vehicle({ source: "reported", state: "waiting" })],
   ["roadside unit", signed(drawRsus, { level: "ok" })],
@@ -40,7 +41,7 @@ export function legendSize(columns = 1) {
 /** The legend in words. */
 export function legendText() {
   return `Legend. Roads: stable solid, turbulent dashed, unknown dotted, platoons a double line beside. Vehicles: filled where reported,
-    hollow by plan, with a bar when stopped, two strokes when waiting. Diamonds: roadside units. Squares: orders, orange where late or not in a plan, crossed out where failed, grey where ended.
+    hollow by plan, with a question mark where silent, with a bar when stopped, two strokes when waiting. Diamonds: roadside units. Squares: orders, orange where late or not in a plan, crossed out where failed, grey where ended.
     House: depot.`;
 }
 

@@ -1,7 +1,7 @@
 /**
  * Drawing of vehicles: dots far away, arrows nearer, discs with a name's end close by.
  *
- * Filled: reported by the vehicle; hollow: where it should be by its plan.
+ * Filled: reported by the vehicle; hollow: where it should be by its plan, or where a silent one was last, which has a mark.
  *
  * @module
  */
@@ -15,7 +15,7 @@ import { stamp } from "./sprites.js";
 export const VEHICLE_RADIUS = { dot: 4, arrow: 8, disc: 11 };
 
 /** States in which a vehicle has no direction worth showing. */
-const STANDING = new Set(["stopped", "waiting"]);
+const STANDING = new Set(["stopped", "waiting", "silent"]);
 const RESTING = new Set(["depot", "idle", "expired"]);
 const DISCS_FROM = 0.9;
 const ARROWS_FROM = 0.12;
@@ -58,6 +58,7 @@ export function drawVehicles(context, view, palette, movers, style) {
     const isTurned = shape === "arrow" || shape === "pointedDisc";
     draw(shape, row.colour ?? 0, isReported(row), x, y, isTurned ? mover.heading : 0);
   }
+  for (const [{ row }, x, y] of seen) if (row.state === "silent") drawSilence(context, palette, row.level, x + 8, y - 8);
   if (style === "dot") return;
   for (const [{ id, row }, x, y] of seen) {
     if (style === "disc") {
@@ -80,6 +81,14 @@ function shapeOf(state, style) {
 /** The end of a name that tells vehicles apart: its last figures, or else letters. */
 export function tagOf(id) {
   return (/\d{1,3}$/.exec(id)?.[0] ?? id.slice(-2)).toUpperCase();
+}
+
+/** The mark of a vehicle that is not heard any more. */
+function drawSilence(context, palette, level, x, y) {
+  const path = new Path2D();
+  path.arc(x, y, 5.5, 0, 2 * Math.PI);
+  outlined(context, path, palette[level] ?? palette.idle, palette.halo);
+  mark(context, "?", x, y, palette.halo, palette.font, 9);
 }
 
 /** A stopped vehicle's bar, a waiting one's two strokes. */
