@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +17,10 @@ from slipstream.errors import InputError
 from slipstream.projection import Projection
 from slipstream.traction import PAPER_CAR
 from slipstream.vehicle_types import RoutingProfile
+
+EXPRESSWAYS: Final = frozenset({"motorway", "trunk"})
+EXPRESSWAY_MPS: Final = 25.0
+"""A road of no known class counts as an expressway from this limit on: 90 km/h."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +37,8 @@ class Segment:
         shape: points of its centre line, m, from start to end; at least two.
         access: who may use it.
         name: of its street, for people; "" where the net has none.
+        road_class: OpenStreetMap's, such as "primary_link"; "" where the net tells none.
+        in_tunnel: whether all of it is.
     """
 
     id: str
@@ -43,11 +50,24 @@ class Segment:
     shape: tuple[tuple[float, float], ...]
     access: Access = OPEN
     name: str = ""
+    road_class: str = ""
+    in_tunnel: bool = False
 
     @property
     def free_flow_s(self) -> float:
         """Seconds to drive it at the speed limit."""
         return self.length_m / self.speed_limit_mps
+
+    @property
+    def allows_stops(self) -> bool:
+        """Whether a vehicle may stand there to serve an address: on no expressway, ramp or slip
+        road, and in no tunnel.
+        """
+        if self.in_tunnel:
+            return False
+        if self.road_class:
+            return not (self.road_class in EXPRESSWAYS or self.road_class.endswith("_link"))
+        return self.speed_limit_mps < EXPRESSWAY_MPS
 
 
 @dataclass(frozen=True)

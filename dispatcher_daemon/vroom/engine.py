@@ -9,7 +9,7 @@ from typing import Final, Literal
 
 import numpy as np
 
-from dispatcher_daemon.fleet import MAX_SNAP_M, Fleet, located, with_unknown_nodes
+from dispatcher_daemon.fleet import Fleet, located, with_unknown_nodes
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Travel, roads_of
 from dispatcher_daemon.roads.weights import Floats
@@ -18,6 +18,7 @@ from dispatcher_daemon.vroom.model import Ints, Matrices
 from dispatcher_daemon.vroom.schema import Coordinates
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork
+from slipstream.snapping import MAX_SNAP_M
 from slipstream.vehicle_types import PRESETS
 
 PROFILES: Final = {"car": "paper_car", **{name: name for name in PRESETS}}
@@ -67,7 +68,10 @@ class RoutingEngine:
         except InputError as error:
             name = (error.key or "").split(".")
             place = places[int(name[1])] if len(name) > 1 and name[1].isdigit() else places[0]
-            mend = f"give places within {MAX_SNAP_M:.0f} m of a road, or the network of that region"
+            mend = (
+                f"give places within {MAX_SNAP_M:.0f} m of a road where vehicles may stop, or the "
+                "network of that region"
+            )
             raise RoutingError(source, error.problem, mend, key=f"location {list(place)}") from None
         problem = RoutingProblem(self.network, fleet, search=self.minimise)
         return RoadWays(self, Travel(problem, roads_of(problem, self.snapshot)), tuple(names))

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from slipstream.errors import InputError
+from slipstream.snapping import stopping_junctions
 from slipstream_cli.laboratory.import_sets import add_formats
 
 if TYPE_CHECKING:
@@ -109,8 +110,10 @@ def _next_steps(name: str, net: Path, fleet: Path, out: Path) -> tuple[str, ...]
 
 def _first_fleet(network: RoadNetwork) -> dict[str, Any]:
     """A fleet file of one vehicle and one stop, at the two ends of the network's longest segment
-    that is not a loop."""
-    far = max((s for s in network.segments.values() if s.start != s.end), key=lambda s: s.length_m)
+    that is not a loop; of those where vehicles may stop, if there are any."""
+    segments = [s for s in network.segments.values() if s.start != s.end]
+    quiet = {*stopping_junctions(network)}
+    far = max(segments, key=lambda s: ({s.start, s.end} <= quiet, s.length_m))
     return {
         "depots": [{"id": "depot", "node": far.start}],
         "stops": [{"id": "stop-1", "node": far.end}],

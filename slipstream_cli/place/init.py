@@ -41,7 +41,8 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     command.add_argument(
         "--at",
         metavar="LAT,LON",
-        help="the depot is the junction nearest to it; on a net without a projection x and y in m "
+        help="the depot is where an address there is served, and never on an expressway, ramp or "
+        "in a tunnel; on a net without a projection x and y in m "
         "(default: the middle of the largest connected part)",
     )
     command.add_argument("--rsu", default="rsu-1", help="name of the first roadside unit")
@@ -115,12 +116,19 @@ def _write(options: argparse.Namespace, folder: Path, net: str, made: Path | Non
     street = _street(part, layout.depot)
     commands = start_commands(folder, options.rsu)
     if options.json:
-        facts = {"folder": str(folder), "net": net, "depot": layout.depot, "street": street}
+        facts = {
+            "folder": str(folder),
+            "net": net,
+            "depot": layout.depot,
+            "street": street,
+            "distance_m": None if layout.away_m is None else round(layout.away_m, 1),
+        }
         print(json.dumps({**facts, "files": [*files], "start": list(commands)}))
         return 0
     for name in files:
         print(folder / name)
-    print(f"depot: junction {layout.depot}{f' ({street})' if street else ''}")
+    away = "" if layout.away_m is None else f", {layout.away_m:.0f} m from {options.at}"
+    print(f"depot: junction {layout.depot}{f' ({street})' if street else ''}{away}")
     print(f"camera: made up, on segment {layout.watched}; see docs/calibration.md")
     print("\nnext:")
     print(f"  slipstream check {shlex.quote(str(folder))}/*.toml")
