@@ -19,7 +19,7 @@ _BESIDE_EXPRESSWAY_M: Final = 200.0
 """A junction that an expressway, a ramp or a tunnel touches counts as so much further away: there a
 vehicle would stop in fast traffic, and elsewhere it is so much further from the address."""
 _INVENTED: Final = ("-AddedOnRampNode", "-AddedOffRampNode")
-"""Endings of the nodes that netconvert adds where lanes begin and end beside a ramp: no junctions."""
+"""Endings of the nodes that netconvert adds where lanes begin or end beside a ramp."""
 NO_CLASSES: Final = (
     "the net tells no road classes: roads of 90 km/h and more count as expressways, where no "
     "address is served"

@@ -10,7 +10,7 @@ from typing import Any, Final, TypeVar
 from xml import sax
 from xml.sax.saxutils import unescape
 
-from slipstream.access import access_of, classes_of_turn
+from slipstream.access import access_of, classes_of_turn, warn_of_unread
 from slipstream.config import DEMO_NETWORK as DEMO_NETWORK
 from slipstream.errors import InputError
 from slipstream.files import open_unpacked
@@ -111,7 +111,11 @@ def read_sumo_net(path: Path, read: Callable[[Any], T], *, internal: bool = Fals
 def _read_sumo_net(path: Path, name: str) -> RoadNetwork:
     parts, crossings, (classes, projection) = read_sumo_net(
         path,
-        lambda net: (_parts(net), _crossings(net), (_turn_classes(net), projection_of(net))),
+        lambda net: (
+            _parts(net, str(path)),
+            _crossings(net),
+            (_turn_classes(net), projection_of(net)),
+        ),
         internal=True,
     )
     if not parts[0]:
@@ -194,11 +198,12 @@ def _is_tunnel(value: str) -> bool:
 
 
 def _parts(
-    net: Any,
+    net: Any, source: str
 ) -> tuple[list[Segment], dict[str, tuple[float, float]], dict[str, tuple[str, ...]], set[str]]:
     """Segments, junctions, allowed turns and signals of sumolib's net."""
     edges = [edge for edge in net.getEdges() if not edge.isSpecial()]
     type_speeds = net.__dict__.get("type_speeds_mps", {})
+    unread: list[str] = []
     segments = [
         Segment(
             id=edge.getID(),
@@ -208,13 +213,14 @@ def _parts(
             speed_limit_mps=float(edge.getSpeed()),
             lanes=edge.getLaneNumber(),
             shape=tuple((float(x), float(y)) for x, y in edge.getShape()),
-            access=access_of(edge, type_speeds),
+            access=access_of(edge, type_speeds, unread),
             name=unescape(edge.getName() or "", _ENTITIES),
             road_class=_road_class(edge.getType() or ""),
             in_tunnel=_is_tunnel(edge.getParam("tunnel") or ""),
         )
         for edge in edges
     ]
+    warn_of_unread(source, unread)
     known = {segment.id for segment in segments}
     follows = {
         edge.getID(): tuple(sorted(known & {out.getID() for out in edge.getOutgoing()}))

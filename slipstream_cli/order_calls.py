@@ -53,9 +53,8 @@ def _add(options: argparse.Namespace) -> int:
         state = receipt.get("state", "open")
         away_m = receipt.get("distance_m")
         away = "" if away_m is None else f", {away_m:.0f} m from its place"
-        print(
-            f"{receipt['order']}  at {receipt['node']}{away}{'' if state == 'open' else f'  {state}'}"
-        )
+        changed = "" if state == "open" else f"  {state}"
+        print(f"{receipt['order']}  at {receipt['node']}{away}{changed}")
     return 0
 
 

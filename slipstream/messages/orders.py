@@ -136,8 +136,8 @@ class OrderReceipt(Message):
     node: Identifier = Field(description="Junction where vehicles stop for it.")
     distance_m: NonNegative | None = Field(
         default=None,
-        description="From the request's `lat` and `lon` to that junction, in a straight line; null: "
-        "the request names the junction.",
+        description="From the request's `lat` and `lon` to that junction, in a straight line; "
+        "null: the request names the junction.",
     )
     state: OrderState = Field(
         default="open",

@@ -9,7 +9,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
 from slipstream.errors import InputError
-
 from slipstream.roads import Segment
 
 if TYPE_CHECKING:
