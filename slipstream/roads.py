@@ -121,7 +121,7 @@ class RoadNetwork:
     are the junctions with traffic lights; ``crossings`` are the ways through junctions, by the
     segments before and behind, as far as they are known; ``turn_classes`` are the vehicle classes
     that may take a turn, where not all may; ``projection`` leads from latitude and longitude to its
-    places, if the network has one.
+    places, if the network has one; ``left_hand`` is whether the left side is driven on.
     """
 
     name: str
@@ -132,6 +132,7 @@ class RoadNetwork:
     crossings: Mapping[tuple[str, str], Crossing] = field(default_factory=dict)
     turn_classes: Mapping[tuple[str, str], frozenset[str]] = field(default_factory=dict)
     projection: Projection | None = None
+    left_hand: bool = False
 
     def admits(self, segment: str, profile: RoutingProfile) -> bool:
         """Whether vehicles of a profile may use a segment."""
@@ -231,6 +232,7 @@ def build_network(
     crossings: Mapping[tuple[str, str], Crossing] | None = None,
     turn_classes: Mapping[tuple[str, str], frozenset[str]] | None = None,
     projection: Projection | None = None,
+    left_hand: bool = False,
     source: str = "network",
     prefix: str = "",
 ) -> RoadNetwork:
@@ -242,6 +244,7 @@ def build_network(
         crossings: ways through junctions; those of turns that `follows` has not are left out.
         turn_classes: vehicle classes of turns that not all may take.
         projection: from latitude and longitude to places.
+        left_hand: whether the left side is driven on.
         source: what errors name.
         prefix: put before the segments' ids in errors, where they are part of a larger file.
 
@@ -300,4 +303,5 @@ def build_network(
         ),
         MappingProxyType(dict(turn_classes or {})),
         projection,
+        left_hand,
     )

@@ -87,7 +87,11 @@ def read_sumo_net(path: Path, read: Callable[[Any], T], *, internal: bool = Fals
                 problem = f"more than {MAX_NET_ELEMENTS} elements"
                 raise InputError(path, problem, "give a smaller net")
             super().startElement(name, attributes)
-            # sumolib leaves out the speed limits by class that an edge type may have.
+            # sumolib leaves out the side that is driven on, and the speed limits by class that an
+            # edge type may have.
+            if name == "net":
+                left = str(attributes.get("lefthand", ""))
+                self.getNet().__dict__["left_hand"] = left.lower() in ("1", "true", "t", "yes")
             if name == "type":
                 self.edge_type = attributes["id"]
             elif name == "restriction":
@@ -109,12 +113,12 @@ def read_sumo_net(path: Path, read: Callable[[Any], T], *, internal: bool = Fals
 
 
 def _read_sumo_net(path: Path, name: str) -> RoadNetwork:
-    parts, crossings, (classes, projection) = read_sumo_net(
+    parts, crossings, (classes, projection, left_hand) = read_sumo_net(
         path,
         lambda net: (
             _parts(net, str(path)),
             _crossings(net),
-            (_turn_classes(net), projection_of(net)),
+            (_turn_classes(net), projection_of(net), bool(net.__dict__.get("left_hand"))),
         ),
         internal=True,
     )
@@ -130,6 +134,7 @@ def _read_sumo_net(path: Path, name: str) -> RoadNetwork:
         crossings=crossings,
         turn_classes=classes,
         projection=projection,
+        left_hand=left_hand,
         source=str(path),
     )
 

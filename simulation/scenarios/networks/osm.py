@@ -124,7 +124,7 @@ def import_osm(
         driven,
         country,
         _assumed_km(survey, assumed, used),
-        _kinds(said),
+        kinds_of_warnings(said),
     )
 
 
@@ -163,7 +163,7 @@ def _assumed_km(
     return dict(sorted(found.items(), key=lambda item: -item[1]))
 
 
-def _kinds(said: str) -> dict[str, int]:
+def kinds_of_warnings(said: str) -> dict[str, int]:
     """Warnings by the first of each kind, the most frequent kind first."""
     kinds: Counter[str] = Counter()
     first: dict[str, str] = {}

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from simulation.scenarios.networks.netconvert import find_netconvert
-from simulation.scenarios.networks.osm import left_out
+from simulation.scenarios.networks.osm import kinds_of_warnings, left_out
 from simulation.scenarios.networks.osm_extract import open_extract, write_roads
 from simulation.scenarios.networks.osm_survey import Survey, survey_of
 from slipstream.errors import InputError
@@ -111,6 +111,25 @@ def test_each_way_that_a_net_has_not_has_its_reason(tmp_path: Path) -> None:
     }
 
 
+def test_warnings_of_netconvert_are_counted_by_kind() -> None:
+    """The first of each is quoted; those about netconvert itself, and those that are counted as
+    turn restrictions, are not told twice.
+    """
+    said = (
+        "Warning: Environment variable SUMO_HOME is not set, using built in type maps.\n"
+        "pj_obj_create: Cannot find proj.db\n"
+        "Warning: Speed of straight connection '12#3_0->-14_0' reduced by 3.50 due to turning.\n"
+        "Warning: Removed a road without junctions: -226336485.\n"
+        "Warning: Speed of straight connection 'a_0->b_1' reduced by 1 due to turning.\n"
+        "Warning: Ignoring restriction relation '2' with unknown to-way '99'.\n"
+        "Success.\n"
+    )
+    assert kinds_of_warnings(said) == {
+        "Speed of straight connection '12#3_0->-14_0' reduced by 3.50 due to turning.": 2,
+        "Removed a road without junctions: -226336485.": 1,
+    }
+
+
 @pytest.mark.parametrize(
     ("name", "content", "told"),
     [
@@ -184,4 +203,6 @@ def test_an_imported_town_is_one_that_the_commands_take(
     assert fleet.read_text() == "mine"
     said = capsys.readouterr().out
     assert "turn restrictions ignored: 1 of 2" in said
+    assert "driven on the right: it lies in no country that drives on the left" in said
+    assert "km taken as 50 km/h: residential streets" in said
     assert f"slipstream world --scenario t --net '{out / 't.net.xml.gz'}'" in said
