@@ -220,7 +220,7 @@ def load_rsus(path: Path, network: RoadNetwork) -> tuple[Rsu, ...]:
                 )
             if stretch.from_lane >= segment.lanes:
                 problem = f"lane {stretch.from_lane} of a segment of {segment.lanes}"
-                raise InputError(path, problem, "lanes count from 0 at the right", key=key)
+                raise InputError(path, problem, "lanes count from 0 at the kerb", key=key)
     return rsus
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, get_args
 
@@ -20,19 +20,37 @@ _FOOT_M: Final = 0.3048
 _INCH_M: Final = 0.0254
 _POUND_KG: Final = 0.45359237
 _SHORT_TON_KG: Final = 907.18474
-_FEET = re.compile(r"(\d+(?:\.\d+)?)\s*(?:'|ft)\s*(?:(\d+(?:\.\d+)?)\s*(?:\"|in)?)?")
-_NUMBER = re.compile(r"(\d+(?:[.,]\d+)?)\s*([a-zA-Z]*)")
-_METRES: Final = {"": 1.0, "m": 1.0, "cm": 0.01}
+_NUMBER: Final = r"\d+(?:[.,]\d+)?"
+_FEET: Final = re.compile(
+    rf"({_NUMBER})\s*(?:['′’](?!['′’])|ft\b\.?|feet\b)"
+    rf"(?:\s*({_NUMBER})\s*(?:[\"″”]|''|in\b|inch\b|inches\b)|({_NUMBER})(?![\d.,'′’]))?",
+    re.IGNORECASE,
+)
+_INCHES: Final = re.compile(rf"({_NUMBER})\s*(?:[\"″”]|''|in\b|inch\b|inches\b)", re.IGNORECASE)
+_VALUE: Final = re.compile(rf"({_NUMBER})(?:\s*([a-z]+)\b\.?)?", re.IGNORECASE)
+_THOUSANDS: Final = re.compile(r"\d{1,3},\d{3}")
+_BETWEEN: Final = re.compile(r"[\s;|/,]+")
+_METRES: Final = {"": 1.0, "m": 1.0, "metres": 1.0, "meters": 1.0, "cm": 0.01}
 _KILOGRAMS: Final = {
-    "": 1000.0,
-    "t": 1000.0,
+    **dict.fromkeys(("", "t", "tonne", "tonnes"), 1000.0),
     "kg": 1.0,
-    "lbs": _POUND_KG,
-    "lb": _POUND_KG,
-    "st": _SHORT_TON_KG,
+    **dict.fromkeys(("lbs", "lb", "pounds"), _POUND_KG),
+    **dict.fromkeys(("st", "ton", "tons"), _SHORT_TON_KG),
 }
-_NO_LIMIT: Final = frozenset({"", "none", "no", "default", "unsigned", "no_sign", "below_default"})
+_WHOLE: Final = frozenset({"kg", "lbs", "lb", "pounds"})
+"""Units whose numbers have a comma before the thousands, not before decimals."""
+_NO_LIMIT: Final = re.compile(
+    r"(?:none|no|no_sign|default|below_default|unsigned|unlimited|implicit)\b", re.IGNORECASE
+)
 """What OpenStreetMap has where no limit is signed."""
+_AXLE_SHARE: Final = 0.7
+"""Of a vehicle's permitted mass, at most, on one axle: what the rear axles of two-axle vans and
+lorries are built for (3.5 t: 0.64, 7.5 t: 0.69, 18 t: 0.64)."""
+_HIGHEST_AXLE_KG: Final = 11_500.0
+"""Permitted on a driven axle in the European Union (96/53/EC): a higher limit is none."""
+_STRICTEST: Final = {"maxheight": 2.0, "maxwidth": 2.0, "maxlength": 5.0, "maxweight": 2500.0}
+"""m and kg: what a limit that cannot be read counts as. Signs are rarely lower, so that a vehicle
+that might be above it is kept off."""
 
 
 @dataclass(frozen=True)
@@ -78,15 +96,19 @@ OPEN: Final = Access()
 """Everybody may use it."""
 
 
-def access_of(edge: Any, type_speeds: Mapping[str, Mapping[str, float]]) -> Access:
+def access_of(
+    edge: Any, type_speeds: Mapping[str, Mapping[str, float]], unread: list[str]
+) -> Access:
     """Who may use an edge of sumolib's net.
 
     Dimensions and mass are those of OpenStreetMap, which netconvert takes over as parameters of the
-    edge with ``--osm.extra-attributes maxheight,maxwidth,maxlength,maxweight``.
+    edge with ``--osm.extra-attributes`` and their keys. Of several values, as an edge has that is
+    made of several ways, the smallest holds.
 
     Args:
         edge: of the net.
         type_speeds: speed limits by class of each edge type (``restriction`` in the net).
+        unread: gets a line for each limit that cannot be read.
     """
     allowed = {vehicle_class for lane in edge.getLanes() for vehicle_class in lane.getPermissions()}
     classes = frozenset(ALL_CLASSES & allowed)
@@ -97,18 +119,42 @@ def access_of(edge: Any, type_speeds: Mapping[str, Mapping[str, float]]) -> Acce
         speed = type_speeds.get(edge.getType(), {}).get(vehicle_class, max(lanes))
         if speed != limit_mps and speed > 0:
             speeds[vehicle_class] = speed
-    where = f"edge {edge.getID()!r}"
+
+    def limit(key: str, units: Mapping[str, float], strictest: float) -> float | None:
+        text = str(edge.getParam(key) or "")
+        try:
+            return smallest(text, units)
+        except ValueError:
+            unread.append(f"edge {edge.getID()!r}: {key} {text[:40]!r}")
+            return strictest
+
+    lengths = {
+        key: limit(key, _METRES, _STRICTEST[key]) for key in ("maxheight", "maxwidth", "maxlength")
+    }
+    strictest_kg = _STRICTEST["maxweight"]
+    axle_kg = limit("maxaxleload", _KILOGRAMS, _AXLE_SHARE * strictest_kg)
+    masses = [
+        *(limit(key, _KILOGRAMS, strictest_kg) for key in ("maxweight", "maxweightrating")),
+        None if axle_kg is None or axle_kg >= _HIGHEST_AXLE_KG else axle_kg / _AXLE_SHARE,
+    ]
     return Access(
         None if classes == ALL_CLASSES else classes,
-        _length_m(edge.getParam("maxheight"), where),
-        _length_m(edge.getParam("maxwidth"), where),
-        _length_m(edge.getParam("maxlength"), where),
-        _least(
-            _mass_kg(edge.getParam("maxweight"), where),
-            _mass_kg(edge.getParam("maxweightrating"), where),
-        ),
+        lengths["maxheight"],
+        lengths["maxwidth"],
+        lengths["maxlength"],
+        min((mass for mass in masses if mass is not None), default=None),
         speeds,
     )
+
+
+def warn_of_unread(source: str, unread: Sequence[str]) -> None:
+    """Say in one line how many limits of a net cannot be read, and what they count as."""
+    if unread:
+        told = ", ".join(f"{key} {value:g}" for key, value in _STRICTEST.items())
+        log.warning(
+            "%s: %d limits cannot be read and count as the strictest (%s; m and kg), first %s",
+            *(source, len(unread), told, unread[0]),
+        )
 
 
 def classes_of_turn(connections: Any) -> frozenset[str] | None:
@@ -124,31 +170,47 @@ def classes_of_turn(connections: Any) -> frozenset[str] | None:
     return None if allowed == ALL_CLASSES else frozenset(allowed)
 
 
-def _least(*limits: float | None) -> float | None:
-    return min((limit for limit in limits if limit is not None), default=None)
+def smallest(text: str, units: Mapping[str, float]) -> float | None:
+    """The smallest value in a limit of OpenStreetMap; None: no limit.
+
+    Args:
+        text: one or more values with or without units, such as "3.5 t", "14 25", "12'6\"", "none".
+        units: factors by unit; where these are of length, feet and inches are read too.
+
+    Raises:
+        ValueError: something in it is no value.
+    """
+    found: list[float] = []
+    text, at = text.strip(), 0
+    while at < len(text):
+        value, at = _value_at(text, at, units)
+        found += [] if value is None else [value]
+        gap = _BETWEEN.match(text, at)
+        if gap is None and at < len(text):
+            raise ValueError(f"{text[at:]!r} is no value")
+        at = len(text) if gap is None else gap.end()
+    return min(found, default=None)
 
 
-def _length_m(text: str | None, where: str) -> float | None:
-    """A length of OpenStreetMap: metres, or feet and inches; None: no limit."""
-    if text is None or text.strip().lower() in _NO_LIMIT:
-        return None
-    feet = _FEET.fullmatch(text.strip())
-    if feet is not None:
-        return float(feet[1]) * _FOOT_M + float(feet[2] or 0.0) * _INCH_M
-    return _with_unit(text, _METRES, where)
+def _value_at(text: str, at: int, units: Mapping[str, float]) -> tuple[float | None, int]:
+    """(a value, None where it is no limit; where it ends)."""
+    if free := _NO_LIMIT.match(text, at):
+        return None, free.end()
+    if units is _METRES:
+        if feet := _FEET.match(text, at):
+            inches = _number(feet[2] or feet[3] or "0")
+            return _number(feet[1]) * _FOOT_M + inches * _INCH_M, feet.end()
+        if alone := _INCHES.match(text, at):
+            return _number(alone[1]) * _INCH_M, alone.end()
+    found = _VALUE.match(text, at)
+    unit = "" if found is None else str(found[2] or "").lower()
+    if found is None or unit not in units:
+        raise ValueError(f"{text[at:]!r} is no value")
+    number = found[1]
+    if unit in _WHOLE and _THOUSANDS.fullmatch(number):
+        number = number.replace(",", "")
+    return _number(number) * units[unit], found.end()
 
 
-def _mass_kg(text: str | None, where: str) -> float | None:
-    """A mass of OpenStreetMap: tonnes unless it says otherwise; None: no limit."""
-    if text is None or text.strip().lower() in _NO_LIMIT:
-        return None
-    return _with_unit(text, _KILOGRAMS, where)
-
-
-def _with_unit(text: str, units: Mapping[str, float], where: str) -> float | None:
-    found = _NUMBER.fullmatch(text.strip())
-    unit = None if found is None else units.get(found[2].lower())
-    if found is None or unit is None:
-        log.warning("%s: its limit %r is not understood and does not count", where, text[:40])
-        return None
-    return float(found[1].replace(",", ".")) * unit
+def _number(text: str) -> float:
+    return float(text.replace(",", "."))

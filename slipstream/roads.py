@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +17,10 @@ from slipstream.errors import InputError
 from slipstream.projection import Projection
 from slipstream.traction import PAPER_CAR
 from slipstream.vehicle_types import RoutingProfile
+
+EXPRESSWAYS: Final = frozenset({"motorway", "trunk"})
+EXPRESSWAY_MPS: Final = 25.0
+"""A road of no known class counts as an expressway from this limit on: 90 km/h."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +37,8 @@ class Segment:
         shape: points of its centre line, m, from start to end; at least two.
         access: who may use it.
         name: of its street, for people; "" where the net has none.
+        road_class: OpenStreetMap's, such as "primary_link"; "" where the net tells none.
+        in_tunnel: whether all of it is.
     """
 
     id: str
@@ -43,11 +50,24 @@ class Segment:
     shape: tuple[tuple[float, float], ...]
     access: Access = OPEN
     name: str = ""
+    road_class: str = ""
+    in_tunnel: bool = False
 
     @property
     def free_flow_s(self) -> float:
         """Seconds to drive it at the speed limit."""
         return self.length_m / self.speed_limit_mps
+
+    @property
+    def allows_stops(self) -> bool:
+        """Whether a vehicle may stand there to serve an address: on no expressway, ramp or slip
+        road, and in no tunnel.
+        """
+        if self.in_tunnel:
+            return False
+        if self.road_class:
+            return not (self.road_class in EXPRESSWAYS or self.road_class.endswith("_link"))
+        return self.speed_limit_mps < EXPRESSWAY_MPS
 
 
 @dataclass(frozen=True)
@@ -101,7 +121,7 @@ class RoadNetwork:
     are the junctions with traffic lights; ``crossings`` are the ways through junctions, by the
     segments before and behind, as far as they are known; ``turn_classes`` are the vehicle classes
     that may take a turn, where not all may; ``projection`` leads from latitude and longitude to its
-    places, if the network has one.
+    places, if the network has one; ``left_hand`` is whether the left side is driven on.
     """
 
     name: str
@@ -112,6 +132,7 @@ class RoadNetwork:
     crossings: Mapping[tuple[str, str], Crossing] = field(default_factory=dict)
     turn_classes: Mapping[tuple[str, str], frozenset[str]] = field(default_factory=dict)
     projection: Projection | None = None
+    left_hand: bool = False
 
     def admits(self, segment: str, profile: RoutingProfile) -> bool:
         """Whether vehicles of a profile may use a segment."""
@@ -211,6 +232,7 @@ def build_network(
     crossings: Mapping[tuple[str, str], Crossing] | None = None,
     turn_classes: Mapping[tuple[str, str], frozenset[str]] | None = None,
     projection: Projection | None = None,
+    left_hand: bool = False,
     source: str = "network",
     prefix: str = "",
 ) -> RoadNetwork:
@@ -222,6 +244,7 @@ def build_network(
         crossings: ways through junctions; those of turns that `follows` has not are left out.
         turn_classes: vehicle classes of turns that not all may take.
         projection: from latitude and longitude to places.
+        left_hand: whether the left side is driven on.
         source: what errors name.
         prefix: put before the segments' ids in errors, where they are part of a larger file.
 
@@ -280,4 +303,5 @@ def build_network(
         ),
         MappingProxyType(dict(turn_classes or {})),
         projection,
+        left_hand,
     )

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from importlib import resources
 from pathlib import Path
 from typing import Any, Final, TypeVar
 from xml import sax
+from xml.sax.saxutils import unescape
 
-from slipstream.access import access_of, classes_of_turn
+from slipstream.access import access_of, classes_of_turn, warn_of_unread
 from slipstream.config import DEMO_NETWORK as DEMO_NETWORK
 from slipstream.errors import InputError
 from slipstream.files import open_unpacked
@@ -19,6 +21,19 @@ T = TypeVar("T")
 
 _YIELDING: Final = "msw="
 """Letters of SUMO's connections that give way: minor, stop, all-way stop, equal."""
+
+_ROAD_CLASSES: Final = frozenset(
+    {
+        *(f"{name}{link}" for name in ("motorway", "trunk", "primary") for link in ("", "_link")),
+        *(f"{name}{link}" for name in ("secondary", "tertiary") for link in ("", "_link")),
+        *("unclassified", "residential", "living_street", "service", "road", "unsurfaced"),
+        *("pedestrian", "track", "bus_guideway", "busway"),
+    }
+)
+_NO_TUNNEL: Final = frozenset({"no", "building_passage", "covered", "culvert"})
+"""Values of OpenStreetMap's `tunnel` of roads where a vehicle can stand."""
+_ENTITIES: Final = {"&apos;": "'", "&quot;": '"'}
+"""netconvert escapes street names of a map twice."""
 
 MAX_NET_BYTES: Final = 64_000_000
 MAX_NET_ELEMENTS: Final = 300_000
@@ -40,7 +55,12 @@ def load_network(reference: str | Path) -> RoadNetwork:
         with resources.as_file(resources.files("slipstream") / "data" / "demo.net.xml") as path:
             return _read_sumo_net(path, DEMO_NETWORK)
     path = Path(reference).absolute()
-    return _read_sumo_net(path, path.name.removesuffix(".gz").removesuffix(".net.xml"))
+    return _read_sumo_net(path, net_name(path))
+
+
+def net_name(path: Path) -> str:
+    """A net's name: its file's without the endings, in capitals or not."""
+    return re.sub(r"(\.net\.xml)?(\.gz)?$", "", path.name, flags=re.IGNORECASE)
 
 
 def read_sumo_net(path: Path, read: Callable[[Any], T], *, internal: bool = False) -> T:
@@ -67,7 +87,11 @@ def read_sumo_net(path: Path, read: Callable[[Any], T], *, internal: bool = Fals
                 problem = f"more than {MAX_NET_ELEMENTS} elements"
                 raise InputError(path, problem, "give a smaller net")
             super().startElement(name, attributes)
-            # sumolib leaves out the speed limits by class that an edge type may have.
+            # sumolib leaves out the side that is driven on, and the speed limits by class that an
+            # edge type may have.
+            if name == "net":
+                left = str(attributes.get("lefthand", ""))
+                self.getNet().__dict__["left_hand"] = left.lower() in ("1", "true", "t", "yes")
             if name == "type":
                 self.edge_type = attributes["id"]
             elif name == "restriction":
@@ -89,9 +113,13 @@ def read_sumo_net(path: Path, read: Callable[[Any], T], *, internal: bool = Fals
 
 
 def _read_sumo_net(path: Path, name: str) -> RoadNetwork:
-    parts, crossings, (classes, projection) = read_sumo_net(
+    parts, crossings, (classes, projection, left_hand) = read_sumo_net(
         path,
-        lambda net: (_parts(net), _crossings(net), (_turn_classes(net), projection_of(net))),
+        lambda net: (
+            _parts(net, str(path)),
+            _crossings(net),
+            (_turn_classes(net), projection_of(net), bool(net.__dict__.get("left_hand"))),
+        ),
         internal=True,
     )
     if not parts[0]:
@@ -106,6 +134,7 @@ def _read_sumo_net(path: Path, name: str) -> RoadNetwork:
         crossings=crossings,
         turn_classes=classes,
         projection=projection,
+        left_hand=left_hand,
         source=str(path),
     )
 
@@ -159,12 +188,27 @@ def _lanes_through(net: Any, connection: Any) -> list[Any]:
     return lanes
 
 
+def _road_class(edge_type: str) -> str:
+    """OpenStreetMap's road class in the type of an edge ("highway.primary|railway.tram"); ""
+    where it has none.
+    """
+    parts = (part.strip().lower().removeprefix("highway.") for part in edge_type.split("|"))
+    return next((part for part in parts if part in _ROAD_CLASSES), "")
+
+
+def _is_tunnel(value: str) -> bool:
+    """By OpenStreetMap's tag; netconvert gives an edge that is made of several ways each value."""
+    words = value.replace(";", " ").split()
+    return bool(words) and not _NO_TUNNEL.intersection(words)
+
+
 def _parts(
-    net: Any,
+    net: Any, source: str
 ) -> tuple[list[Segment], dict[str, tuple[float, float]], dict[str, tuple[str, ...]], set[str]]:
     """Segments, junctions, allowed turns and signals of sumolib's net."""
     edges = [edge for edge in net.getEdges() if not edge.isSpecial()]
     type_speeds = net.__dict__.get("type_speeds_mps", {})
+    unread: list[str] = []
     segments = [
         Segment(
             id=edge.getID(),
@@ -174,11 +218,14 @@ def _parts(
             speed_limit_mps=float(edge.getSpeed()),
             lanes=edge.getLaneNumber(),
             shape=tuple((float(x), float(y)) for x, y in edge.getShape()),
-            access=access_of(edge, type_speeds),
-            name=edge.getName() or "",
+            access=access_of(edge, type_speeds, unread),
+            name=unescape(edge.getName() or "", _ENTITIES),
+            road_class=_road_class(edge.getType() or ""),
+            in_tunnel=_is_tunnel(edge.getParam("tunnel") or ""),
         )
         for edge in edges
     ]
+    warn_of_unread(source, unread)
     known = {segment.id for segment in segments}
     follows = {
         edge.getID(): tuple(sorted(known & {out.getID() for out in edge.getOutgoing()}))

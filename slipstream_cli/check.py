@@ -91,7 +91,15 @@ def _once(faults: Iterable[InputError]) -> list[InputError]:
 def _report(options: argparse.Namespace, files: list[Checked], faults: list[InputError]) -> int:
     files.sort(key=lambda file: options.config.index(file.path))
     if options.json:
-        found = [{"file": str(f.path), "kind": f.kind, "unserved": dict(f.unserved)} for f in files]
+        found = [
+            {
+                "file": str(f.path),
+                "kind": f.kind,
+                "notes": [*f.notes],
+                "unserved": dict(f.unserved),
+            }
+            for f in files
+        ]
         told = [
             {"file": f.source, "key": f.key, "problem": f.problem, "mend": f.mend} for f in faults
         ]

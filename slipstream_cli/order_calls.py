@@ -58,7 +58,10 @@ def _add(options: argparse.Namespace) -> int:
     for receipt in answer["receipts"]:
         # Known already, and perhaps cancelled meanwhile: then it is not planned again.
         state = receipt.get("state", "open")
-        print(f"{receipt['order']}  at {receipt['node']}{'' if state == 'open' else f'  {state}'}")
+        away_m = receipt.get("distance_m")
+        away = "" if away_m is None else f", {away_m:.0f} m from its place"
+        changed = "" if state == "open" else f"  {state}"
+        print(f"{receipt['order']}  at {receipt['node']}{away}{changed}")
     return 0
 
 

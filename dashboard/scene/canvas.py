@@ -57,9 +57,12 @@ class Canvas:
         self.unit = self.unit_m * self.scale
 
     def offset_line(self, segment: str, units: float) -> Array:
-        """The line of a segment, offset to its right by a number of units; (N, 2), m."""
+        """The line of a segment, offset by a number of units to the side that is driven on;
+        (N, 2), m.
+        """
         shape = geometry.drop_repeated_points(self.network.segments[segment].shape)
-        return geometry.offset(shape, units * self.unit_m)
+        side = -1 if self.network.left_hand else 1
+        return geometry.offset(shape, side * units * self.unit_m)
 
     def positions(self, places_m: Array, height: float) -> npt.NDArray[np.float32]:
         """Places in m, (N, 2), at a height in units, as positions in the scene, (N, 3)."""

@@ -44,7 +44,8 @@ class Lanes:
         self._arrow_m = arrow_m
         lines = [geometry.drop_repeated_points(road.shape) for road in network.segments.values()]
         self._points = np.concatenate(lines)
-        self._right_normals = np.concatenate([geometry.right_normals(line) for line in lines])
+        side = -1 if network.left_hand else 1
+        self._normals = side * np.concatenate([geometry.right_normals(line) for line in lines])
         self._first_point = _starts([len(line) for line in lines])
         marks = [_arrow_places(line, arrow_every_m) for line in lines]
         self._first_arrow = _starts([len(stroke) for stroke, _ in marks])
@@ -56,7 +57,7 @@ class Lanes:
 
         Args:
             roads: (K,), numbers of segments.
-            lanes_m: (K,), how far to the right of each road, m.
+            lanes_m: (K,), how far beside each road, on the side that is driven on, m.
         """
         starts = self._first_point[roads]
         counts = self._first_point[roads + 1] - starts - 1
@@ -95,7 +96,7 @@ class Lanes:
         return Drawing(heads, np.repeat(part, 2))
 
     def _place(self, point: Indices, lane_m: Array) -> Array:
-        place: Array = self._points[point] + lane_m[:, None] * self._right_normals[point]
+        place: Array = self._points[point] + lane_m[:, None] * self._normals[point]
         return place
 
 

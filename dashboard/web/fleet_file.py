@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,8 @@ from dashboard.web.rows import Scene
 from slipstream.config import read_data
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork
-from slipstream.vehicle_types import PRESETS
+from slipstream.snapping import NoPlaceError, Snapper
+from slipstream.vehicle_types import PRESETS, RoutingProfile
 
 
 def make_scene(network: RoadNetwork, fleet: Path | None, depots: tuple[str, ...]) -> Scene:
@@ -32,9 +33,11 @@ def make_scene(network: RoadNetwork, fleet: Path | None, depots: tuple[str, ...]
     data = read_data(fleet)
     if not isinstance(data, Mapping):
         raise InputError(fleet, "not a fleet", "give the dispatcher's fleet file")
+    presets = (PRESETS.get(str(row.get("type"))) for row in _rows(data, "vehicles", fleet))
+    profiles = {RoutingProfile() if kind is None else kind.profile for kind in presets}
     marked = {}
     for depot in _rows(data, "depots", fleet):
-        node = depot.get("node") or _node_at(network, depot)
+        node = depot.get("node") or _node_at(network, depot, profiles)
         if isinstance(node, str) and node in network.junctions:
             marked[str(depot.get("id", "depot"))] = node
     rows = [row for row in _rows(data, "vehicles", fleet) if "id" in row]
@@ -65,16 +68,12 @@ def _rows(data: Mapping[str, Any], table: str, fleet: Path) -> list[Mapping[str,
     return rows
 
 
-def _node_at(network: RoadNetwork, place: Mapping[str, Any]) -> str | None:
-    """The junction nearest to latitude and longitude."""
+def _node_at(
+    network: RoadNetwork, place: Mapping[str, Any], profiles: Iterable[RoutingProfile]
+) -> str | None:
+    """The junction where the dispatcher serves latitude and longitude."""
     try:
-        assert network.projection is not None
-        x, y = network.projection.place_m(float(place["lat"]), float(place["lon"]))
-    except (AssertionError, ImportError, KeyError, TypeError, ValueError):
+        where = float(place["lat"]), float(place["lon"])
+        return Snapper(network, profiles).stop_for(*where).node
+    except (ImportError, KeyError, TypeError, ValueError, NoPlaceError):
         return None
-    return min(
-        network.junctions,
-        key=lambda node: (
-            (network.junctions[node][0] - x) ** 2 + (network.junctions[node][1] - y) ** 2
-        ),
-    )

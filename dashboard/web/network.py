@@ -71,6 +71,7 @@ def network_document(scene: Scene) -> dict[str, Any]:
     return {
         "id": roads.name,
         "bounds": [round(value, 1) for value in roads.bounds_m()],
+        "left_hand": roads.left_hand,
         "origin": None if projection is None else _origin(projection),
         "roads": [
             {

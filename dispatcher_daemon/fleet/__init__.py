@@ -5,10 +5,10 @@ from __future__ import annotations
 from dispatcher_daemon.fleet.loading import DEMO_FLEET, check_fleet, fleet_from, load_fleet
 from dispatcher_daemon.fleet.models import Fleet
 from dispatcher_daemon.fleet.places import (
-    MAX_SNAP_M,
-    distances,
     located,
+    served,
     snapper_of,
+    to_node_m,
     with_unknown_nodes,
 )
 from dispatcher_daemon.fleet.stops import DEPOT, ChargingStop, Depot, Hub, Stop
@@ -17,7 +17,6 @@ from dispatcher_daemon.fleet.vehicles import Break, NamedVehicleType, Vehicle
 __all__ = [
     "DEMO_FLEET",
     "DEPOT",
-    "MAX_SNAP_M",
     "Break",
     "ChargingStop",
     "Depot",
@@ -27,10 +26,11 @@ __all__ = [
     "Stop",
     "Vehicle",
     "check_fleet",
-    "distances",
     "fleet_from",
     "load_fleet",
     "located",
+    "served",
     "snapper_of",
+    "to_node_m",
     "with_unknown_nodes",
 ]

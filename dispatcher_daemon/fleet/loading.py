@@ -13,12 +13,13 @@ from zoneinfo import ZoneInfo
 
 from dispatcher_daemon.fleet.clock import given_twice, parse
 from dispatcher_daemon.fleet.models import Fleet
-from dispatcher_daemon.fleet.places import distances, located, with_unknown_nodes
+from dispatcher_daemon.fleet.places import located, served, with_unknown_nodes
 from dispatcher_daemon.fleet.stops import DEPOT, Stop
 from dispatcher_daemon.fleet.vehicles import Break, Vehicle
 from slipstream.config import check, read_data
 from slipstream.errors import InputError, refuse
 from slipstream.roads import RoadNetwork
+from slipstream.snapping import NO_CLASSES, lacks_classes
 from slipstream.vehicle_types import PRESETS
 
 log = logging.getLogger(__name__)
@@ -55,20 +56,19 @@ def fleet_from(
     """Check plain data as a fleet; errors as in `load_fleet`, also where it has no stop and may not
     lack them, or clock times and may not have them.
 
-    A place with latitude and longitude gets a node: the nearer end of the nearest road that some
-    vehicle of the fleet may use, no more than `MAX_SNAP_M` away.
+    A place with latitude and longitude gets a node: an end of the nearest road where some vehicle
+    of the fleet may stop (`slipstream.snapping`).
     """
     fleet = located(check(with_unknown_nodes(data), Fleet, source), network, source)
     if not (fleet.stops or may_lack_stops):
         raise InputError(source, "no stop", "add one", key="stops")
     refuse(_clock_faults(fleet, source, may_have_clock_times))
     check_fleet(fleet, network, source)
-    furthest = max(
-        distances(fleet, network, source), key=lambda found: found[1].distance_m, default=None
-    )
+    furthest = max(served(fleet, network), key=lambda place: place.to_node_m, default=None)
     if furthest is not None:
-        key, snapped = furthest
-        log.info("%s: places lie at most %.0f m from roads (%s)", source, snapped.distance_m, key)
+        log.info("%s: of all places the furthest off: %s", source, furthest)
+        if lacks_classes(network):
+            log.warning("network %r: %s", network.name, NO_CLASSES)
     return fleet
 
 

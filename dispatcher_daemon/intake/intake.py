@@ -165,7 +165,8 @@ class OrderIntake:
                     if len(tracker.book.orders) >= MAX_KNOWN:
                         raise OrdersRefused([too_many(request.id)])
                     tracker.book.submit(request, node, now_ns)
-                taken.append((receipt_of(order or tracker.book.orders[request.id]), order is None))
+                found = order or tracker.book.orders[request.id]
+                taken.append((receipt_of(found, self._network), order is None))
             if refusals:
                 raise OrdersRefused([refusals[number] for number in sorted(refusals)])
             return taken

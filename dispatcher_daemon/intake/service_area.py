@@ -6,11 +6,11 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property
 
-from dispatcher_daemon.fleet import DEPOT, MAX_SNAP_M, Fleet, Stop, Vehicle, snapper_of
+from dispatcher_daemon.fleet import DEPOT, Fleet, Stop, Vehicle, snapper_of
 from slipstream.messages import OrderRequest
 from slipstream.orders import OrderRefused, utc
 from slipstream.roads import RoadNetwork
-from slipstream.snapping import Snapper
+from slipstream.snapping import NoPlaceError, Snapper
 from slipstream.vehicle_types import RoutingProfile
 
 _Rule = tuple[str, Callable[[Vehicle], bool], str, str]
@@ -143,26 +143,12 @@ class ServiceArea:
             return request.node
         assert request.lat is not None
         assert request.lon is not None
-        projection = self._network.projection
-        if projection is None:
-            problem = f"network {self._network.name!r} knows no latitude and longitude"
-            mend = "name a junction as node"
-            raise OrderRefused("invalid", problem, mend, order=name, key="lat")
         try:
-            snapped = self._snapper.nearest(projection.place_m(request.lat, request.lon))
-        except ValueError as error:
-            mend = "give a place of the network"
-            raise OrderRefused("invalid", str(error), mend, order=name, key="lat") from None
-        if snapped is None or snapped.distance_m > MAX_SNAP_M:
-            problem = "the fleet's vehicles may use no road"
-            if snapped is not None:
-                problem = (
-                    f"{snapped.distance_m:.0f} m from the nearest road that the vehicles may use, "
-                    f"at junction {snapped.node!r}"
-                )
-            mend = f"give a place within {MAX_SNAP_M:.0f} m of one"
-            raise OrderRefused("invalid", problem, mend, order=name, key="lat")
-        return snapped.node
+            return self._snapper.stop_for(request.lat, request.lon).node
+        except NoPlaceError as error:
+            raise OrderRefused(
+                "invalid", error.problem, error.mend, order=name, key="lat"
+            ) from None
 
     def _profiles(self) -> set[RoutingProfile]:
         fleet = self._fleet

@@ -4,18 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from dispatcher_daemon.fleet import to_node_m
 from dispatcher_daemon.tracking import FleetTracker, at_risk
 from slipstream.messages import OrderReceipt, OrderRequest, OrderStatus, OrderStep
 from slipstream.orders import OrderChange, OrderRecord
+from slipstream.roads import RoadNetwork
 
 
-def receipt_of(order: OrderRecord) -> OrderReceipt:
+def receipt_of(order: OrderRecord, network: RoadNetwork) -> OrderReceipt:
     """What its caller gets for an order, however often it is sent."""
     assert order.received_ns is not None
+    request = request_of(order)
+    away_m = None if request is None else to_node_m(network, request.lat, request.lon, order.node)
     return OrderReceipt(
         order=order.order,
         received_ns=order.received_ns,
         node=order.node,
+        distance_m=None if away_m is None else round(away_m, 1),
         state=order.state,
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -9,7 +10,7 @@ from typing import Final, Literal
 
 import numpy as np
 
-from dispatcher_daemon.fleet import MAX_SNAP_M, Fleet, located, with_unknown_nodes
+from dispatcher_daemon.fleet import Fleet, located, to_node_m, with_unknown_nodes
 from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads import Travel, roads_of
 from dispatcher_daemon.roads.weights import Floats
@@ -18,7 +19,10 @@ from dispatcher_daemon.vroom.model import Ints, Matrices
 from dispatcher_daemon.vroom.schema import Coordinates
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork
+from slipstream.snapping import MAX_SNAP_M
 from slipstream.vehicle_types import PRESETS
+
+log = logging.getLogger(__name__)
 
 PROFILES: Final = {"car": "paper_car", **{name: name for name in PRESETS}}
 """Vehicle type by name of a profile."""
@@ -67,10 +71,26 @@ class RoutingEngine:
         except InputError as error:
             name = (error.key or "").split(".")
             place = places[int(name[1])] if len(name) > 1 and name[1].isdigit() else places[0]
-            mend = f"give places within {MAX_SNAP_M:.0f} m of a road, or the network of that region"
+            mend = (
+                f"give places within {MAX_SNAP_M:.0f} m of a road where vehicles may stop, or the "
+                "network of that region"
+            )
             raise RoutingError(source, error.problem, mend, key=f"location {list(place)}") from None
+        _tell_distances(fleet, self.network)
         problem = RoutingProblem(self.network, fleet, search=self.minimise)
         return RoadWays(self, Travel(problem, roads_of(problem, self.snapshot)), tuple(names))
+
+
+def _tell_distances(fleet: Fleet, network: RoadNetwork) -> None:
+    """Log how many places are served further away than a place may lie from its road."""
+    found = [(to_node_m(network, s.lat, s.lon, s.node) or 0.0, s) for s in fleet.stops]
+    far = [(away_m, stop) for away_m, stop in found if away_m > MAX_SNAP_M]
+    if far:
+        away_m, stop = max(far, key=lambda item: item[0])
+        log.warning(
+            "%d of %d locations are served more than %.0f m away, [%g, %g] %.0f m away, at %r",
+            *(len(far), len(found), MAX_SNAP_M, stop.lon, stop.lat, away_m, stop.node),
+        )
 
 
 @dataclass(frozen=True)

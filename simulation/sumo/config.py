@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
+from urllib.parse import unquote
 
 from simulation.sumo.files import elements
 from slipstream.errors import InputError
@@ -86,12 +87,18 @@ def read_configuration(path: Path) -> SumoFiles:
 
 
 def _files(path: Path, key: str, text: str) -> tuple[Path, ...]:
-    files = tuple(path.parent / part.strip() for part in text.split(",") if part.strip())
+    files = tuple(_file(path.parent, part.strip()) for part in text.split(",") if part.strip())
     for file in files:
         if not file.is_file():
             problem = f"it names {file.name!r}, which is not there"
             raise InputError(path, problem, "mend the name or add the file", key=key)
     return files
+
+
+def _file(folder: Path, name: str) -> Path:
+    """A file that a configuration names; SUMO writes blanks, commas and the like as %20, %2C."""
+    decoded, literal = folder / unquote(name), folder / name
+    return literal if literal.is_file() and not decoded.is_file() else decoded
 
 
 def _time_s(path: Path, key: str, text: str | None) -> float | None:

@@ -136,10 +136,9 @@ def _in_front(points: Floats, depth: Floats) -> Floats:
 
 
 def _pave(image: Grid, strip: _Strip, view: GroundView, palette: Palette) -> None:
-    """A pavement to the right of the shoulder."""
+    """A pavement beside the shoulder at the kerb."""
     wide = strip.way.walk_m or PAVEMENT_M
-    edge = strip.way.width_m + SHOULDER_M
-    cover = strip.cover(edge, edge + wide)
+    cover = strip.cover(*strip.way.beside_kerb(SHOULDER_M, SHOULDER_M + wide))
     joints = band(np.mod(strip.along, 2.0), 0.0, 0.05, strip.along_px)
     tone = (1.0 + 0.05 * view.fine.reshape(-1)[strip.pixels]) * (1 - 0.25 * joints)
     _blend_pixels(

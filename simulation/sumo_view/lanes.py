@@ -15,9 +15,10 @@ class Carriageway:
         edge: SUMO's id.
         left: left border of the leftmost lane in the direction of travel, m in the net, (n, 2).
         widths_m: widths of the lanes from the left to the right.
-        walk_m: width of pavements for pedestrians to the right of the lanes.
+        walk_m: width of pavements for pedestrians beside the lanes at the kerb.
         length_m: driven length, along which SUMO gives positions.
         stop_line: whether vehicles may have to wait at its end.
+        kerb_left: whether the kerb is to the left of the lanes: where the left side is driven on.
     """
 
     edge: str
@@ -26,6 +27,15 @@ class Carriageway:
     walk_m: float
     length_m: float
     stop_line: bool
+    kerb_left: bool = False
+
+    def beside_kerb(self, from_m: float, to_m: float) -> tuple[float, float]:
+        """Of a strip between two distances beyond the kerb: its distances to the right of the left
+        border.
+        """
+        if self.kerb_left:
+            return -to_m, -from_m
+        return self.width_m + from_m, self.width_m + to_m
 
     @property
     def width_m(self) -> float:

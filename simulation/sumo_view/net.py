@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any, Final
 
 import libsumo
 import numpy as np
 
+from simulation.sumo import elements
 from simulation.sumo_view.lanes import Carriageway, Roads
 from simulation.sumo_view.polylines import clean, nearest_m, shifted
 
@@ -18,6 +20,8 @@ _MUST_STOP: Final = frozenset("rRyYgGoOmsZ")
 def read_roads(x_m: float, y_m: float, radius_m: float) -> Roads:
     """The roads within a distance of a point of the running simulation's net."""
     centre = np.array([x_m, y_m])
+    root = next(elements(Path(libsumo.simulation.getOption("net-file")), "start"))
+    left_hand = root.get("lefthand", "") in ("1", "true")
     ways = []
     for edge in libsumo.edge.getIDList():
         if edge.startswith(":"):
@@ -25,7 +29,7 @@ def read_roads(x_m: float, y_m: float, radius_m: float) -> Roads:
         lanes = [f"{edge}_{i}" for i in range(libsumo.edge.getLaneNumber(edge))]
         shape = clean(np.array(libsumo.lane.getShape(lanes[0]))[:, :2])
         if len(shape) > 1 and nearest_m(shape, centre) <= radius_m:
-            way = _carriageway(edge, lanes)
+            way = _carriageway(edge, lanes, left_hand)
             if way is not None:
                 ways.append(way)
     junctions = []
@@ -37,18 +41,19 @@ def read_roads(x_m: float, y_m: float, radius_m: float) -> Roads:
     return Roads(tuple(ways), tuple(junctions), frozenset(libsumo.edge.getIDList()))
 
 
-def _carriageway(edge: str, lanes: list[str]) -> Carriageway | None:
+def _carriageway(edge: str, lanes: list[str], left_hand: bool) -> Carriageway | None:
     """The edge's lanes for vehicles, None if it has none."""
     walks = [lane for lane in lanes if tuple(libsumo.lane.getAllowed(lane)) == _WALKERS]
     driven = [lane for lane in lanes if lane not in walks]
     if not driven:
         return None
-    # SUMO counts lanes from the right.
-    leftmost = driven[-1]
+    # SUMO counts lanes from the kerb.
+    from_left = driven if left_hand else driven[::-1]
+    leftmost = from_left[0]
     line = clean(np.array(libsumo.lane.getShape(leftmost), dtype=np.float64)[:, :2])
     if len(line) < 2:
         return None
-    widths = tuple(float(libsumo.lane.getWidth(lane)) for lane in reversed(driven))
+    widths = tuple(float(libsumo.lane.getWidth(lane)) for lane in from_left)
     return Carriageway(
         edge,
         shifted(line, widths[0] / 2),
@@ -56,6 +61,7 @@ def _carriageway(edge: str, lanes: list[str]) -> Carriageway | None:
         sum(float(libsumo.lane.getWidth(lane)) for lane in walks),
         float(libsumo.lane.getLength(leftmost)),
         any(_waits(link) for lane in driven for link in libsumo.lane.getLinks(lane)),
+        left_hand,
     )
 
 

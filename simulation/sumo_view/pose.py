@@ -137,7 +137,8 @@ def camera_site(
     stretch = rsu.watch[0]
     segment = network.segments[stretch.segment]
     foot_m = max(0.0, stretch.to_m - _VIEW_M)
-    mast, _ = _beside(segment, foot_m, segment.lanes * _LANE_M / 2 + _BESIDE_M)
+    kerb_m = segment.lanes * _LANE_M / 2 + _BESIDE_M
+    mast, _ = _beside(segment, foot_m, -kerb_m if network.left_hand else kerb_m)
     target, ahead = _beside(segment, min(foot_m + _LOOK_M, segment.length_m), 0.0)
     if foot_m + _LOOK_M > segment.length_m:
         target = mast + _LOOK_M * ahead

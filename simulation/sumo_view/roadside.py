@@ -31,8 +31,9 @@ class Plan:
         taken = np.zeros((rows, columns), dtype=np.uint8)
         outlines = [site.to_local(outline) for outline in roads.junctions]
         for way in roads.carriageways:
-            right = way.width_m + SHOULDER_M + max(PAVEMENT_M, way.walk_m)
-            borders = shifted(way.left, SHOULDER_M), shifted(way.left, -right)[::-1]
+            kerb = way.beside_kerb(0.0, SHOULDER_M + max(PAVEMENT_M, way.walk_m))
+            left, right = min(-SHOULDER_M, *kerb), max(way.width_m + SHOULDER_M, *kerb)
+            borders = shifted(way.left, -left), shifted(way.left, -right)[::-1]
             outlines.append(site.to_local(np.concatenate(borders)))
         for outline in outlines:
             cells = np.rint((outline + np.array([_BACK_M, _ASIDE_M])) / _CELL_M).astype(np.int32)
@@ -119,7 +120,8 @@ def _is_clear(plan: Plan, kind: str, spot: Floats) -> bool:
 
 
 def _lamp_spots(way: Carriageway, site: Site, spacing_m: float, rng: np.random.Generator) -> Floats:
-    line = shifted(way.left, -(way.width_m + SHOULDER_M + PAVEMENT_M + 0.3))
+    lamp_m = SHOULDER_M + PAVEMENT_M + 0.3
+    line = shifted(way.left, -way.beside_kerb(lamp_m, lamp_m)[0])
     length = float(distances(line)[-1])
     spots = np.arange(float(rng.uniform(5, spacing_m)), length - 5.0, spacing_m)
     return site.to_local(at(line, spots)) if len(spots) else np.zeros((0, 2))

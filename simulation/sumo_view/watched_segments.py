@@ -25,7 +25,9 @@ _EDGE_PX = 2.0
 
 @dataclass(frozen=True)
 class Stretch:
-    """A watched stretch of an edge, between two distances along it, and its lanes from the left."""
+    """A watched stretch of an edge, between two distances along it, and how many of its lanes,
+    without those at the kerb.
+    """
 
     segment_id: str
     way: Carriageway
@@ -36,19 +38,31 @@ class Stretch:
     @property
     def width_m(self) -> float:
         """Of the watched lanes."""
-        return sum(self.way.widths_m[: self.lanes])
+        widths = self.way.widths_m
+        return sum(widths[-self.lanes :] if self.way.kerb_left else widths[: self.lanes])
+
+    @property
+    def left_m(self) -> float:
+        """Of the watched lanes' left border, to the right of the carriageway's."""
+        return self.way.width_m - self.width_m if self.way.kerb_left else 0.0
+
+    def part(self, from_m: float, to_m: float, right_m: float) -> Floats:
+        """A line at a distance to the right of the watched lanes' left border, between two driven
+        distances.
+        """
+        return self.way.part(from_m, to_m, self.left_m + right_m)
 
     @property
     def polygon(self) -> Floats:
         """Outline in the net, m, (n, 2): along the left border, back along the right one."""
-        left = self.way.part(self.from_m, self.to_m, 0.0)
-        right = self.way.part(self.from_m, self.to_m, self.width_m)
+        left = self.part(self.from_m, self.to_m, 0.0)
+        right = self.part(self.from_m, self.to_m, self.width_m)
         return np.concatenate([left, right[::-1]])
 
     @property
     def direction(self) -> Floats:
         """Unit vector (2,) from its beginning to its end."""
-        middle = self.way.part(self.from_m, self.to_m, self.width_m / 2)
+        middle = self.part(self.from_m, self.to_m, self.width_m / 2)
         way = middle[-1] - middle[0]
         return np.asarray(way / np.linalg.norm(way))
 
@@ -113,7 +127,7 @@ def _named(watch: WatchSettings, roads: Roads, view: View, source: Path) -> Stre
     lanes = len(way.widths_m) - watch.from_lane
     if lanes < 1:
         problem = f"it has no lane {watch.from_lane}"
-        raise InputError(source, problem, "lanes count from 0 at the right", key=key)
+        raise InputError(source, problem, "lanes count from 0 at the kerb", key=key)
     low, high = watch.from_m, watch.to_m
     for value in (low, high):
         if value is not None and value > way.length_m + 0.01:
@@ -167,13 +181,13 @@ def _correspondences(stretches: tuple[Stretch, ...], view: View) -> list[tuple[P
     pairs: dict[Point, Point] = {}
     for stretch in stretches:
         length = stretch.to_m - stretch.from_m
-        middle = view.site.to_local(stretch.way.part(stretch.from_m, stretch.to_m, 0.0))
+        middle = view.site.to_local(stretch.part(stretch.from_m, stretch.to_m, 0.0))
         coming = np.linalg.norm(middle[0]) > np.linalg.norm(middle[-1])
         shares = (np.geomspace(1.0, 4.0, 6) - 1.0) / 3.0
         for share in (1.0 - shares) if coming else shares:
             for right_m in (0.0, stretch.width_m):
                 along = stretch.from_m + share * length
-                part = stretch.way.part(min(along, stretch.to_m - 0.02), stretch.to_m, right_m)
+                part = stretch.part(min(along, stretch.to_m - 0.02), stretch.to_m, right_m)
                 x, y = (round(float(v), 2) for v in part[0])
                 u, v = view.project(np.array([[x, y]]))[0]
                 pairs[(x, y)] = (float(u), float(v))

@@ -134,6 +134,11 @@ class OrderReceipt(Message):
     order: Identifier
     received_ns: TimeNs
     node: Identifier = Field(description="Junction where vehicles stop for it.")
+    distance_m: NonNegative | None = Field(
+        default=None,
+        description="From the request's `lat` and `lon` to that junction, in a straight line; "
+        "null: the request names the junction.",
+    )
     state: OrderState = Field(
         default="open",
         description="Now: one that has ended, cancelled perhaps, is not planned for being sent "

@@ -233,20 +233,22 @@ def _check_fleet(path: Path, network: str) -> Checked:
 
 
 def _fleet(path: Path, roads: RoadNetwork) -> Checked:
-    from dispatcher_daemon.fleet import distances
+    from dispatcher_daemon.fleet import served
     from dispatcher_daemon.fleet_file import FleetFile
     from dispatcher_daemon.planning import unservable
     from dispatcher_daemon.problem import RoutingProblem
     from dispatcher_daemon.traffic import take_snapshot
     from slipstream.freshness import STALE_AFTER_S
+    from slipstream.snapping import NO_CLASSES, lacks_classes
 
     fleet = FleetFile(str(path), roads).current()
-    if fleet is None or not fleet.stops:
-        return Checked(path, "fleet", fleet=fleet)
-    notes = tuple(
-        f"{path}: {key}: {place.distance_m:.0f} m from {place.segment}, served at {place.node}"
-        for key, place in distances(fleet, roads, path)
-    )
+    if fleet is None:
+        return Checked(path, "fleet")
+    notes = [f"{path}: {place}" for place in served(fleet, roads)]
+    if notes and lacks_classes(roads):
+        notes.append(f"{path}: {NO_CLASSES}")
+    if not fleet.stops:
+        return Checked(path, "fleet", notes=notes, fleet=fleet)
     free_flow = take_snapshot(roads, (), 0, stale_after_s=STALE_AFTER_S)
     unserved = unservable(RoutingProblem(roads, fleet), free_flow)
     return Checked(path, "fleet", notes=notes, unserved=unserved, fleet=fleet)

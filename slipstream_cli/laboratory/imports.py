@@ -10,9 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from slipstream.errors import InputError
+from slipstream.snapping import stopping_junctions
 from slipstream_cli.laboratory.import_sets import add_formats
+from slipstream_cli.place.maps import add_map_options, assumptions, extract_name
 
 if TYPE_CHECKING:
+    from simulation.scenarios.networks import Import
     from slipstream.roads import RoadNetwork
 
 
@@ -32,6 +35,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         "extract", type=Path, metavar="FILE", help=".osm or .osm.xml (also .gz, .bz2), or .osm.pbf"
     )
     osm.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder to write into")
+    add_map_options(osm)
     osm.add_argument("--json", action="store_true", help="print a summary as JSON")
     osm.set_defaults(run=run_osm)
     add_formats(kinds)
@@ -42,11 +46,11 @@ def run_osm(options: argparse.Namespace) -> int:
     from simulation.scenarios.networks import import_osm, largest_part
     from slipstream.sumo_net import load_network
 
-    name = options.extract.name.partition(".")[0] or "net"
+    name = extract_name(options.extract)
     net, fleet = options.out / f"{name}.net.xml.gz", options.out / f"{name}-fleet.json"
     try:
         options.out.mkdir(parents=True, exist_ok=True)
-        found = import_osm(options.extract, net)
+        found = import_osm(options.extract, net, side=options.driving_side, country=options.country)
         whole = load_network(net)
         network = largest_part(whole, net)
         if not fleet.exists():
@@ -65,18 +69,25 @@ def run_osm(options: argparse.Namespace) -> int:
         "ways_left_out": dict(found.left_out),
         "turn_restrictions": found.restrictions,
         "turn_restrictions_ignored": found.ignored_restrictions,
+        "driving_side": found.side.side,
+        "driving_side_by": found.side.why,
+        "country": found.country,
+        "limits_not_signed": [
+            {"kmh": kmh, "why": why, "km": round(km, 2)} for (kmh, why), km in found.assumed.items()
+        ],
+        "netconvert_warnings": dict(found.warnings),
     }
     if options.json:
         print(json.dumps(summary))
         return 0
-    _tell(summary)
+    _tell(summary, found)
     print(f"\nnext:\n  slipstream init DIR --net {shlex.quote(str(net))}")
     for line in _next_steps(name, net, fleet, options.out):
         print(f"  {line}")
     return 0
 
 
-def _tell(summary: Mapping[str, Any]) -> None:
+def _tell(summary: Mapping[str, Any], found: Import) -> None:
     print(
         f"{summary['net']}: {summary['segments']} segments, {summary['km']:g} km, "
         f"{summary['signals']} junctions with signals, from {summary['ways']} ways"
@@ -88,6 +99,8 @@ def _tell(summary: Mapping[str, Any]) -> None:
     print(f"turn restrictions ignored: {ignored} of {restrictions}")
     apart = summary["segments"] - summary["connected_segments"]
     print(f"segments from which a car cannot drive to all others and back: {apart}")
+    for line in assumptions(found):
+        print(line)
 
 
 def _next_steps(name: str, net: Path, fleet: Path, out: Path) -> tuple[str, ...]:
@@ -103,8 +116,10 @@ def _next_steps(name: str, net: Path, fleet: Path, out: Path) -> tuple[str, ...]
 
 def _first_fleet(network: RoadNetwork) -> dict[str, Any]:
     """A fleet file of one vehicle and one stop, at the two ends of the network's longest segment
-    that is not a loop."""
-    far = max((s for s in network.segments.values() if s.start != s.end), key=lambda s: s.length_m)
+    that is not a loop; of those where vehicles may stop, if there are any."""
+    segments = [s for s in network.segments.values() if s.start != s.end]
+    quiet = {*stopping_junctions(network)}
+    far = max(segments, key=lambda s: ({s.start, s.end} <= quiet, s.length_m))
     return {
         "depots": [{"id": "depot", "node": far.start}],
         "stops": [{"id": "stop-1", "node": far.end}],

@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING
 
 from slipstream.config import DEMO_NETWORK
 from slipstream.errors import InputError
+from slipstream.logs import complain
+from slipstream_cli.place.maps import add_map_options, assumptions, extract_name
 from slipstream_cli.place.streets import place_of
 
 if TYPE_CHECKING:
@@ -38,10 +40,12 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     roads.add_argument(
         "--osm", type=Path, metavar="FILE", help="an OpenStreetMap extract, made a net first"
     )
+    add_map_options(command)
     command.add_argument(
         "--at",
         metavar="LAT,LON",
-        help="the depot is the junction nearest to it; on a net without a projection x and y in m "
+        help="the depot is where an address there is served, and never on an expressway, ramp or "
+        "in a tunnel; on a net without a projection x and y in m "
         "(default: the middle of the largest connected part)",
     )
     command.add_argument("--rsu", default="rsu-1", help="name of the first roadside unit")
@@ -66,7 +70,7 @@ def run(options: argparse.Namespace) -> int:
             demo = options.net == DEMO_NETWORK
             net = DEMO_NETWORK if demo else str(Path(options.net).absolute())
             return _write(options, folder, net, None)
-        made = _imported(options.osm, Path(built))
+        made = _imported(options, Path(built))
         return _write(options, folder, str(folder / made.name), made)
 
 
@@ -115,12 +119,19 @@ def _write(options: argparse.Namespace, folder: Path, net: str, made: Path | Non
     street = _street(part, layout.depot)
     commands = start_commands(folder, options.rsu)
     if options.json:
-        facts = {"folder": str(folder), "net": net, "depot": layout.depot, "street": street}
+        facts = {
+            "folder": str(folder),
+            "net": net,
+            "depot": layout.depot,
+            "street": street,
+            "distance_m": None if layout.away_m is None else round(layout.away_m, 1),
+        }
         print(json.dumps({**facts, "files": [*files], "start": list(commands)}))
         return 0
     for name in files:
         print(folder / name)
-    print(f"depot: junction {layout.depot}{f' ({street})' if street else ''}")
+    away = "" if layout.away_m is None else f", {layout.away_m:.0f} m from {options.at}"
+    print(f"depot: junction {layout.depot}{f' ({street})' if street else ''}{away}")
     print(f"camera: made up, on segment {layout.watched}; see docs/calibration.md")
     print("\nnext:")
     print(f"  slipstream check {shlex.quote(str(folder))}/*.toml")
@@ -159,14 +170,17 @@ def _check_empty(folder: Path) -> None:
         raise InputError(folder, "is no folder", "give an empty or a new folder")
 
 
-def _imported(extract: Path, folder: Path) -> Path:
-    """The net of an OpenStreetMap extract, in the folder."""
+def _imported(options: argparse.Namespace, folder: Path) -> Path:
+    """The net of an OpenStreetMap extract, in the folder; what it had to assume is told."""
     from simulation.scenarios.networks import import_osm
 
-    net = folder / f"{extract.name.partition('.')[0] or 'net'}.net.xml.gz"
+    extract: Path = options.osm
+    net = folder / f"{extract_name(extract)}.net.xml.gz"
     if extract.is_file():
         print(f"importing {extract}", file=sys.stderr)
-    import_osm(extract, net)
+    found = import_osm(extract, net, side=options.driving_side, country=options.country)
+    for line in assumptions(found):
+        complain(f"slipstream: {line}")
     return net
 
 

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork
+from slipstream.snapping import Snapper, stopping_junctions
+from slipstream.vehicle_types import RoutingProfile
 
 _STOPS: Final = 4
 _VIEW_M: Final = 80.0
 """A camera sees so far along its road."""
 _MAX_AWAY_M: Final = 1000.0
-"""From a depot's place to its junction: beyond it the place is in another town."""
+"""From a depot's place to its road: beyond it the place is in another town."""
 
 
 @dataclass(frozen=True)
@@ -22,6 +25,7 @@ class Layout:
 
     Attributes:
         depot: junction.
+        away_m: of the depot from the place that was asked for; None: none was.
         stops: junctions, the nearest to the depot first.
         watched: the camera's segment.
         lanes: of that segment.
@@ -29,6 +33,7 @@ class Layout:
     """
 
     depot: str
+    away_m: float | None
     stops: tuple[str, ...]
     watched: str
     lanes: int
@@ -40,21 +45,25 @@ def lay_out(network: RoadNetwork, at_m: tuple[float, float] | None) -> Layout:
 
     Args:
         network: connected; see `simulation.scenarios.networks.largest_part`.
-        at_m: the depot is the nearest junction; None: the most central one, with the smallest mean
-            distance to all others.
+        at_m: the depot is where an address there is served; None: the most central junction, with
+            the smallest mean distance to all others.
 
     Raises:
-        InputError: no junction is within a kilometre.
+        InputError: no road where vehicles may stop is within a kilometre.
     """
-    ends = sorted({end for s in network.segments.values() for end in (s.start, s.end)})
+    ends = stopping_junctions(network)
+    away_m = None
     if at_m is None:
         depot = _most_central(network, ends)
     else:
-        depot = min(ends, key=lambda name: (math.dist(network.junctions[name], at_m), name))
-        away_m = math.dist(network.junctions[depot], at_m)
-        if away_m > _MAX_AWAY_M:
-            problem = f"the nearest junction is {away_m / 1000:.1f} km away"
+        found = Snapper(network, [RoutingProfile()]).nearest(at_m)
+        if found is None:
+            problem = "all its roads are expressways, ramps or tunnels"
+            raise InputError("--at", problem, "leave it out, and name the depot's node yourself")
+        if found.distance_m > _MAX_AWAY_M:
+            problem = f"the nearest road for a depot is {found.distance_m / 1000:.1f} km away"
             raise InputError("--at", problem, "give a place of the net: slipstream net show")
+        depot, away_m = found.node, found.to_node_m
     place = network.junctions[depot]
     others = sorted(
         (name for name in ends if name != depot),
@@ -72,10 +81,12 @@ def lay_out(network: RoadNetwork, at_m: tuple[float, float] | None) -> Layout:
             s.id,
         ),
     )
-    return Layout(depot, stops, watched.id, watched.lanes, min(60.0, 0.8 * watched.length_m))
+    return Layout(
+        depot, away_m, stops, watched.id, watched.lanes, min(60.0, 0.8 * watched.length_m)
+    )
 
 
-def _most_central(network: RoadNetwork, names: list[str]) -> str:
+def _most_central(network: RoadNetwork, names: Sequence[str]) -> str:
     """The junction nearest to the geometric median, by Weiszfeld's iteration."""
     places = [network.junctions[name] for name in names]
     x = sum(p[0] for p in places) / len(places)

@@ -1,10 +1,11 @@
-"""`slipstream net`: which segments and junctions a street has, have an id, or lie near a place."""
+"""`slipstream net`: segments and junctions by street, by id, or near a place."""
 
 from __future__ import annotations
 
 import argparse
 import json
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 from slipstream.config import DEMO_NETWORK
@@ -33,14 +34,16 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         "find",
         help="the segments and junctions of a street, of an id, or near a place",
         description="Lists segments with id, length, allowed speed, direction and junctions: those "
-        "of a street, by a name that need not be exact; or else those whose ids hold what is "
-        "given; or those nearest to a place.",
+        "of a street, by a name that need not be exact; those that meet at a junction, by its id "
+        "or as 'A Street & B Street'; those whose ids hold what is given; or those nearest to a "
+        "place, with where a stop there is served.",
     )
     find.add_argument(
         "query",
         metavar="NAME|ID|LAT,LON",
-        help="a street's name; a segment's id or a part of it; or latitude and longitude, where "
-        "the net has no projection x and y in m; write -- before a place that begins with a minus",
+        help="a street's name, two with & between; the id of a segment or junction, or a part of "
+        "it; or latitude and longitude, where the net has no projection x and y in m; write -- "
+        "before a place that begins with a minus",
     )
     find.add_argument("--limit", type=int, default=20, help="segments to list at most")
     find.set_defaults(run=run_find)
@@ -55,6 +58,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
 
 def run_find(options: argparse.Namespace) -> int:
     """Print what is found; bad input if nothing is."""
+    from slipstream.snapping import NO_CLASSES, lacks_classes
     from slipstream.sumo_net import load_network
 
     if options.limit < 1:
@@ -62,22 +66,24 @@ def run_find(options: argparse.Namespace) -> int:
     network = load_network(options.net)
     place = place_of(options.query, network)
     names: tuple[str, ...] = ()
-    away_m = None
+    here: tuple[str, ...] = ()
+    away_m, stop = None, None
     if place is not None:
         found = _near(network, place, options.limit)
         total = len(found)
         away_m = min((row["distance_m"] for row in found), default=None)
+        stop = _stop(network, place)
     else:
-        names, chosen = matching(options.query, network)
+        names, here, chosen = matching(options.query, network)
         found, total = [_facts(network, s) for s in chosen[: options.limit]], len(chosen)
     if far := away_m is not None and away_m > _FAR_M:
         away = _length(away_m or 0.0)
         complain(f"slipstream: {options.query}: {away} from the nearest segment of {options.net}")
-    junctions = _junctions(network, found)
+    junctions = _junctions(network, here or _ends(found))
     if options.json:
         answer = {"query": options.query, "streets": list(names), "found": total}
         if place is not None:
-            answer |= {"distance_m": away_m, "far": far}
+            answer |= {"distance_m": away_m, "far": far, "stop": stop}
         print(json.dumps({**answer, "segments": found, "junctions": junctions}))
         return 0
     for row in found:
@@ -86,11 +92,16 @@ def run_find(options: argparse.Namespace) -> int:
             f"{row['id']}: {row['street'] or 'no name'}, {row['direction']}, "
             f"{row['length_m']:g} m, "
             f"{row['speed_limit_kmh']:g} km/h, lanes: {row['lanes']}, "
+            f"{row['road_class'] + ', ' if row['road_class'] else ''}"
             f"{row['start']} -> {row['end']}{away}"
         )
     if total > len(found):
         print(f"and {total - len(found)} more: --limit {total}")
     print("junctions: " + ", ".join(f"{j['id']} ({_at(j)})" for j in junctions))
+    if place is not None:
+        print("stop: " + _told(stop))
+        if lacks_classes(network):
+            print(f"stop: {NO_CLASSES}")
     return 0
 
 
@@ -124,15 +135,41 @@ def run_show(options: argparse.Namespace) -> int:
 
 
 def _near(network: RoadNetwork, place: tuple[float, float], count: int) -> list[dict[str, Any]]:
-    """The nearest segments, with their distances, m."""
+    """The nearest segments of any kind, with their distances, m."""
     from slipstream.snapping import Snapper
     from slipstream.vehicle_types import RoutingProfile
 
+    snapper = Snapper(network, [RoutingProfile()], for_stops=False)
     return [
         _facts(network, network.segments[found.segment])
         | {"distance_m": round(found.distance_m, 1), "nearest_junction": found.node}
-        for found in Snapper(network, [RoutingProfile()]).near(place, count)
+        for found in snapper.near(place, count)
     ]
+
+
+def _stop(network: RoadNetwork, place: tuple[float, float]) -> dict[str, Any] | None:
+    """Where a stop at a place is served; None: nowhere."""
+    from slipstream.snapping import MAX_SNAP_M, Snapper
+    from slipstream.vehicle_types import RoutingProfile
+
+    found = Snapper(network, [RoutingProfile()]).nearest(place)
+    if found is None or found.distance_m > MAX_SNAP_M:
+        return None
+    return {
+        "node": found.node,
+        "distance_m": round(found.to_node_m, 1),
+        "segment": found.segment,
+        "to_segment_m": round(found.distance_m, 1),
+    }
+
+
+def _told(stop: dict[str, Any] | None) -> str:
+    if stop is None:
+        return "none is served here; no road near it is for stops"
+    return (
+        f"served at {stop['node']}, {stop['distance_m']:g} m away, an end of {stop['segment']}, "
+        f"{stop['to_segment_m']:g} m from the place"
+    )
 
 
 def _facts(network: RoadNetwork, segment: Segment) -> dict[str, Any]:
@@ -140,6 +177,7 @@ def _facts(network: RoadNetwork, segment: Segment) -> dict[str, Any]:
     return {
         "id": segment.id,
         "street": segment.name,
+        "road_class": segment.road_class,
         "length_m": round(segment.length_m, 1),
         "speed_limit_kmh": round(segment.speed_limit_mps * _MPS_TO_KMH, 1),
         "lanes": segment.lanes,
@@ -153,10 +191,15 @@ def _length(metres: float) -> str:
     return f"{metres:.0f} m" if metres < _KM_M else f"{metres / _KM_M:.1f} km"
 
 
-def _junctions(network: RoadNetwork, rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The ends of segments, each once, with their coordinates."""
+def _ends(rows: Sequence[dict[str, Any]]) -> tuple[str, ...]:
+    """The ends of segments, each once."""
+    return tuple(dict.fromkeys(row[end] for row in rows for end in ("start", "end")))
+
+
+def _junctions(network: RoadNetwork, names: Sequence[str]) -> list[dict[str, Any]]:
+    """Junctions with their coordinates."""
     found = []
-    for name in dict.fromkeys(row[end] for row in rows for end in ("start", "end")):
+    for name in names:
         x, y = network.junctions[name]
         row = {"id": name, "x_m": round(x, 1), "y_m": round(y, 1)}
         if network.projection is not None:

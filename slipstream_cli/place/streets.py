@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import difflib
+import re
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
 from slipstream.errors import InputError
+from slipstream.roads import Segment
 
 if TYPE_CHECKING:
-    from slipstream.roads import RoadNetwork, Segment
+    from slipstream.roads import RoadNetwork
 
 _NEAR: Final = 0.6
 """Likeness (difflib's ratio) from which a name is meant."""
+_CROSSING: Final = re.compile(r"\s+(?:&|/|and|und|et|y)\s+|[&/]", re.IGNORECASE)
+"""Between the names of streets that meet."""
 _SHORT: Final = {
     "ave": "avenue", "blvd": "boulevard", "dr": "drive", "ln": "lane", "pl": "place",
     "rd": "road", "st": "street", "str": "strasse",
@@ -28,40 +32,109 @@ def streets_of(network: RoadNetwork) -> Mapping[str, tuple[Segment, ...]]:
     return {name: tuple(segments) for name, segments in found.items()}
 
 
-def matching(query: str, network: RoadNetwork) -> tuple[tuple[str, ...], tuple[Segment, ...]]:
-    """(names of the streets that are meant, the best first; segments, the best first).
+Match = tuple[tuple[str, ...], tuple[str, ...], tuple[Segment, ...]]
+"""(names of the streets that are meant, junctions that are, segments; the best first each)."""
 
-    The segment whose id this is comes first, then those of streets that hold what was written; or
-    else those whose ids hold it, or else those of the streets most like it.
+
+def matching(query: str, network: RoadNetwork) -> Match:
+    """What a query means.
+
+    The segment or junction whose id this is comes first, then the streets that hold what was
+    written, or the junctions of two streets with "&" between them; or else segments and junctions
+    whose ids hold it, or else the streets most like it.
 
     Raises:
         InputError: there is none.
     """
     streets = streets_of(network)
-    named = [name for name in streets if name]
+    held = _holding(query, streets)
+    exact = [network.segments[query]] if query in network.segments else []
+    here = (query,) if query in network.junctions else ()
+    if held or exact or here:
+        segments = (
+            *exact,
+            *_meeting(network, here),
+            *(segment for name in held for segment in streets[name]),
+        )
+        return held, here, tuple({segment.id: segment for segment in segments}.values())
+    parts = [part.strip() for part in _CROSSING.split(query) if part.strip()]
+    if len(parts) > 1 and streets.keys() - {""}:
+        return _crossing(query, parts, network)
+    part = query.strip().casefold()
+
+    def named(ids: Iterable[str]) -> list[str]:
+        found = (name for name in ids if part and part in name.casefold())
+        return sorted(found, key=lambda name: (len(name), name))
+
+    if ids := named(network.segments):
+        return (), (), tuple(network.segments[name] for name in ids)
+    if ids := named(network.junctions):
+        return (), tuple(ids), _meeting(network, ids)
+    names = _like(query, streets, network)
+    return names, (), tuple(segment for name in names for segment in streets[name])
+
+
+def _holding(query: str, streets: Mapping[str, Sequence[Segment]]) -> tuple[str, ...]:
+    """Names of streets that hold what was written, the shortest first."""
     wanted = _plain(query)
     words = set(wanted.split())
-    held = [n for n in named if wanted and (wanted in _plain(n) or words <= {*_plain(n).split()})]
-    names = tuple(sorted(held, key=lambda name: (len(_plain(name)), name)))
-    exact = [network.segments[query]] if query in network.segments else []
-    if names or exact:
-        segments = (*exact, *(segment for name in names for segment in streets[name]))
-        return names, tuple({segment.id: segment for segment in segments}.values())
-    part = query.strip().casefold()
-    ids = [identifier for identifier in network.segments if part and part in identifier.casefold()]
-    if ids:
-        return (), tuple(network.segments[i] for i in sorted(ids, key=lambda i: (len(i), i)))
+    held = (
+        name
+        for name in streets
+        if name and wanted and (wanted in _plain(name) or words <= {*_plain(name).split()})
+    )
+    return tuple(sorted(held, key=lambda name: (len(_plain(name)), name)))
+
+
+def _like(
+    query: str, streets: Mapping[str, Sequence[Segment]], network: RoadNetwork
+) -> tuple[str, ...]:
+    """Names of the streets that are most like what was written.
+
+    Raises:
+        InputError: none is.
+    """
+    wanted, named = _plain(query), [name for name in streets if name]
     like = sorted(((_likeness(wanted, _plain(name)), name) for name in named), reverse=True)
     best = like[0][0] if like else 0.0
     if best >= _NEAR:
         # As good as the best one, not all that are barely like it.
-        names = tuple(name for value, name in like if value >= max(_NEAR, best - 0.1))
-        return names, tuple(segment for name in names for segment in streets[name])
-    missing = "no segment's id has it, and"
+        return tuple(name for value, name in like if value >= max(_NEAR, best - 0.1))
+    missing = "no segment or junction has it in its id, and"
     if not named:
         mend = "give a place, or import the net with names"
         raise InputError(query, f"{missing} the net has no street names", mend)
     raise InputError(query, f"{missing} no street is called so", f"the nearest is {like[0][1]!r}")
+
+
+def _crossing(query: str, parts: Sequence[str], network: RoadNetwork) -> Match:
+    """The junctions where streets meet.
+
+    Raises:
+        InputError: a street is not known, or they do not meet.
+    """
+    streets = streets_of(network)
+    meant = [_holding(part, streets) or _like(part, streets, network) for part in parts]
+    ends = [
+        {end for name in names for s in streets[name] for end in (s.start, s.end)}
+        for names in meant
+    ]
+    met = sorted(set.intersection(*ends))
+    if not met:
+        told = " and ".join(repr(names[0]) for names in meant)
+        raise InputError(query, f"{told} meet at no junction", "give one street, or a place")
+    names = tuple(dict.fromkeys(name for group in meant for name in group))
+    return names, tuple(met), _meeting(network, met)
+
+
+def _meeting(network: RoadNetwork, junctions: Iterable[str]) -> tuple[Segment, ...]:
+    """Segments that begin or end at junctions, by junction."""
+    by_end: dict[str, list[Segment]] = {}
+    for segment in network.segments.values():
+        for end in dict.fromkeys((segment.start, segment.end)):
+            by_end.setdefault(end, []).append(segment)
+    found = (segment for name in junctions for segment in by_end.get(name, ()))
+    return tuple({segment.id: segment for segment in found}.values())
 
 
 def place_of(query: str, network: RoadNetwork) -> tuple[float, float] | None:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ import pyproj
 import pytest
 
 from dispatcher_daemon.arc_form import arc_form_obstacle
-from dispatcher_daemon.fleet import Fleet, Vehicle, distances, fleet_from, load_fleet
+from dispatcher_daemon.fleet import Fleet, Vehicle, fleet_from, load_fleet, served
 from dispatcher_daemon.problem import RoutingProblem
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork
@@ -425,9 +426,14 @@ def test_places_by_latitude_and_longitude_are_snapped_to_the_road(
         fleet = fleet_from(_located(lat=lat, lon=lon), troy, "f.toml")
     assert fleet.stops[0].node in (segment.start, segment.end)
     assert fleet.depots[0].node in troy.junctions
-    assert "places lie at most" in caplog.text
-    found = dict(distances(fleet, troy, "f.toml"))
-    assert found["stops.s"].distance_m == pytest.approx(0.0, abs=0.1)
+    assert "of all places the furthest off" in caplog.text
+    found = {place.key: place for place in served(fleet, troy)}
+    road = found["stops.s"].road
+    assert road is not None
+    assert road.distance_m == pytest.approx(0.0, abs=0.1)
+    assert found["stops.s"].to_node_m == pytest.approx(
+        math.dist(troy.junctions[fleet.stops[0].node], (0.8 * x0 + 0.2 * x1, 0.8 * y0 + 0.2 * y1))
+    )
     assert found["depots.depot"].node == fleet.depots[0].node
     again = fleet_from(fleet.model_dump(), troy, "again")
     assert again == fleet

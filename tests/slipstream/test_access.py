@@ -129,20 +129,69 @@ def test_a_turn_needs_lanes_and_a_connection_that_its_class_may_use(path: Path) 
         ("maxweight", "2800 kg", False, False),
         ("maxweight", "44", True, True),
         ("maxweightrating", "7.5", True, False),
-        ("maxheight", "low bridge", True, True),
+        ("maxheight", "12' 6\"", True, False),
+        ("maxheight", "13'6 9'", False, False),
+        ("maxheight", "4.2 9 ft 0 in", False, False),
+        ("maxweight", "14 25", True, False),
+        ("maxweight", "25 14", True, False),
+        ("maxweight", "44 3 t 60", False, False),
+        ("maxweight", "3.5;44", True, False),
+        ("maxweight", "44|3.5 t", True, False),
+        ("maxweight", "7,5", True, False),
+        ("maxweight", "26,000 lbs", True, False),
+        ("maxweight", "5 st", True, False),
+        ("maxweight", "none 44", True, True),
+        ("maxweight", "unsigned", True, True),
+        ("maxweight", "default none", True, True),
+        ("maxaxleload", "8", True, False),
+        ("maxaxleload", "11.5", True, True),
+        ("maxaxleload", "2 t", False, False),
+        ("maxwidth", "2.1 3", False, False),
+        ("maxlength", "18 12", True, False),
     ],
 )
 def test_heights_and_weights_are_those_of_openstreetmap(
     path: Path, key: str, value: str, van: bool, truck: bool, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Metres or feet, tonnes or pounds; what is not understood is said and does not count."""
+    """Metres or feet, tonnes or pounds; of several values, as joined ways have, the smallest; an
+    axle's load limits the mass of which it is never more than 0.7."""
     quoted = value.replace('"', "&quot;")
     inside = lane("ab") + f'<param key="{key}" value="{quoted}"/>'
     with caplog.at_level(logging.WARNING):
         road = net(path, edge("ab", "a", "b", inside))
     assert (road.admits("ab", VAN), road.admits("ab", TRUCK)) == (van, truck)
     assert road.admits("ab", CAR), "nothing is known of the paper's car"
-    assert ("not understood" in caplog.text) == (value == "low bridge")
+    assert "cannot be read" not in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("maxheight", "low bridge"),
+        ("maxheight", "4.2m3"),
+        ("maxweight", "14 lorries"),
+        ("maxweight", "25 see sign"),
+        ("maxaxleload", "heavy"),
+        ("maxwidth", "narrow"),
+        ("maxlength", "-"),
+    ],
+)
+def test_a_limit_that_cannot_be_read_keeps_out_who_might_be_above_it(
+    path: Path, key: str, value: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """It counts as the strictest of its kind; one line says how many there are, and the first."""
+    inside = f'<param key="{key}" value="{value}"/>'
+    with caplog.at_level(logging.WARNING):
+        road = net(
+            path,
+            edge("ab", "a", "b", lane("ab") + inside),
+            edge("bc", "b", "c", lane("bc") + inside),
+        )
+    assert (road.admits("ab", VAN), road.admits("ab", TRUCK)) == (False, False)
+    assert road.admits("ab", CAR), "nothing is known of the paper's car"
+    assert len(caplog.records) == 1
+    assert "2 limits cannot be read and count as the strictest" in caplog.text
+    assert f"first edge 'ab': {key} {value!r}" in caplog.text
 
 
 def test_speed_limits_may_differ_by_class(path: Path) -> None:

@@ -119,5 +119,6 @@ def largest_part(network: RoadNetwork, source: str | Path) -> RoadNetwork:
             if b in follows.get(a, ())
         },
         projection=network.projection,
+        left_hand=network.left_hand,
         source=str(source),
     )

@@ -11,10 +11,21 @@ from pathlib import Path
 from typing import Final
 
 from simulation.scenarios.networks.netconvert import OPTIONS, convert, keep
-from simulation.scenarios.networks.osm_extract import Survey, read_extract
+from simulation.scenarios.networks.osm_extract import open_extract, write_roads
+from simulation.scenarios.networks.osm_limits import Limit, countries_named, limits, signed_kmh
+from simulation.scenarios.networks.osm_side import DrivingSide, Side, clear, driving_side
+from simulation.scenarios.networks.osm_survey import FOR_CARS, Survey, survey_of
 from simulation.sumo import elements
 from slipstream.errors import InputError
 
+_LIMITS: Final = (
+    "maxheight",
+    "maxwidth",
+    "maxlength",
+    "maxweight",
+    "maxweightrating",
+    "maxaxleload",
+)
 _OPTIONS: Final = (
     *("--geometry.remove", "true"),
     *("--roundabouts.guess", "true"),
@@ -26,23 +37,22 @@ _OPTIONS: Final = (
     *("--keep-edges.by-vclass", "passenger"),
     *("--keep-edges.components", "1"),
     *("--remove-edges.isolated", "true"),
-    # Edges by OpenStreetMap's ways, and the limits that roads have (`slipstream.access`).
+    # Edges by OpenStreetMap's ways, the limits that roads have (`slipstream.access`), and tunnels.
     *("--output.original-names", "true"),
     *("--osm.all-attributes", "true"),
-    *("--osm.extra-attributes", "maxheight,maxwidth,maxlength,maxweight,maxweightrating"),
+    *("--osm.extra-attributes", ",".join((*_LIMITS, "tunnel"))),
     *("--aggregate-warnings", "-1"),
 )
 _FOR_WALKING: Final = frozenset(
     {"footway", "path", "pedestrian", "steps", "cycleway", "bridleway", "corridor", "track"}
 )
-_FOR_CARS: Final = frozenset(
-    {
-        *(f"{name}{link}" for name in ("motorway", "trunk", "primary") for link in ("", "_link")),
-        *("secondary", "secondary_link", "tertiary", "tertiary_link"),
-        *("unclassified", "residential", "living_street", "road"),
-    }
-)
 _IGNORED: Final = re.compile(r"Ignoring restriction relation")
+_OWN: Final = re.compile(
+    r"Environment variable SUMO_HOME|built in type maps|Discarding unknown comp"
+)
+"""Warnings of netconvert that are about itself, or about what no car uses."""
+_VARIES: Final = re.compile(r"'[^']*'|\"[^\"]*\"|-?\d+(?:\.\d+)?(?:#\d+)?")
+"""What differs between warnings of one kind: names and numbers."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +65,10 @@ class Import:
         left_out: ways that are not, by reason.
         restrictions: turn restrictions of the extract.
         ignored_restrictions: of them, that netconvert could not apply.
+        side: that is driven on.
+        country: its code, as told or as the map names it; None: not known.
+        assumed: km of roads whose limit is not signed, by the limit that is taken, km/h, and why.
+        warnings: other warnings of netconvert by the first of their kind.
     """
 
     net: Path
@@ -62,25 +76,41 @@ class Import:
     left_out: Mapping[str, int]
     restrictions: int
     ignored_restrictions: int
+    side: DrivingSide
+    country: str | None
+    assumed: Mapping[tuple[float, str], float]
+    warnings: Mapping[str, int]
 
 
-def import_osm(extract: Path, path: Path) -> Import:
+def import_osm(
+    extract: Path, path: Path, *, side: Side | None = None, country: str | None = None
+) -> Import:
     """Build a net from an OpenStreetMap extract: roads for cars, ramps and signals guessed.
 
     Args:
         extract: ``.osm`` or ``.osm.xml``, plain or packed with gzip or bzip2, or ``.osm.pbf``.
         path: of the net; compressed if it ends in ``.gz``.
+        side: that is driven on; None: by the map, or else by where it lies.
+        country: ISO 3166-1 code, for that side and for limits that are not signed; None: the one
+            that the map names.
 
     Raises:
-        InputError: the extract does not exist, is none or has no road; netconvert is not installed
-            or refuses it.
+        InputError: the extract does not exist, is none or has no road; nothing tells its side;
+            netconvert is not installed or refuses it.
         ModuleNotFoundError: a ``.osm.pbf`` without osmium.
     """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        roads, survey = read_extract(extract, folder)
-        built = folder / "built.net.xml"
-        said = convert(["--osm-files", str(roads), *OPTIONS, *_OPTIONS], built, extract)
+        opened = open_extract(extract, folder)
+        survey = survey_of(opened)
+        country = country or _country(survey)
+        driven = driving_side(survey, side, country, extract)
+        assumed = limits(survey, country)
+        roads, built = folder / "roads.osm.xml", folder / "built.net.xml"
+        write_roads(opened, roads, survey.is_wanted, survey.road_nodes, _added(survey, assumed))
+        options = ["--osm-files", str(roads), *OPTIONS, *_OPTIONS]
+        options += ["--lefthand", "true"] if driven.side == "left" else []
+        said = convert(options, built, extract)
         used = _ways_of(built)
         if not used:
             raise InputError(extract, "no road for cars in it", "extract more")
@@ -91,7 +121,59 @@ def import_osm(extract: Path, path: Path) -> Import:
         left_out(survey, used),
         survey.restrictions,
         sum(_IGNORED.search(line) is not None for line in said.splitlines()),
+        driven,
+        country,
+        _assumed_km(survey, assumed, used),
+        kinds_of_warnings(said),
     )
+
+
+def _country(survey: Survey) -> str | None:
+    """The country that the map names by far most often; None: it names none."""
+    return clear(survey.countries + countries_named(survey.open_roads.values()))
+
+
+def _added(survey: Survey, assumed: Mapping[int, Limit]) -> dict[int, dict[str, str]]:
+    """Tags that hold instead of the extract's, by way: limits as plain numbers; and that a road is
+    in no tunnel, where one goes on: netconvert makes one edge of both.
+    """
+    roads = survey.open_roads
+    in_tunnels = {node for way in roads.values() if way.in_tunnel for node in way.nodes}
+    added: dict[int, dict[str, str]] = {}
+    for number, way in roads.items():
+        tags = added.setdefault(number, {})
+        limit = assumed.get(number)
+        signed = signed_kmh(way.tags) if limit is None else limit.kmh
+        if signed is not None:
+            tags["maxspeed"] = f"{signed:g}" if isinstance(signed, float | int) else signed
+        if not way.in_tunnel and in_tunnels.intersection(way.nodes):
+            tags["tunnel"] = "no"
+    return added
+
+
+def _assumed_km(
+    survey: Survey, assumed: Mapping[int, Limit], used: frozenset[int]
+) -> dict[tuple[float, str], float]:
+    """Length of the net's roads by limit and why it was taken, the longest first."""
+    found: dict[tuple[float, str], float] = {}
+    for number, limit in assumed.items():
+        if number in used:
+            key, km = (limit.kmh, limit.why), survey.length_m(survey.roads[number]) / 1000
+            found[key] = found.get(key, 0.0) + km
+    return dict(sorted(found.items(), key=lambda item: -item[1]))
+
+
+def kinds_of_warnings(said: str) -> dict[str, int]:
+    """Warnings by the first of each kind, the most frequent kind first."""
+    kinds: Counter[str] = Counter()
+    first: dict[str, str] = {}
+    for line in said.splitlines():
+        text = line.removeprefix("Warning: ")
+        if text != line and not (_IGNORED.search(text) or _OWN.search(text)):
+            kind = _VARIES.sub("…", text)
+            first.setdefault(kind, text)
+            kinds[kind] += 1
+    return {first[kind]: count for kind, count in kinds.most_common()}
 
 
 def _ways_of(net: Path) -> frozenset[int]:
@@ -115,7 +197,7 @@ def left_out(survey: Survey, used: frozenset[int]) -> dict[str, int]:
             reason = "footways, cycleways, paths, tracks"
         elif way.road_class == "service":
             reason = "service roads (drives, alleys, car parks)"  # netconvert: no through traffic
-        elif way.road_class not in _FOR_CARS:
+        elif way.road_class not in FOR_CARS:
             reason = f"no road for cars ({way.road_class})"
         elif way.closed:
             reason = "closed to cars (access, vehicle, motor_vehicle, motorcar)"
@@ -141,7 +223,7 @@ def _connected(survey: Survey, used: frozenset[int]) -> Mapping[int, bool]:
 
     kept = []
     for number, way in survey.roads.items():
-        if way.nodes and way.road_class in _FOR_CARS:
+        if way.nodes and way.road_class in FOR_CARS:
             first = root(way.nodes[0])
             for node in way.nodes[1:]:
                 parent[root(node)] = first

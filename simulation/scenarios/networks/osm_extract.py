@@ -1,4 +1,4 @@
-"""Reads an OpenStreetMap extract: its open roads as XML for netconvert, and what else it has.
+"""Reads an OpenStreetMap extract, and writes its open roads as XML for netconvert.
 
 netconvert opens a road to cars though `motor_vehicle` or `vehicle` is `no` and `access` is not, so
 that closed roads are left out here.
@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import bz2
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, Final, cast
+from typing import Any, BinaryIO, Final, Literal, cast
 from xml.etree import ElementTree
 
 from slipstream.errors import InputError
@@ -22,83 +22,102 @@ MAX_EXTRACT_BYTES: Final = 2_000_000_000
 """Of an extract, unpacked."""
 _FORMATS: Final = (".osm", ".osm.xml", ".osm.gz", ".osm.xml.gz", ".osm.bz2", ".osm.xml.bz2")
 _MEND: Final = "give .osm or .osm.xml (also .gz, .bz2), or .osm.pbf"
-_CLOSED: Final = frozenset({"no", "private", "agricultural", "forestry", "emergency"})
-"""Values of `access` and the like by which nobody delivers there."""
 _CHUNK_BYTES: Final = 1 << 20
+
+Kind = Literal["node", "way", "relation"]
 
 
 @dataclass(frozen=True)
-class Way:
-    """A way with a road class: its value of `highway`, its nodes, whether tags close it to cars."""
-
-    road_class: str
-    nodes: tuple[int, ...]
-    closed: bool
-
-
-@dataclass
-class Survey:
-    """What an extract has.
+class Thing:
+    """A node, way or relation.
 
     Attributes:
-        roads: ways with a road class, by id.
-        railways: ways of rail without one.
-        others: ways with neither: buildings, water, borders.
-        restrictions: turn restrictions.
+        place: of a node, latitude and longitude in degrees.
+        nodes: of a way.
+        members: of a relation: kind, id and role.
     """
 
-    roads: dict[int, Way] = field(default_factory=dict)
-    railways: int = 0
-    others: int = 0
-    restrictions: int = 0
+    kind: Kind
+    id: int
+    tags: Mapping[str, str]
+    place: tuple[float, float] = (0.0, 0.0)
+    nodes: tuple[int, ...] = ()
+    members: tuple[tuple[str, int, str], ...] = ()
 
-    def add_way(self, number: int, tags: dict[str, str], nodes: tuple[int, ...]) -> None:
-        """Take in a way."""
-        road_class = tags.get("highway")
-        if road_class is not None:
-            keys = ("motorcar", "motor_vehicle", "vehicle", "access")
-            access = next((tags[key] for key in keys if key in tags), "yes")
-            self.roads[number] = Way(road_class, nodes, access in _CLOSED)
-        elif "railway" in tags:
-            self.railways += 1
-        else:
-            self.others += 1
-
-    def add_relation(self, tags: dict[str, str]) -> None:
-        """Take in a relation."""
-        self.restrictions += _is_restriction(tags)
-
-    def is_open(self, number: int) -> bool:
-        """Whether a way is a road that no tag closes to cars."""
-        return number in self.roads and not self.roads[number].closed
+    def xml(self, added: Mapping[str, str]) -> bytes:
+        """As netconvert reads it; tags that are added come first and hold."""
+        values = {"id": str(self.id), "version": "1"}
+        if self.kind == "node":
+            values |= {"lat": repr(self.place[0]), "lon": repr(self.place[1])}
+        element = ElementTree.Element(self.kind, values)
+        for node in self.nodes:
+            ElementTree.SubElement(element, "nd", ref=str(node))
+        for kind, ref, role in self.members:
+            ElementTree.SubElement(element, "member", type=kind, ref=str(ref), role=role)
+        kept = {key: value for key, value in self.tags.items() if key not in added}
+        for key, value in {**added, **kept}.items():
+            ElementTree.SubElement(element, "tag", k=key, v=value)
+        return ElementTree.tostring(element) + b"\n"
 
 
-def read_extract(path: Path, folder: Path) -> tuple[Path, Survey]:
-    """The open roads of an extract, with their restrictions, as XML in a folder; and what it has.
+@dataclass(frozen=True)
+class Extract:
+    """An extract that can be read several times.
 
-    A ``.osm.pbf`` needs the package osmium.
+    Attributes:
+        path: as it was given: errors name it.
+        things: those of some kinds, of nodes only those with these ids.
+    """
+
+    path: Path
+    things: Callable[[tuple[Kind, ...], Collection[int]], Iterator[Thing]]
+
+
+def open_extract(path: Path, folder: Path) -> Extract:
+    """Find out what a file is. A packed one is unpacked into the folder; a ``.osm.pbf`` needs the
+    package osmium.
 
     Raises:
-        InputError: there is no such file, its format is not known or it is damaged, or it has no
-            road.
+        InputError: there is no such file, its format is not known or it is damaged; the last also
+            while its things are read.
         ModuleNotFoundError: osmium is not installed.
     """
     check_file(path, MAX_EXTRACT_BYTES, "give an OpenStreetMap extract")
-    roads, survey = folder / "roads.osm.xml", Survey()
-    if path.name.endswith(".pbf"):
-        _read_pbf(path, roads, survey)
-    elif path.name.endswith(_FORMATS):
-        plain = path if path.suffix in (".osm", ".xml") else _unpacked(path, folder)
-        _read_xml(plain, roads, survey, path)
-    else:
+    name = path.name.lower()
+    if name.endswith(".pbf"):
+        import osmium as osmium
+
+        return Extract(path, lambda kinds, nodes: _pbf_things(path, kinds, nodes))
+    if not name.endswith(_FORMATS):
         raise InputError(path, "not known as an OpenStreetMap extract", _MEND)
-    if not survey.roads:
-        raise InputError(path, "no way with a road class (highway) in it", "extract more")
-    return roads, survey
+    plain = path if name.endswith((".osm", ".xml")) else _unpacked(path, folder)
+    return Extract(path, lambda kinds, nodes: _xml_things(plain, path, kinds, nodes))
 
 
-def _is_restriction(tags: dict[str, str]) -> bool:
-    return tags.get("type", "").startswith("restriction")
+def write_roads(
+    extract: Extract,
+    roads: Path,
+    wanted: Callable[[Thing], bool],
+    nodes: Collection[int],
+    added: Mapping[int, Mapping[str, str]],
+) -> None:
+    """Write part of an extract as XML.
+
+    Args:
+        roads: the file.
+        wanted: whether a way or relation belongs to it.
+        nodes: those that do.
+        added: tags by way that hold instead of the extract's.
+
+    Raises:
+        InputError: the extract is damaged.
+    """
+    with roads.open("wb") as file:
+        file.write(b'<osm version="0.6">\n')
+        for thing in extract.things(("node", "way", "relation"), nodes):
+            if thing.kind == "node" or wanted(thing):
+                file.write(thing.xml(added.get(thing.id, {}) if thing.kind == "way" else {}))
+        file.write(b"</osm>\n")
 
 
 def _unpacked(path: Path, folder: Path) -> Path:
@@ -114,7 +133,7 @@ def _unpacked(path: Path, folder: Path) -> Path:
 
 @contextmanager
 def _open(path: Path) -> Iterator[BoundedReader]:
-    if path.suffix != ".bz2":
+    if path.suffix.lower() != ".bz2":
         with open_unpacked(path, MAX_EXTRACT_BYTES) as file:
             yield file
         return
@@ -122,27 +141,28 @@ def _open(path: Path) -> Iterator[BoundedReader]:
         yield BoundedReader(cast(BinaryIO, unpacked), path, MAX_EXTRACT_BYTES)
 
 
-def _read_xml(plain: Path, roads: Path, survey: Survey, source: Path) -> None:
+def _xml_things(
+    plain: Path, source: Path, kinds: tuple[Kind, ...], nodes: Collection[int]
+) -> Iterator[Thing]:
     try:
         for element in _elements(plain, source):
-            if element.tag == "relation":
-                survey.add_relation(_tags(element))
-            elif element.tag == "way":
-                nodes = tuple(int(nd.get("ref", "0")) for nd in element.iter("nd"))
-                survey.add_way(_number(element), _tags(element), nodes)
-        wanted = {n for way in survey.roads.values() if not way.closed for n in way.nodes}
-        with roads.open("wb") as file:
-            file.write(b'<osm version="0.6">\n')
-            for element in _elements(plain, source):
-                if (
-                    _number(element) in wanted
-                    if element.tag == "node"
-                    else survey.is_open(_number(element))
-                    if element.tag == "way"
-                    else _is_restriction(_tags(element))
-                ):
-                    file.write(ElementTree.tostring(element))
-            file.write(b"</osm>\n")
+            kind, number = cast(Kind, element.tag), int(element.get("id", "0"))
+            if kind not in kinds or (kind == "node" and number not in nodes):
+                continue
+            place = (0.0, 0.0)
+            if kind == "node":
+                place = float(element.get("lat", "")), float(element.get("lon", ""))
+            yield Thing(
+                kind,
+                number,
+                {tag.get("k", ""): tag.get("v", "") for tag in element.iter("tag")},
+                place,
+                tuple(int(nd.get("ref", "0")) for nd in element.iter("nd")),
+                tuple(
+                    (m.get("type", ""), int(m.get("ref", "0")), m.get("role", ""))
+                    for m in element.iter("member")
+                ),
+            )
     except OSError as error:
         raise InputError(source, error.strerror or "not readable", "check the path") from None
     except (ElementTree.ParseError, ValueError) as error:
@@ -163,33 +183,29 @@ def _elements(plain: Path, source: Path) -> Iterator[ElementTree.Element]:
                 root.clear()
 
 
-def _tags(element: ElementTree.Element) -> dict[str, str]:
-    return {tag.get("k", ""): tag.get("v", "") for tag in element.iter("tag")}
-
-
-def _number(element: ElementTree.Element) -> int:
-    return int(element.get("id", "0"))
-
-
-def _read_pbf(path: Path, roads: Path, survey: Survey) -> None:
+def _pbf_things(path: Path, kinds: tuple[Kind, ...], nodes: Collection[int]) -> Iterator[Thing]:
     import osmium
 
-    on_roads = osmium.IdTracker()
-    kinds = osmium.osm
+    of = osmium.osm
+    bits = {"node": of.NODE, "way": of.WAY, "relation": of.RELATION}
     try:
-        for way in osmium.FileProcessor(path, kinds.WAY):
-            survey.add_way(way.id, dict(way.tags), tuple(node.ref for node in way.nodes))
-            if survey.is_open(way.id):
-                on_roads.add_references(way)
-        nodes = on_roads.id_filter().enable_for(kinds.NODE)
-        with osmium.SimpleWriter(roads) as writer:
-            for thing in osmium.FileProcessor(path).with_filter(nodes):
-                if thing.is_relation():
-                    survey.add_relation(dict(thing.tags))
-                    if not _is_restriction(dict(thing.tags)):
-                        continue
-                elif thing.is_way() and not survey.is_open(thing.id):
-                    continue
-                writer.add(thing)
+        for kind in kinds:
+            # The format is told: osmium goes by the ending, in small letters alone.
+            reader: Any = osmium.FileProcessor(osmium.io.File(str(path), "pbf"), bits[kind])
+            if kind == "node":
+                reader = reader.with_filter(osmium.filter.IdFilter(nodes))
+            for thing in reader:
+                yield _pbf_thing(kind, thing)
     except (RuntimeError, ValueError) as error:
         raise InputError(path, f"damaged: {error}", "fetch it again") from None
+
+
+def _pbf_thing(kind: Kind, thing: Any) -> Thing:
+    tags = dict(thing.tags)
+    if kind == "node":
+        return Thing(kind, thing.id, tags, place=(thing.location.lat, thing.location.lon))
+    if kind == "way":
+        return Thing(kind, thing.id, tags, nodes=tuple(node.ref for node in thing.nodes))
+    names = {"n": "node", "w": "way", "r": "relation"}
+    members = tuple((names[m.type], m.ref, m.role) for m in thing.members)
+    return Thing(kind, thing.id, tags, members=members)

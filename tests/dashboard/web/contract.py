@@ -436,6 +436,7 @@ class Depot(TypedDict):
 class Network(TypedDict):
     id: str
     bounds: Annotated[list[Number], Field(min_length=4, max_length=4)]
+    left_hand: bool
     origin: Origin | None
     roads: list[Road]
     depots: list[Depot]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable, Collection, Iterator
@@ -301,6 +302,24 @@ class Memory:
     def order_changes(self, order: str) -> tuple[OrderChange, ...]:
         """As `Reader.order_changes`."""
         return tuple(change for change in self.changes if change.order == order)
+
+
+def test_a_receipt_tells_how_far_from_its_place_an_order_is_served(
+    district: RoutingProblem,
+) -> None:
+    """To the junction, not to the road, and the same when it is sent again; nothing where the
+    caller names the junction.
+    """
+    now_ns, memory = 1_800_000_000 * S, Memory()
+    watch = FleetWatch(district.network, FleetRecords(), 0, lambda: now_ns, print)
+    watch.fleet = district.fleet
+    intake = OrderIntake(watch, memory, memory, district.network, lambda: now_ns)
+    asked = [request("by-place", lat=0.32, lon=0.35), request("by-node")]
+    found = [receipt for receipt, _ in intake.submit(asked)]
+    place = district.network.junctions[found[0].node]
+    assert found[0].distance_m == pytest.approx(math.dist((350.0, 320.0), place), abs=0.1)
+    assert found[1].distance_m is None
+    assert [receipt for receipt, _ in intake.submit(asked)] == found
 
 
 def test_an_order_that_the_tracker_has_forgotten_has_its_first_receipt(

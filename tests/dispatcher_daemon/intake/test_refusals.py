@@ -68,7 +68,7 @@ def test_times_are_read_to_the_nanosecond_in_any_zone() -> None:
     [
         ({"latest": NOW_NS}, "latest", "its window closed at 2027-01-15T08:00:00Z, and it is"),
         ({"node": "nowhere"}, "node", "no junction 'nowhere' in network 'town'"),
-        ({"lat": 0.7, "lon": 1.4}, "lat", "500 m from the nearest road that the vehicles may use"),
+        ({"lat": 0.7, "lon": 1.4}, "lat", "500 m from the nearest road that its vehicles may use"),
         ({"carrier": "jones"}, "carrier", "no vehicle is of carrier 'jones'"),
         ({"skills": ["lift", "cold"]}, "skills", "no vehicle has all the skills cold, lift"),
         ({"vehicle": "van-7"}, "vehicle", "no vehicle 'van-7'"),

@@ -462,6 +462,25 @@ def test_coordinates_are_driven_over_our_roads_with_their_geometry() -> None:
     assert "[2.35, 48.7]" in far["error"]
 
 
+def test_a_location_that_is_served_far_off_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    """From the place to the junction, however near the road is; all others are not told."""
+    engine = road_engine()
+    network = engine.network
+    assert network.projection is not None
+    (x, y), start = network.junctions["a"], coordinates(engine, "a")
+    ((latitude, longitude),) = network.projection.degrees([(x + 1000.0, y + 40.0)])
+    data = {
+        "vehicles": [{"id": 1, "start": start, "end": start}],
+        "jobs": [{"id": 5, "location": [longitude, latitude]}],
+    }
+    solved(data, engine=engine)
+    assert "1 of 2 locations are served more than 200 m away" in caplog.text
+    assert "1001 m away, at 'a'" in caplog.text
+    caplog.clear()
+    solved(data | {"jobs": [{"id": 5, "location": coordinates(engine, "c")}]}, engine=engine)
+    assert caplog.text == ""
+
+
 def decoded(text: str) -> list[tuple[float, float]]:
     """Points of an encoded polyline."""
     values, bits, shift = [], 0, 0

@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 
 from simulation.scenarios.networks.netconvert import find_netconvert
-from simulation.scenarios.networks.osm import left_out
-from simulation.scenarios.networks.osm_extract import read_extract
+from simulation.scenarios.networks.osm import kinds_of_warnings, left_out
+from simulation.scenarios.networks.osm_extract import open_extract, write_roads
+from simulation.scenarios.networks.osm_survey import Survey, survey_of
 from slipstream.errors import InputError
 from slipstream.sumo_net import load_network
 from slipstream_cli.main import main
@@ -56,26 +57,39 @@ def _extract() -> str:
     return f'<osm version="0.6">{text}</osm>'
 
 
-@pytest.mark.parametrize("name", ["t.osm", "t.osm.xml.gz", "t.osm.bz2", "t.osm.pbf"])
+def read(path: Path, folder: Path) -> tuple[Survey, Path]:
+    """What an extract has, and its open roads as XML."""
+    extract, roads = open_extract(path, folder), folder / "roads.osm.xml"
+    survey = survey_of(extract)
+    write_roads(extract, roads, survey.is_wanted, survey.road_nodes, {})
+    return survey, roads
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["t.osm", "t.osm.xml.gz", "t.osm.bz2", "t.osm.pbf", "T.OSM", "T.OSM.XML.GZ", "T.OSM.BZ2"],
+)
 def test_an_extract_is_read_in_every_form(tmp_path: Path, name: str) -> None:
     """Plain, packed and binary: the same ways, nodes and restrictions."""
     plain, path = tmp_path / "t.osm", tmp_path / name
     plain.write_text(_extract())
-    if name.endswith("pbf"):
+    if name.lower().endswith("pbf"):
         osmium = pytest.importorskip("osmium")
-        with osmium.SimpleWriter(path) as writer:
+        with osmium.SimpleWriter(osmium.io.File(str(path), "pbf")) as writer:
             for thing in osmium.FileProcessor(plain):
                 writer.add(thing)
+    elif name == "T.OSM":
+        path.write_bytes(b"\xef\xbb\xbf" + _extract().encode())  # with a byte order mark
     elif name != "t.osm":
-        pack = gzip.compress if name.endswith("gz") else bz2.compress
+        pack = gzip.compress if name.lower().endswith("gz") else bz2.compress
         path.write_bytes(pack(_extract().encode()))
     folder = tmp_path / "work"
     folder.mkdir()
-    roads, survey = read_extract(path, folder)
+    survey, roads = read(path, folder)
     assert sorted(survey.roads) == list(range(1, 14))
     assert (survey.railways, survey.others, survey.restrictions) == (1, 1, 2)
     assert survey.roads[9].nodes == (1, 12, 23)
-    again = read_extract(roads.rename(tmp_path / "roads.osm"), folder)[1]
+    again, _ = read(roads.rename(tmp_path / "roads.osm"), folder)
     assert again.roads == {n: way for n, way in survey.roads.items() if n != 12}  # 12 is closed
     assert (again.railways, again.others, again.restrictions) == (0, 0, 2)
 
@@ -84,7 +98,7 @@ def test_each_way_that_a_net_has_not_has_its_reason(tmp_path: Path) -> None:
     """Ways for walking, closed ones, others' classes, those apart, and those lost in a junction."""
     path = tmp_path / "t.osm"
     path.write_text(_extract())
-    _, survey = read_extract(path, tmp_path)
+    survey, _ = read(path, tmp_path)
     assert left_out(survey, frozenset({1, 2, 3, 4, 5, 6, 7})) == {
         "footways, cycleways, paths, tracks": 1,
         "service roads (drives, alleys, car parks)": 1,
@@ -94,6 +108,25 @@ def test_each_way_that_a_net_has_not_has_its_reason(tmp_path: Path) -> None:
         "inside a junction that was joined, or ending where nothing goes on": 1,
         "railways": 1,
         "no road class (buildings, water, borders)": 1,
+    }
+
+
+def test_warnings_of_netconvert_are_counted_by_kind() -> None:
+    """The first of each is quoted; those about netconvert itself, and those that are counted as
+    turn restrictions, are not told twice.
+    """
+    said = (
+        "Warning: Environment variable SUMO_HOME is not set, using built in type maps.\n"
+        "pj_obj_create: Cannot find proj.db\n"
+        "Warning: Speed of straight connection '12#3_0->-14_0' reduced by 3.50 due to turning.\n"
+        "Warning: Removed a road without junctions: -226336485.\n"
+        "Warning: Speed of straight connection 'a_0->b_1' reduced by 1 due to turning.\n"
+        "Warning: Ignoring restriction relation '2' with unknown to-way '99'.\n"
+        "Success.\n"
+    )
+    assert kinds_of_warnings(said) == {
+        "Speed of straight connection '12#3_0->-14_0' reduced by 3.50 due to turning.": 2,
+        "Removed a road without junctions: -226336485.": 1,
     }
 
 
@@ -124,7 +157,7 @@ def test_an_extract_that_is_none_is_one_line(
     path = tmp_path / name
     path.write_bytes(content)
     with pytest.raises(InputError) as caught:
-        read_extract(path, tmp_path)
+        read(path, tmp_path)
     assert str(caught.value).startswith(str(path))
     assert told in str(caught.value)
 
@@ -170,4 +203,6 @@ def test_an_imported_town_is_one_that_the_commands_take(
     assert fleet.read_text() == "mine"
     said = capsys.readouterr().out
     assert "turn restrictions ignored: 1 of 2" in said
+    assert "driven on the right: it lies in no country that drives on the left" in said
+    assert "km taken as 50 km/h: residential streets" in said
     assert f"slipstream world --scenario t --net '{out / 't.net.xml.gz'}'" in said

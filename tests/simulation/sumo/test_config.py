@@ -45,6 +45,23 @@ def test_files_and_times_are_taken_and_the_rest_is_named(tmp_path: Path) -> None
     )
 
 
+def test_names_of_files_are_read_as_sumo_writes_them(tmp_path: Path) -> None:
+    """With %20 for a blank and %2C for a comma; as they are where such a file exists."""
+    for name in ("my net.net.xml", "a,b.rou.xml", "50%20.add.xml"):
+        (tmp_path / name).touch()
+    files = read_configuration(
+        _configuration(
+            tmp_path,
+            '<configuration><net-file value="my%20net.net.xml"/>'
+            '<route-files value="a%2Cb.rou.xml, b.rou.xml"/>'
+            '<additional-files value="50%20.add.xml,d.add.xml"/></configuration>',
+        )
+    )
+    assert files.net == tmp_path / "my net.net.xml"
+    assert [path.name for path in files.routes] == ["a,b.rou.xml", "b.rou.xml"]
+    assert [path.name for path in files.additional] == ["50%20.add.xml", "d.add.xml"]
+
+
 @pytest.mark.parametrize(
     ("text", "told"),
     [

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
 import pytest
 import tomli_w
 
+import simulation
 from slipstream.config import read_toml
+from slipstream.sumo_net import load_network
 from slipstream_cli.main import main
 
 Site = dict[str, Path]
+
+TROY = str(Path(simulation.__file__).parent / "scenarios/data/troy/troy.net.xml.gz")
 
 
 @pytest.fixture
@@ -240,3 +245,34 @@ def test_json_has_files_and_faults(site: Site, capsys: pytest.CaptureFixture[str
     assert gone.keys() == other.keys() == {"file", "key", "problem", "mend"}
     assert "other.net.xml" in gone["file"]
     assert (other["file"], other["key"]) == (str(site["dashboard"]), "network")
+
+
+def test_how_far_off_each_place_is_served_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """To the junction, beside the distance to the road; of depots too where there is no stop; of a
+    place whose junction the file names, to that one; in JSON as well.
+    """
+    network = load_network(TROY)
+    assert network.projection is not None
+    road = max(network.segments.values(), key=lambda s: s.length_m)
+    (x0, y0), (x1, y1) = road.shape[:2]
+    ((lat, lon),) = network.projection.degrees([(0.6 * x0 + 0.4 * x1, 0.6 * y0 + 0.4 * y1)])
+    depots: list[dict[str, Any]] = [
+        {"id": "near", "lat": lat, "lon": lon},
+        {"id": "named", "lat": lat, "lon": lon, "node": "hoosick_15th"},
+    ]
+    fleet = tmp_path / "fleet.toml"
+    vehicles = [{"id": "v", "depot": "near"}]
+    fleet.write_text(tomli_w.dumps({"depots": depots, "vehicles": vehicles}))
+    assert main(["check", str(fleet), "--network", TROY]) == 0
+    near, named, valid = capsys.readouterr().out.splitlines()
+    place = network.projection.place_m(lat, lon)
+    away_m = min(math.dist(place, network.junctions[end]) for end in (road.start, road.end))
+    assert f"depots.near: served {away_m:.0f} m away, at " in near
+    assert ", 0 m from the place" in near
+    far_m = math.dist(place, network.junctions["hoosick_15th"])
+    assert named.endswith(f"depots.named: served {far_m:.0f} m away, at hoosick_15th, by the file")
+    assert valid.endswith("valid fleet")
+    assert main(["check", str(fleet), "--network", TROY, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["valid"][0]["notes"] == [near, named]

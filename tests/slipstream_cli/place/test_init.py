@@ -120,7 +120,7 @@ def test_the_depot_is_nearest_to_the_place_or_in_the_middle(
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--net", str(TROY), "--at", "48.8,2.3"], "--at: the nearest junction is"),
+        (["--net", str(TROY), "--at", "48.8,2.3"], "--at: the nearest road for a depot is"),
         (["--at", "here"], "--at: 'here' is no place"),
         (["--vans", "0"], "--vans: 0 is out of range"),
         (["--net", "none.net.xml"], "none.net.xml: no such file"),

@@ -31,7 +31,8 @@ def test_a_street_is_found_by_a_name_that_is_not_exact(
     assert answer["streets"][0].startswith("Hoosick St")
     first = answer["segments"][0]
     assert first.keys() == {
-        *("id", "street", "length_m", "speed_limit_kmh", "lanes", "direction", "start", "end"),
+        *("id", "street", "road_class", "length_m", "speed_limit_kmh", "lanes", "direction"),
+        *("start", "end"),
     }
     assert first["length_m"] > 0
     assert {j["id"] for j in answer["junctions"]} == {
@@ -70,6 +71,37 @@ def test_segments_are_found_by_their_ids(capsys: pytest.CaptureFixture[str]) -> 
     assert [row["id"] for row in found(capsys, ids[-1])["segments"]] == [ids[-1]]
     first = found(capsys, "Hoosick St", "--net", TROY)["segments"][0]["id"]
     assert found(capsys, first, "--net", TROY)["segments"][0]["id"] == first
+
+
+def test_junctions_are_found_by_their_ids(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Such as that of the depot that `init` prints, with the segments that meet there."""
+    assert main(["init", str(tmp_path / "place"), "--net", TROY, "--json"]) == 0
+    depot = json.loads(capsys.readouterr().out)["depot"]
+    answer = found(capsys, depot, "--net", TROY)
+    assert [j["id"] for j in answer["junctions"]] == [depot]
+    assert answer["segments"]
+    assert all(depot in (row["start"], row["end"]) for row in answer["segments"])
+
+
+@pytest.mark.parametrize(
+    "query", ["Hoosick St & 15th St", "15th street / hoosick", "hoosick and 15th st"]
+)
+def test_a_junction_is_found_by_the_streets_that_meet_there(
+    query: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In either order, with the usual signs between them."""
+    answer = found(capsys, query, "--net", TROY)
+    assert len(answer["junctions"]) == 1
+    names = " ".join(row["street"] for row in answer["segments"])
+    assert ("Hoosick" in names, "15th" in names) == (True, True)
+
+
+def test_streets_that_meet_nowhere_say_so(capsys: pytest.CaptureFixture[str]) -> None:
+    """In one line with both names."""
+    assert main(["net", "find", "Hoosick St & Campbell Ave", "--net", TROY]) == 2
+    assert "'Hoosick St' and 'Campbell Ave' meet at no junction" in capsys.readouterr().err
 
 
 def test_a_place_far_from_the_net_is_told(capsys: pytest.CaptureFixture[str]) -> None:

@@ -34,6 +34,8 @@ export class Network {
     /** @type {{id: string, name: string|null, shape: number[], limit_kmh: number, lanes: number, length_m: number}[]} */
     this.roads = data.roads;
     this.depots = data.depots ?? [];
+    /** Where the roads lie beside their street's middle: 1 to the right of it, -1 to the left. */
+    this.side = data.left_hand ? -1 : 1;
     /** @type {Map<string, number>} */
     this.index = new Map(this.roads.map((road, index) => [road.id, index]));
     /** @type {Street[]} */
@@ -77,16 +79,17 @@ export class Network {
   }
 
   /**
-   * A road's line on the screen, moved to the right of its street's middle.
+   * A road's line on the screen, moved from its street's middle to the side that is driven on.
    *
    * @param {number} road  road index
    * @param {import("./view.js").View} view
-   * @param {number} right  px
+   * @param {number} aside  px
    */
-  lineOf(road, view, right) {
+  lineOf(road, view, aside) {
     const street = this.streets[this.streetOf[road]];
     const line = this.detail(street, view.scale);
     const driven = view.project(this.isForward[road] ? line : reversed(line));
+    const right = this.side * aside;
     return right ? offset(driven, street.roads.length > 1 ? right : right / 2) : driven;
   }
 
