@@ -16,6 +16,14 @@ def test_health_is_what_feeds_the_watchdog(serve: Callable[..., Api]) -> None:
     assert "hangs" in answer.json["detail"]
 
 
+def test_a_dispatcher_without_a_solver_is_no_sound_one(serve: Callable[..., Api]) -> None:
+    """/healthz is 503 with the reason, as what it sends are baselines only."""
+    api = serve(solver_fault=lambda: "no solver works (exact: BrokenProcessPool)")
+    answer = api.get("/healthz")
+    assert answer.status == 503
+    assert answer.json["detail"] == "no solver works (exact: BrokenProcessPool)"
+
+
 def test_readiness_names_each_condition(serve: Callable[..., Api]) -> None:
     """503 as soon as one is not met, with all of them."""
     why: list[str | None] = [None]
