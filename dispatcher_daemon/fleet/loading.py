@@ -253,12 +253,12 @@ def _break_faults(
     fleet: Fleet, vehicle: Vehicle, source: str | Path, key: str
 ) -> Iterator[InputError]:
     """Breaks whose windows overlap and have no room for both, one after the other."""
-    zone = ZoneInfo(fleet.time_zone)
+    breaks = vehicle.breaks_at(ZoneInfo(fleet.time_zone), 0)
     for number, (first, second) in enumerate(pairwise(vehicle.breaks), 1):
         clocks = (*first.clocks.values(), *second.clocks.values())
         if any(text is not None and isinstance(parse(text), datetime) for text in clocks):
             continue  # Their distance is another one each day.
-        one, other = first.at(zone, 0), second.at(zone, 0)
+        one, other = breaks[number - 1], breaks[number]
         apart = one.latest_s < other.earliest_s or other.latest_s < one.earliest_s
         if not apart and one.earliest_s + one.duration_s > other.latest_s:
             problem = "it cannot begin in its window after the break before, which overlaps it"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -14,6 +15,7 @@ from pydantic import create_model
 
 from slipstream.config import check, load, read_data
 from slipstream.errors import InputError
+from slipstream_cli.checks.clocks import clock_notes
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -239,10 +241,12 @@ def _fleet(path: Path, roads: RoadNetwork) -> Checked:
     from dispatcher_daemon.traffic import take_snapshot
     from slipstream.freshness import STALE_AFTER_S
 
-    fleet = FleetFile(str(path), roads).current()
+    now_ns = time.time_ns()
+    fleet = FleetFile(str(path), roads).current(now_ns)
+    notes = () if fleet is None else clock_notes(path, fleet, now_ns)
     if fleet is None or not fleet.stops:
-        return Checked(path, "fleet", fleet=fleet)
-    notes = tuple(
+        return Checked(path, "fleet", notes=notes, fleet=fleet)
+    notes += tuple(
         f"{path}: {key}: {place.distance_m:.0f} m from {place.segment}, served at {place.node}"
         for key, place in distances(fleet, roads, path)
     )
