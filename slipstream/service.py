@@ -129,7 +129,7 @@ def serve_status(
     probes = {"/healthz": (fault, "live"), "/readyz": (not_ready, "ready")}
 
     def page(environ: WSGIEnvironment, start_response: StartResponse) -> Iterable[bytes]:
-        path = environ.get("PATH_INFO", "")
+        path = environ.get("PATH_INFO", "").rstrip("/")
         if path == "/metrics":
             body = metrics(environ, start_response)
         else:

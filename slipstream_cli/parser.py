@@ -101,8 +101,8 @@ class Parser(argparse.ArgumentParser):
         return super().parse_known_args(args, namespace)
 
     def _parse_optional(self, arg_string: str) -> Any:
-        """As argparse; but a word with one dash that is no option is a value: a southern latitude, a
-        segment of a SUMO net, a number with an exponent.
+        """As argparse; but a word with one dash that is no option is a value: a southern
+        latitude, a segment of a SUMO net, a number with an exponent.
         """
         is_option = arg_string[1:2] == "-" or arg_string[:2] in self._option_string_actions
         if arg_string[:1] == "-" and not is_option:

@@ -37,8 +37,6 @@ class Readiness(BaseModel):
     checks: dict[str, CheckResult]
 
 
-# As GET, without the body, which the server leaves out.
-@router.head("/healthz", include_in_schema=False)
 @router.get("/healthz")
 def healthz(dispatch: Dispatch) -> Liveness:
     """Whether cycles come and end, and have a solver. 503 if not."""
@@ -49,7 +47,6 @@ def healthz(dispatch: Dispatch) -> Liveness:
     return Liveness()
 
 
-@router.head("/readyz", include_in_schema=False)
 @router.get("/readyz", responses={503: {"model": Readiness, "description": "It is not ready."}})
 def readyz(dispatch: Dispatch) -> Response:
     """Whether database, bus, network, schedule and solvers are usable; 503 if one is not."""
@@ -63,7 +60,6 @@ def readyz(dispatch: Dispatch) -> Response:
     return JSONResponse(answer.model_dump(), 200 if ready else 503)
 
 
-@router.head("/metrics", include_in_schema=False)
 @router.get("/metrics", response_class=Response)
 def metrics(request: Request) -> Response:
     """The process's metrics for Prometheus."""
