@@ -11,6 +11,7 @@ from pydantic import Field, field_validator, model_validator
 from slipstream.admission import Rsus
 from slipstream.config import BusSettings, ServiceSettings, Settings
 from slipstream.freshness import STALE_AFTER_S
+from slipstream.prices import ENERGY_PRICE_PER_KWH
 from slipstream.sumo_net import DEMO_NETWORK
 
 HOST_NAME = r"^([A-Za-z0-9._-]+|[0-9A-Fa-f:.]+)$"
@@ -93,12 +94,13 @@ class DashboardSettings(Settings):
         "electricity generation); put in your supplier's.",
     )
     price_per_kwh: float = Field(
-        default=0.20,
+        default=ENERGY_PRICE_PER_KWH,
         ge=0,
         allow_inf_nan=False,
         description="Price of a kilowatt hour: 0.20 EUR is what non-household consumers in the "
         "European Union paid on average in the second half of 2023, without VAT (Eurostat, "
-        "electricity price statistics); put in your own.",
+        "electricity price statistics); put in your own, as in the dispatcher's "
+        "`prices.energy_kwh`.",
     )
     currency: str = Field(
         default="EUR", min_length=1, max_length=10, description="Of `price_per_kwh`."

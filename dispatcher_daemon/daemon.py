@@ -58,7 +58,9 @@ def check_health(dispatcher: Dispatcher, scheduler: CycleScheduler, service: Ser
     next_cycle_ns = scheduler.next_run_ns
     dispatcher.health.publish(next_cycle_ns)
     if dispatcher.is_live(next_cycle_ns):
-        service.progress(f"{dispatcher.delivery.cycles} cycles")
+        fault = dispatcher.health.solver_fault()
+        line = f"{dispatcher.delivery.cycles} cycles"
+        service.progress(line if fault is None else f"{line}; {fault}")
 
 
 @contextmanager
@@ -100,6 +102,7 @@ def _services(
         events=api.events,
         solve_jobs=api.solve_jobs,
         is_live=lambda: dispatcher.is_live(scheduler.next_run_ns),
+        solver_fault=dispatcher.health.solver_fault,
         checks=checks,
     )
 
@@ -121,7 +124,19 @@ def _checks(
         "bus": bus.fault,
         "network": lambda: None if network.segments else "it has no segment",
         "cycle": lambda: None if has_cycle() else "none has run, and none is scheduled",
+        "solvers": dispatcher.health.solver_fault,
     }
+
+
+def _solver_fault(
+    pool: SolverPool, search: WorkerExecutor, slots: Callable[[], int] | None
+) -> str | None:
+    """Why no solver works, or no search for routes; None: they do, or a cluster does it all."""
+    if slots is not None and slots() > 0:
+        return None
+    if (fault := pool.fault()) is not None:
+        return f"no solver works ({fault})"
+    return None if search.fault is None else f"no search for routes works ({search.fault})"
 
 
 def _collect_garbage_less() -> None:
@@ -209,6 +224,7 @@ def run_dispatcher(settings: DispatcherSettings, *, standby: bool = False) -> No
         )
         if database.set_aside is not None:
             dispatcher.health.database_set_aside = database.set_aside.name
+        dispatcher.health.solver_fault = lambda: _solver_fault(pool, own_processes, slots)
         bus.subscribe(ALL_STATES, dispatcher.receiver.on_state, history=False)
         dispatcher.fleet_watch.subscribe(bus)
         bus.expect(position_key(one.id) for one in (fleet.vehicles if fleet else ()))
@@ -232,7 +248,7 @@ def run_dispatcher(settings: DispatcherSettings, *, standby: bool = False) -> No
             database,
             announce,
             saver.put,
-            lambda: bus.is_connected,
+            bus.fault,
             job_manager,
             slots,
         )
@@ -253,6 +269,7 @@ def run_dispatcher(settings: DispatcherSettings, *, standby: bool = False) -> No
         )
         OrderAnswers(orders, dispatcher.control.note).listen(bus)
         service.checks |= _checks(network, dispatcher, scheduler, bus, reader)
+        service.vital = ("solvers",)
         if api is not None:
             services = _services(
                 settings,

@@ -19,13 +19,13 @@ class FleetFile:
 
     Args:
         reference: as for `load_fleet`.
-        network: roads that it must fit.
+        network: roads that it must fit; None: they are not known.
 
     Raises:
         InputError: the file is missing or faulty.
     """
 
-    def __init__(self, reference: str, network: RoadNetwork) -> None:
+    def __init__(self, reference: str, network: RoadNetwork | None) -> None:
         self._path = None if reference == DEMO_FLEET else Path(reference)
         self._network = network
         self._fleet = load_fleet(reference, network) if self._path is None else self._read()

@@ -7,7 +7,7 @@ the router does; late subscribers get the last samples from the publishers' cach
 from __future__ import annotations
 
 import socket
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, Final, Self
 
@@ -18,6 +18,7 @@ from slipstream.config import BusSettings
 from slipstream.errors import InputError
 from slipstream.inbox import Handler, Inbox
 from slipstream.messages import ENCODING, Message
+from slipstream.routers import endpoints_of, why_unconnected
 from slipstream.subscriptions import Listener, Subscription
 from slipstream.zenoh_config import client_config, router_config
 
@@ -54,10 +55,14 @@ class Publisher:
 
 
 class Bus:
-    """A zenoh session; open it with `Bus.open`, close it or use it as a context manager."""
+    """A zenoh session; open it with `Bus.open`, close it or use it as a context manager.
 
-    def __init__(self, session: Any) -> None:
-        self._session = session
+    Attributes:
+        endpoints: of the routers that it connects to.
+    """
+
+    def __init__(self, session: Any, endpoints: Sequence[str] = ()) -> None:
+        self._session, self.endpoints = session, endpoints
         self._receivers: list[Listener | Subscription] = []
         self._answers: list[Answers] = []
         self._expected: dict[str, Any] = {}
@@ -69,7 +74,8 @@ class Bus:
         Raises:
             InputError: an endpoint or the configuration file is not understood by zenoh.
         """
-        return cls(_open_session(client_config(settings), ", ".join(settings.connect)))
+        config = client_config(settings)
+        return cls(_open_session(config, ", ".join(settings.connect)), endpoints_of(config))
 
     def publisher(
         self, key: str, *, history: int | None = None, best_effort: bool = False
@@ -185,7 +191,7 @@ class Bus:
 
     def fault(self) -> str | None:
         """Why nothing can be sent or received now; None: it can."""
-        return None if self.is_connected else "no router answers"
+        return None if self.is_connected else why_unconnected(self.endpoints)
 
     def answer(self, key_expression: str, answerer: Answerer) -> None:
         """Answer questions, on a thread of the bus's own.

@@ -129,7 +129,7 @@ def serve_status(
     probes = {"/healthz": (fault, "live"), "/readyz": (not_ready, "ready")}
 
     def page(environ: WSGIEnvironment, start_response: StartResponse) -> Iterable[bytes]:
-        path = environ.get("PATH_INFO", "")
+        path = environ.get("PATH_INFO", "").rstrip("/")
         if path == "/metrics":
             body = metrics(environ, start_response)
         else:
@@ -165,12 +165,14 @@ class Service:
         stopping: set when SIGTERM or SIGINT has arrived.
         checks: what the daemon needs for its work, by name: why it does not have it now, in words;
             None: it has it. Asked by /readyz, from another thread.
+        vital: names of checks that /healthz asks too: without it a restart is due.
     """
 
     def __init__(self, name: str, settings: ServiceSettings) -> None:
         self.name = name
         self.stopping = threading.Event()
         self.checks: dict[str, Callable[[], str | None]] = {}
+        self.vital: tuple[str, ...] = ()
         self._waits_for: str | None = "starting"
         self._told = False
         self._settings = settings
@@ -236,6 +238,10 @@ class Service:
         notify("WATCHDOG=1" + (f"\nSTATUS={status}" if status else ""))
 
     def _fault(self) -> str | None:
+        """Why the daemon does not work; None: it does."""
+        return self._silence() or self._lacks(self.vital)
+
+    def _silence(self) -> str | None:
         """Why the watchdog would not be fed; None: it is."""
         if self._progress_at is None:
             return "it has not begun to work yet"
@@ -245,10 +251,12 @@ class Service:
 
     def _not_ready(self) -> str | None:
         """Why the daemon cannot do its work now; None: it can."""
-        waits_for = "stopping" if self.stopping.is_set() else self._waits_for or self._fault()
-        if waits_for is not None:
-            return waits_for
-        asked = ((name, check()) for name, check in self.checks.items())
+        waits_for = "stopping" if self.stopping.is_set() else self._waits_for or self._silence()
+        return self._lacks(self.checks) if waits_for is None else waits_for
+
+    def _lacks(self, names: Iterable[str]) -> str | None:
+        """What it does not have of some checks, in words; None: it has all."""
+        asked = ((name, self.checks[name]()) for name in names)
         return "; ".join(f"{name}: {why}" for name, why in asked if why is not None) or None
 
     def wait(self, seconds: float) -> bool:

@@ -103,6 +103,16 @@ def _serve(options: argparse.Namespace) -> int:
     start = options.points or (options.out if options.out.exists() else None)
     points = None if start is None else read_points(start)
     recording = record(options.image, options.fps)
+    height, width = recording.picture.shape[:2]
+    if options.points is None and points is not None and points.image is not None:
+        was = points.image.width, points.image.height
+        if was != (width, height):
+            # Such as those that `slipstream init` has made up: of another picture, so of no use.
+            print(
+                f"{options.out}: its points are in a picture of {was[0]}×{was[1]} px, this one "
+                f"has {width}×{height}: they are left out, its segments stay"
+            )
+            points = None
     still = None if recording.times_s else Path(options.image)
     session = Session(recording, still, options.out, options.model, points, options.name)
     with PageServer(session) as server:

@@ -6,15 +6,15 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Iterable
-from itertools import islice
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from itertools import chain, islice
 from pathlib import Path
 from typing import Final
 
-from slipstream.config import DEMO_NETWORK
 from slipstream.errors import InputError
 from slipstream.logs import complain
-from slipstream_cli.checks.across import faults_between, nets_of
+from slipstream_cli.checks.across import faults_between, nets_of, roads_of
 from slipstream_cli.checks.kinds import CHECKS, Checked, kind_of, part_of
 
 _MAX_FAULTS: Final = 200
@@ -29,7 +29,12 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         description="Validates each file by itself, and files of one site together: segments, "
         "RSUs, vehicles, ports. Says all faults, one line each; the exit status is then 2.",
     )
-    command.add_argument("config", type=Path, nargs="+", help="settings, camera, fleet or instance")
+    command.add_argument(
+        "config",
+        type=Path,
+        nargs="+",
+        help="settings, camera, fleet, instance or file of tokens; or a folder: its TOML files",
+    )
     command.add_argument(
         "--as",
         dest="kind",
@@ -39,8 +44,8 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     command.add_argument(
         "--network",
         metavar="NET",
-        help="roads of fleets and cameras: a SUMO net (default: that of the dispatcher's settings "
-        "among the files, or else the demo's)",
+        help="roads of fleets and cameras: a SUMO net, or demo (default: that of the dispatcher's "
+        "settings among the files, or of those beside a fleet that name it)",
     )
     command.add_argument("--json", action="store_true", help="print one JSON object")
     command.set_defaults(run=run)
@@ -52,6 +57,7 @@ def run(options: argparse.Namespace) -> int:
     files: list[Checked] = []
     fleets: list[Path] = []
     parts: list[Checked | None] = []
+    options.config = [*dict.fromkeys(chain.from_iterable(map(_files_of, options.config)))]
     for path in options.config:
         kind = options.kind
         try:
@@ -60,16 +66,17 @@ def run(options: argparse.Namespace) -> int:
                 # On the roads of the dispatcher's settings, which may come later.
                 fleets.append(path)
             else:
-                files.append(CHECKS[kind](path, options.network or DEMO_NETWORK))
+                files.append(CHECKS[kind](path, options.network))
         except InputError as error:
             faults += (error, *error.others)
             parts.append(part_of(path, kind) if kind else None)
     found = [*files, *filter(None, parts)]
     owners = {kind: [f for f in found if f.kind == kind] for kind in ("dispatcher", "dashboard")}
-    roads = next(iter(nets_of(owners, options.network)), DEMO_NETWORK)
+    if not nets_of(owners, options.network):
+        files = [_without_roads(file) for file in files]
     for path in fleets:
         try:
-            files.append(CHECKS["fleet"](path, roads))
+            files.append(CHECKS["fleet"](path, roads_of(path, owners, options.network)))
         except InputError as error:
             faults += (error, *error.others)
             parts.append(part_of(path, "fleet"))
@@ -78,6 +85,30 @@ def run(options: argparse.Namespace) -> int:
     )
     faults += faults_between(together, options.network)
     return _report(options, files, _once(faults))
+
+
+def _without_roads(file: Checked) -> Checked:
+    """A file that says which of its checks needs roads that are not known."""
+    if file.kind != "camera":
+        return file
+    note = f"{file.path}: no roads are given: its segments are not compared with any"
+    return replace(
+        file, notes=(*file.notes, f"{note}; give --network, or the dispatcher's settings")
+    )
+
+
+def _files_of(path: Path) -> Sequence[Path]:
+    """A file itself; of a folder those that may be settings.
+
+    Raises:
+        InputError: a folder has none.
+    """
+    if not path.is_dir():
+        return (path,)
+    found = sorted(path.glob("*.toml"))
+    if not found:
+        raise InputError(path, "a folder without TOML files", "name the files")
+    return found
 
 
 def _once(faults: Iterable[InputError]) -> list[InputError]:

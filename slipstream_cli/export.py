@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from slipstream.errors import InputError
+from slipstream.iso_time import read_datetime
 from slipstream_cli.export_files import FORMATS, TableFile
 from slipstream_cli.laboratory import export_instances
 
@@ -115,7 +116,7 @@ def _time(text: str | None, option: str) -> int | None:
         return None
     mend = "write it like 2026-11-23T07:00:00Z"
     try:
-        given = datetime.fromisoformat(text)
+        given = read_datetime(text)
     except ValueError:
         raise InputError("export", f"{text!r} is no time", mend, key=option) from None
     at = given if given.tzinfo is not None else given.replace(tzinfo=UTC)

@@ -100,6 +100,15 @@ class Parser(argparse.ArgumentParser):
             self._refuse_unknown(args)
         return super().parse_known_args(args, namespace)
 
+    def _parse_optional(self, arg_string: str) -> Any:
+        """As argparse; but a word with one dash that is no option is a value: a southern
+        latitude, a segment of a SUMO net, a number with an exponent.
+        """
+        is_option = arg_string[1:2] == "-" or arg_string[:2] in self._option_string_actions
+        if arg_string[:1] == "-" and not is_option:
+            return None
+        return super()._parse_optional(arg_string)
+
     def _refuse_unknown(self, args: Sequence[str]) -> None:
         known = [name for name in self._option_string_actions if name.startswith("--")]
         for word in args:

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import psutil
 
-from slipstream.config import load
+from slipstream.config import BusSettings, load
 from slipstream.errors import InputError
 
 _DAEMONS: Final = (
@@ -33,7 +33,8 @@ class Running:
         pid: process.
         started_s: UTC, s.
         config: its settings file; None: it has none.
-        settings: read from it; None: it has none, or may not be read.
+        settings: read from it; None: it has none, or they cannot be read.
+        unread: why they cannot be read; None: they are, or there are none.
     """
 
     command: str
@@ -41,6 +42,37 @@ class Running:
     started_s: float
     config: Path | None
     settings: Any
+    unread: InputError | None = None
+
+    @property
+    def bus(self) -> BusSettings | None:
+        """How it reaches the bus, with its files where it finds them; None: it is not known."""
+        bus: BusSettings | None = getattr(self.settings, "bus", None)
+        if bus is None:
+            return None
+        files = {name: getattr(bus, name) for name in ("config_file", "password_file")}
+        seen = {name: _seen(self, path) for name, path in files.items() if path is not None}
+        return bus.model_copy(update=seen)
+
+
+def _seen(daemon: Running, path: Path) -> Path:
+    """Where a daemon finds a file that its settings name.
+
+    systemd hands a unit its passwords in a folder of its own, which is that of its settings too.
+    """
+    folders: list[Path] = []
+    if not path.is_absolute():
+        try:
+            process = psutil.Process(daemon.pid)
+            given = process.environ().get("CREDENTIALS_DIRECTORY")
+            if given is not None and path.name == str(path):
+                folders.append(Path(given))
+            folders.append(Path(process.cwd()))
+        except (psutil.Error, OSError):
+            pass
+        folders += [] if daemon.config is None else [daemon.config.parent]
+    found = [folder / path for folder in folders]
+    return next((file for file in found if file.exists()), found[0] if found else path)
 
 
 def command_of(words: Sequence[str]) -> tuple[str, Sequence[str]] | None:
@@ -57,6 +89,8 @@ def command_of(words: Sequence[str]) -> tuple[str, Sequence[str]] | None:
 
 def processes() -> list[Running]:
     """All daemons of this machine, by their command lines; workers that they fork are left out."""
+    from slipstream_cli.settings_doc import DAEMONS
+
     found: dict[int, tuple[psutil.Process, str, Sequence[str]]] = {}
     for process in psutil.process_iter(["pid", "cmdline", "ppid", "create_time"]):
         daemon = command_of(process.info["cmdline"] or ())
@@ -68,9 +102,14 @@ def processes() -> list[Running]:
         if parent is not None and (parent[1], [*parent[2]]) == (command, [*options]):
             continue
         path = _config(process, options)
-        settings = None if path is None else _settings(command, path)
+        settings, unread = None, None
+        if path is not None and command in DAEMONS:
+            try:
+                settings = load(path, DAEMONS[command])  # type: ignore[type-var]
+            except InputError as error:
+                unread = error
         created = float(process.info["create_time"])
-        running.append(Running(command, process.pid, created, path, settings))
+        running.append(Running(command, process.pid, created, path, settings, unread))
     return running
 
 
@@ -87,15 +126,6 @@ def _config(process: psutil.Process, options: Sequence[str]) -> Path | None:
         return Path(process.cwd()) / path
     except (psutil.Error, OSError):
         return path
-
-
-def _settings(command: str, path: Path) -> Any:
-    from slipstream_cli.settings_doc import DAEMONS
-
-    try:
-        return load(path, DAEMONS[command]) if command in DAEMONS else None  # type: ignore[type-var]
-    except InputError:
-        return None
 
 
 def units() -> Iterator[dict[str, str]]:

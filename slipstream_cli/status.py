@@ -21,14 +21,22 @@ _SILENT_AFTER_S: Final = 30.0
 """Age above which a dispatcher counts as silent, as on the page."""
 _ON_BUS: Final = ("dashboard", "dispatcher", "agent", "edge")
 """Daemons that need a router; those that may hear all come first."""
+_ORDER: Final = (False, None, True)
+_STATES: Final = {False: "FAULT", None: "unknown", True: "ok"}
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing and how it is."""
+    """One thing and how it is.
+
+    Attributes:
+        name: of the thing.
+        well: None: it cannot be known.
+        text: how it is, or what has to be done to know it.
+    """
 
     name: str
-    well: bool
+    well: bool | None
     text: str
 
 
@@ -41,12 +49,18 @@ class Heard:
         rsus: the latest health of each.
         dispatcher: its latest health.
         unreadable: what is wrong with a message, by its key.
+        fault: why none has, in words.
+        refused: a router is there, and does not let this in.
+        unasked: why no router could be asked; None: one was.
     """
 
     connected: bool = False
     rsus: dict[str, RsuHealth] = field(default_factory=dict)
     dispatcher: DispatcherHealth | None = None
     unreadable: dict[str, str] = field(default_factory=dict)
+    fault: str = "no router answers"
+    refused: bool = False
+    unasked: InputError | None = None
 
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -55,8 +69,8 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         "status",
         help="what runs on this machine and how it is",
         description="Looks for daemons among the processes and systemd's units, asks their health "
-        "endpoints, and listens to the bus. One line each, faults first; the exit status is 1 if "
-        "something is wrong.",
+        "endpoints, and listens to the bus. One line each, faults first, then what cannot be "
+        "known; the exit status is 1 if something is wrong or not known.",
     )
     command.add_argument(
         "--bus",
@@ -75,44 +89,52 @@ def run(options: argparse.Namespace) -> int:
     if not 0.1 <= options.seconds <= 600.0:
         raise InputError("--seconds", f"{options.seconds:g} is out of range", "give 0.1 to 600")
     running, known_units = processes(), [*units()]
-    bus = _bus(running, options.bus)
+    of_daemon, bus = _bus(running, options.bus)
     heard = listen(bus, options.seconds)
     # A second site on this machine has a bus of its own.
-    beside = [r.settings for r in running if _endpoints(r.settings) == bus.connect]
-    expected = {rsu for settings in beside for rsu in getattr(settings, "rsus", None) or ()}
+    beside = [r for r in running if r.bus is not None and r.bus.connect == bus.connect]
+    expected = {rsu for r in beside for rsu in getattr(r.settings, "rsus", None) or ()}
     now_ns = time.time_ns()
-    needs_bus = any(r.command in _ON_BUS for r in running) or options.bus is not None
     findings = [
         *(_of_process(daemon) for daemon in running),
         *of_units(known_units),
-        *of_bus(heard, bus, expected, now_ns, needed=needs_bus),
+        *of_bus(
+            heard,
+            bus,
+            expected,
+            now_ns,
+            needed=options.bus is not None or any(r.command in _ON_BUS for r in running),
+            has_dispatcher=any(r.command == "dispatcher" for r in beside),
+            certain=of_daemon or (options.bus is not None and not heard.refused),
+        ),
     ]
     if not findings:
         findings = [Finding("slipstream", False, "nothing of it runs on this machine")]
-    findings.sort(key=lambda finding: finding.well)
-    well = all(finding.well for finding in findings)
+    findings.sort(key=lambda finding: _ORDER.index(finding.well))
+    well = findings[0].well
     if options.json:
         print(json.dumps({"well": well, "findings": [asdict(f) for f in findings]}))
     else:
         width = max(len(finding.name) for finding in findings)
+        states = max(5, *(len(_STATES[finding.well]) for finding in findings))
         for finding in findings:
-            state = "ok   " if finding.well else "FAULT"
-            print(f"{state}  {finding.name:<{width}}  {finding.text}")
+            print(f"{_STATES[finding.well]:<{states}}  {finding.name:<{width}}  {finding.text}")
     return 0 if well else 1
 
 
-def _bus(running: Sequence[Running], endpoint: str | None) -> BusSettings:
-    """Of the daemons that run; those that may hear all first."""
-    if endpoint is not None:
-        return BusSettings(connect=(endpoint,))
-    known = [r for r in running if r.command in _ON_BUS and r.settings is not None]
-    known.sort(key=lambda daemon: _ON_BUS.index(daemon.command))
-    return next((r.settings.bus for r in known), BusSettings())
+def _bus(running: Sequence[Running], endpoint: str | None) -> tuple[bool, BusSettings]:
+    """Of the daemons that run, at an endpoint if one is asked for; those that may hear all first.
 
-
-def _endpoints(settings: Any) -> tuple[str, ...] | None:
-    bus = getattr(settings, "bus", None)
-    return None if bus is None else bus.connect
+    Returns:
+        (whether a daemon has it, the bus).
+    """
+    known = [(r.command, r.bus) for r in running if r.command in _ON_BUS and r.bus is not None]
+    known.sort(key=lambda found: _ON_BUS.index(found[0]))
+    for _, bus in known:
+        at_endpoint = bus is not None and bus.config_file is None and endpoint in bus.connect
+        if bus is not None and (endpoint is None or at_endpoint):
+            return True, bus
+    return False, BusSettings() if endpoint is None else BusSettings(connect=(endpoint,))
 
 
 def listen(settings: BusSettings, seconds: float) -> Heard:
@@ -125,6 +147,7 @@ def listen(settings: BusSettings, seconds: float) -> Heard:
         RsuHealth,
         decode,
     )
+    from slipstream.routers import listening, why_unconnected
 
     heard = Heard()
 
@@ -150,9 +173,15 @@ def listen(settings: BusSettings, seconds: float) -> Heard:
             while time.monotonic() < end:
                 heard.connected = heard.connected or bus.is_connected
                 time.sleep(0.05)
-    except InputError:
+            if not heard.connected:
+                heard.fault = bus.fault() or heard.fault
+                heard.refused = bool(listening(bus.endpoints))
+    except InputError as error:
         # Its password or certificate may be for the daemon alone.
-        return heard
+        if settings.config_file is None and not listening(settings.connect):
+            heard.fault = why_unconnected(settings.connect)
+        else:
+            heard.unasked = error
     return heard
 
 
@@ -163,17 +192,24 @@ def _of_process(daemon: Running) -> Finding:
     name = daemon.command if daemon.config is None else f"{daemon.command} {daemon.config.stem}"
     since = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(daemon.started_s))
     text = f"process {daemon.pid} since {since}"
-    if daemon.config is not None and daemon.settings is None:
-        return Finding(name, True, f"{text}; its settings cannot be read, so it was not asked")
+    if daemon.unread is not None:
+        return Finding(name, None, f"{text}; it was not asked, as {_as_root(daemon.unread)}")
     for what, address in _addresses(daemon):
         answer = ask(address)
         if answer is None:
             return Finding(name, False, f"{text}; {what}: no answer at {address}")
         status, line = answer
+        if line == "standby":
+            return Finding(name, True, f"{text}; standby")
         if status >= 400:
             return Finding(name, False, f"{text}; {what}: HTTP {status}, {line}")
         text += f"; {what}: HTTP {status}"
     return Finding(name, True, text)
+
+
+def _as_root(error: InputError) -> str:
+    """Why a file cannot be read, and what to do about it."""
+    return f"{error.source} cannot be read ({error.problem}); run it as root, who may read it"
 
 
 def _addresses(daemon: Running) -> Iterator[tuple[str, str]]:
@@ -181,7 +217,7 @@ def _addresses(daemon: Running) -> Iterator[tuple[str, str]]:
     settings: Any = daemon.settings
     service = getattr(settings, "service", None)
     if service is not None and service.metrics_port:
-        yield "health", f"http://127.0.0.1:{service.metrics_port}/healthz"
+        yield "health", f"http://127.0.0.1:{service.metrics_port}/readyz"
     if daemon.command == "dispatcher" and settings is not None and settings.api.port:
         yield "API", f"http://127.0.0.1:{settings.api.port}/readyz"
     if daemon.command == "dashboard" and settings is not None:
@@ -200,7 +236,14 @@ def of_units(units: Sequence[Mapping[str, str]]) -> Iterator[Finding]:
 
 
 def of_bus(
-    heard: Heard, bus: BusSettings, expected: set[str], now_ns: int, *, needed: bool
+    heard: Heard,
+    bus: BusSettings,
+    expected: set[str],
+    now_ns: int,
+    *,
+    needed: bool,
+    has_dispatcher: bool = False,
+    certain: bool = True,
 ) -> Iterator[Finding]:
     """How RSUs and the dispatcher say they are.
 
@@ -210,13 +253,23 @@ def of_bus(
         expected: RSUs that the daemons of this machine know.
         now_ns: UTC.
         needed: a daemon runs here that needs a router.
+        has_dispatcher: one of this machine is on this bus.
+        certain: that nothing connects is a fault; else the settings that say where the bus is and
+            who may use it are not known.
     """
-    from slipstream.messages import rsu_health_key
+    from slipstream.messages import DISPATCHER_HEALTH_KEY, rsu_health_key
 
     where = ", ".join(bus.connect) if bus.config_file is None else str(bus.config_file)
     if not heard.connected:
-        if needed:
-            yield Finding("bus", False, f"no router answers at {where}")
+        if not needed:
+            return
+        if heard.unasked is not None:
+            yield Finding("bus", None, f"it was not asked, as {_as_root(heard.unasked)}")
+        elif not certain:
+            mend = "no daemon's settings could be read that say who may; run it as root"
+            yield Finding("bus", None, f"{heard.fault}; {mend}")
+        else:
+            yield Finding("bus", False, heard.fault)
         return
     yield Finding("bus", True, f"connected to {where}")
     for key, problem in sorted(heard.unreadable.items()):
@@ -226,6 +279,8 @@ def of_bus(
         yield _of_rsu(rsu, heard.rsus.get(rsu), now_ns)
     health = heard.dispatcher
     if health is None:
+        if has_dispatcher and DISPATCHER_HEALTH_KEY not in heard.unreadable:
+            yield Finding("dispatcher (bus)", False, "nothing heard of it")
         return
     age_s = 1e-9 * (now_ns - health.time_ns)
     text = (
@@ -238,6 +293,8 @@ def of_bus(
     elif health.database_set_aside is not None:
         text = f"started with a new database; the damaged one is {health.database_set_aside}"
         yield Finding("dispatcher (bus)", False, text)
+    elif health.solver_fault is not None:
+        yield Finding("dispatcher (bus)", False, f"{health.solver_fault}; {text}")
     elif health.paused:
         yield Finding("dispatcher (bus)", False, f"paused: no cycle runs; {text}")
     else:

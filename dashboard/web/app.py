@@ -40,7 +40,7 @@ def make_app(services: Services) -> ASGIApp:
 
     files = StaticFiles(STATIC)
     for path in ("/", "/static/{path:path}"):
-        app.add_route(path, files.answer, methods=["GET", "HEAD"])
+        app.add_route(path, files.answer, methods=["GET"])
     handle_problems(app, paths="docs/page.md", unavailable=(StorageError,))
     settings = services.settings
     return Gate(app, settings.host.lower(), frozenset(map(str.lower, settings.allowed_hosts)))

@@ -28,11 +28,12 @@ class ServiceFacts:
         paused: by whom, and UTC ns since when; None: it is not.
         storage_fault: why the last cycle could not be stored; None: it could.
         clock_fault: why nothing is deleted for its age; None: it is.
-        bus_connected: whether a router answers.
+        bus_fault: why no router lets the dispatcher in; None: one does.
         set_aside: file that a damaged database became.
         keep_mb: as in the settings.
         room: of the database and on its disk; None: it is on a server.
         device: a quantum device; None: there is none.
+        solver_fault: why no solver works, or no search for routes; None: they do.
         cluster_slots: processes of the cluster that are ready; None: there is no cluster.
     """
 
@@ -42,11 +43,12 @@ class ServiceFacts:
     paused: tuple[str, int] | None = None
     storage_fault: str | None = None
     clock_fault: str | None = None
-    bus_connected: bool = True
+    bus_fault: str | None = None
     set_aside: str | None = None
     keep_mb: float = 10_000.0
     room: Room | None = None
     device: HardwareHealth | None = None
+    solver_fault: str | None = None
     cluster_slots: int | None = None
 
 
@@ -56,8 +58,8 @@ def service_conditions(facts: ServiceFacts) -> Iterator[Condition]:
         by, since_ns = facts.paused
         text = f"paused by {by}: no cycle runs, vehicles go on by the plans that they have"
         yield Condition("paused", "dispatcher", text, since_ns)
-    if not facts.bus_connected:
-        text = "no router answers: nothing comes in, and no plan goes out"
+    if facts.bus_fault is not None:
+        text = f"{facts.bus_fault}: nothing comes in, and no plan goes out"
         yield Condition("bus_lost", "dispatcher", text)
     if facts.cycle is not None:
         yield from _of_cycle(facts.cycle, facts)
@@ -72,7 +74,9 @@ def service_conditions(facts: ServiceFacts) -> Iterator[Condition]:
     ]
     if facts.device is not None and facts.device.breaker == "open":
         broken.append(f"{facts.device.backend}: {facts.device.line or 'its breaker is open'}")
-    if broken:
+    if facts.solver_fault is not None:
+        yield Condition("solver_broken", "dispatcher", facts.solver_fault, severity="critical")
+    elif broken:
         yield Condition("solver_broken", "dispatcher", "; ".join(broken)[:1000])
     if facts.cluster_slots == 0:
         text = "no worker of the cluster is ready: this machine solves alone"

@@ -37,20 +37,19 @@ class Readiness(BaseModel):
     checks: dict[str, CheckResult]
 
 
-# As GET, without the body, which the server leaves out.
-@router.head("/healthz", include_in_schema=False)
 @router.get("/healthz")
 def healthz(dispatch: Dispatch) -> Liveness:
-    """Whether cycles come and end: the condition that feeds the watchdog. 503 if not."""
+    """Whether cycles come and end, and have a solver. 503 if not."""
     if not dispatch.is_live():
         raise Problem(503, "a cycle hangs, or none is scheduled", "restart the dispatcher")
+    if (fault := dispatch.solver_fault()) is not None:
+        raise Problem(503, fault, "mend what it names, then restart the dispatcher")
     return Liveness()
 
 
-@router.head("/readyz", include_in_schema=False)
 @router.get("/readyz", responses={503: {"model": Readiness, "description": "It is not ready."}})
 def readyz(dispatch: Dispatch) -> Response:
-    """Whether database, bus, network and schedule are usable; 503 if one of them is not."""
+    """Whether database, bus, network, schedule and solvers are usable; 503 if one is not."""
     checks = {}
     for name, check in dispatch.checks.items():
         detail = check()
@@ -61,7 +60,6 @@ def readyz(dispatch: Dispatch) -> Response:
     return JSONResponse(answer.model_dump(), 200 if ready else 503)
 
 
-@router.head("/metrics", include_in_schema=False)
 @router.get("/metrics", response_class=Response)
 def metrics(request: Request) -> Response:
     """The process's metrics for Prometheus."""

@@ -42,6 +42,7 @@ class Services:
         events: that callers follow; what happens is published there.
         solve_jobs: fleets that callers have planned.
         is_live: the condition that feeds the watchdog.
+        solver_fault: why there is no solver.
         checks: of readiness, by name.
     """
 
@@ -57,6 +58,7 @@ class Services:
     events: EventHub
     solve_jobs: SolveJobs
     is_live: Callable[[], bool]
+    solver_fault: Check
     checks: Mapping[str, Check]
 
 

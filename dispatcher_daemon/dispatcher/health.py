@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
+from collections.abc import Callable
 from typing import Final
 
 from dispatcher_daemon.dispatcher.control import Control
@@ -41,6 +42,7 @@ class HealthPublisher:
     Attributes:
         receptions: of each RSU's states, as they were told last.
         database_set_aside: file that a damaged database became.
+        solver_fault: why no solver works, or no search for routes; None: they do.
     """
 
     def __init__(
@@ -62,6 +64,7 @@ class HealthPublisher:
         self._stops = 0
         self.receptions: tuple[tuple[str, Reception], ...] = ()
         self.database_set_aside: str | None = None
+        self.solver_fault: Callable[[], str | None] = lambda: None
 
     def publish(self, next_cycle_ns: int | None) -> None:
         """Publish it; errors are logged and do not stop the dispatcher."""
@@ -108,4 +111,5 @@ class HealthPublisher:
             orders=dict(fleet.orders),
             database_set_aside=self.database_set_aside,
             paused=self._control.paused is not None,
+            solver_fault=self.solver_fault(),
         )

@@ -42,7 +42,7 @@ class AlarmSource:
         store: database.
         announce: told of each change of an alarm.
         wake: has `alarms.save` called on a thread that may wait.
-        bus_connected: whether a router answers.
+        bus_fault: why no router lets this in; None: one does.
         job_manager: of a quantum device.
         cluster_slots: processes of the cluster that are ready; None: there is no cluster.
 
@@ -60,12 +60,12 @@ class AlarmSource:
         store: CycleStore,
         announce: Announce,
         wake: Callable[[Collection[str]], None],
-        bus_connected: Callable[[], bool] = lambda: True,
+        bus_fault: Callable[[], str | None] = lambda: None,
         job_manager: JobManager | None = None,
         cluster_slots: Callable[[], int] | None = None,
     ) -> None:
         self._dispatcher, self._settings, self._store = dispatcher, settings, store
-        self._bus_connected, self._job_manager = bus_connected, job_manager
+        self._bus_fault, self._job_manager = bus_fault, job_manager
         self._cluster_slots = cluster_slots
         self._unstored = False
         self._unconnected_s = -RECONNECTED_S
@@ -101,7 +101,7 @@ class AlarmSource:
             self.alarms.save_all()
         self._unstored = facts.storage_fault is not None
         yield from service_conditions(facts)
-        if not facts.bus_connected:
+        if facts.bus_fault is not None:
             self._unconnected_s = now_s
         if now_s - self._unconnected_s >= RECONNECTED_S:
             self._of_others = tuple(self._conditions_of_others(now_s))
@@ -131,10 +131,11 @@ class AlarmSource:
             paused=None if paused is None else (paused.by, paused.since_ns),
             storage_fault=dispatcher.delivery.unstored,
             clock_fault=dispatcher.pruner.clock_fault,
-            bus_connected=self._bus_connected(),
+            bus_fault=self._bus_fault(),
             set_aside=dispatcher.health.database_set_aside,
             keep_mb=self._settings.keep_mb,
             room=self._store.room(),
             device=None if self._job_manager is None else self._job_manager.health(),
+            solver_fault=dispatcher.health.solver_fault(),
             cluster_slots=None if self._cluster_slots is None else self._cluster_slots(),
         )

@@ -27,12 +27,12 @@ log = logging.getLogger(__name__)
 DEMO_FLEET = "demo"
 
 
-def load_fleet(reference: str | Path, network: RoadNetwork) -> Fleet:
+def load_fleet(reference: str | Path, network: RoadNetwork | None) -> Fleet:
     """Read a fleet.
 
     Args:
         reference: path of a TOML or JSON file, or ``"demo"`` for the fleet that is built in.
-        network: the roads that its nodes lie on.
+        network: the roads that its nodes lie on; None: they are not known.
 
     Raises:
         InputError: the file is missing or malformed, or does not fit the network (see
@@ -47,7 +47,7 @@ def load_fleet(reference: str | Path, network: RoadNetwork) -> Fleet:
 
 def fleet_from(
     data: object,
-    network: RoadNetwork,
+    network: RoadNetwork | None,
     source: str | Path,
     *,
     may_lack_stops: bool = False,
@@ -58,12 +58,23 @@ def fleet_from(
 
     A place with latitude and longitude gets a node: an end of the nearest road where some vehicle
     of the fleet may stop (`slipstream.snapping`).
+
+    Args:
+        data: of the file.
+        network: the roads; None: they are not known, and nothing is compared with them.
+        source: what errors name.
+        may_lack_stops: a fleet without any is right.
+        may_have_clock_times: its times may be of a day.
     """
-    fleet = located(check(with_unknown_nodes(data), Fleet, source), network, source)
+    fleet = check(with_unknown_nodes(data), Fleet, source)
+    if network is not None:
+        fleet = located(fleet, network, source)
     if not (fleet.stops or may_lack_stops):
         raise InputError(source, "no stop", "add one", key="stops")
     refuse(_clock_faults(fleet, source, may_have_clock_times))
     check_fleet(fleet, network, source)
+    if network is None:
+        return fleet
     furthest = max(served(fleet, network), key=lambda place: place.to_node_m, default=None)
     if furthest is not None:
         log.info("%s: of all places the furthest off: %s", source, furthest)
@@ -93,7 +104,9 @@ def _clock_faults(fleet: Fleet, source: str | Path, allowed: bool) -> Iterator[I
                     yield InputError(source, problem, f"give {name}_s", key=f"{key}.{name}")
 
 
-def check_fleet(fleet: Fleet, network: RoadNetwork, source: str | Path, prefix: str = "") -> None:
+def check_fleet(
+    fleet: Fleet, network: RoadNetwork | None, source: str | Path, prefix: str = ""
+) -> None:
     """Check what a fleet refers to. Stops that cannot be served are no fault of the file's:
     `dispatcher_daemon.planning.servability.unservable` names them.
 
@@ -110,7 +123,7 @@ def check_fleet(fleet: Fleet, network: RoadNetwork, source: str | Path, prefix: 
 
 
 def _faults(
-    fleet: Fleet, network: RoadNetwork, source: str | Path, prefix: str
+    fleet: Fleet, network: RoadNetwork | None, source: str | Path, prefix: str
 ) -> Iterator[InputError]:
     yield from _no_duplicates(source, f"{prefix}depots", "id", (d.id for d in fleet.depots))
     yield from _no_duplicates(source, f"{prefix}stops", "id", (s.id for s in fleet.stops))
@@ -156,7 +169,7 @@ def _faults(
         *((f"charging_stops.{c.id}", c.node) for c in fleet.charging_stops),
         *((f"hubs.{h.id}", h.node) for h in fleet.hubs),
     ):
-        if node not in network.junctions:
+        if network is not None and node not in network.junctions:
             yield InputError(
                 source,
                 f"unknown node {node!r}",
@@ -253,12 +266,12 @@ def _break_faults(
     fleet: Fleet, vehicle: Vehicle, source: str | Path, key: str
 ) -> Iterator[InputError]:
     """Breaks whose windows overlap and have no room for both, one after the other."""
-    zone = ZoneInfo(fleet.time_zone)
+    breaks = vehicle.breaks_at(ZoneInfo(fleet.time_zone), 0)
     for number, (first, second) in enumerate(pairwise(vehicle.breaks), 1):
         clocks = (*first.clocks.values(), *second.clocks.values())
         if any(text is not None and isinstance(parse(text), datetime) for text in clocks):
             continue  # Their distance is another one each day.
-        one, other = first.at(zone, 0), second.at(zone, 0)
+        one, other = breaks[number - 1], breaks[number]
         apart = one.latest_s < other.earliest_s or other.latest_s < one.earliest_s
         if not apart and one.earliest_s + one.duration_s > other.latest_s:
             problem = "it cannot begin in its window after the break before, which overlaps it"

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from datetime import datetime
 from typing import Annotated, Self
 from zoneinfo import ZoneInfo
 
 from pydantic import Field, model_validator
 
-from dispatcher_daemon.fleet.clock import Clock, seconds_after
+from dispatcher_daemon.fleet.clock import (
+    Clock,
+    check_order,
+    moments,
+    over_midnight,
+    seconds_after,
+)
 from dispatcher_daemon.fleet.stops import DAY_S, Skills
 from slipstream.config import Settings
 from slipstream.messages import Identifier
@@ -51,9 +59,8 @@ class Break(Settings):
         """Its clock times, in the order in which they follow each other."""
         return {"earliest": self.earliest, "latest": self.latest}
 
-    def at(self, zone: ZoneInfo, reference_ns: int) -> Break:
+    def at(self, after: Mapping[str, float]) -> Break:
         """The break with its clock times as seconds after a moment, below 0 before it."""
-        after = seconds_after(self.clocks, zone, reference_ns)
         times = {f"{name}_s": min(max(s, -DAY_S), DAY_S) for name, s in after.items()}
         return self.model_copy(update=times) if times else self
 
@@ -167,7 +174,7 @@ class Vehicle(Settings):
     def at(self, zone: ZoneInfo, reference_ns: int) -> Vehicle:
         """The vehicle with its clock times as seconds after a moment; what has passed is now."""
         after = seconds_after(self.clocks, zone, reference_ns)
-        breaks = tuple(own.at(zone, reference_ns) for own in self.breaks)
+        breaks = self.breaks_at(zone, reference_ns)
         if not after:
             return self if breaks == self.breaks else self.model_copy(update={"breaks": breaks})
         ready_s = min(max(after.get("ready", self.ready_s), 0.0), DAY_S)
@@ -177,6 +184,34 @@ class Vehicle(Settings):
         if "return_by_s" in times:
             times["return_by_s"] = min(times["return_by_s"], 2 * DAY_S)
         return self.model_copy(update={**times, "ready_s": ready_s, "breaks": breaks})
+
+    def breaks_at(self, zone: ZoneInfo, reference_ns: int) -> tuple[Break, ...]:
+        """Its breaks with their clock times as seconds after a moment."""
+        after: list[dict[str, float]] = [{} for _ in self.breaks]
+        for (number, key), at in self.break_moments(zone, reference_ns).items():
+            after[number][key] = at.timestamp() - 1e-9 * reference_ns
+        return tuple(own.at(times) for own, times in zip(self.breaks, after, strict=True))
+
+    def break_moments(self, zone: ZoneInfo, reference_ns: int) -> dict[tuple[int, str], datetime]:
+        """The clock times of its breaks by number and key: they follow each other, in its shift
+        where that is over midnight.
+        """
+        clocks = {
+            f"{number} {key}": text
+            for number, own in enumerate(self.breaks)
+            for key, text in own.clocks.items()
+        }
+        shift = None
+        if over_midnight(self.clocks):
+            shift = next(iter(moments(self.clocks, zone, reference_ns).values()))
+        found = moments(clocks, zone, reference_ns, shift)
+        named = ((name.split(), at) for name, at in found.items())
+        return {(int(number), key): at for (number, key), at in named}
+
+    @model_validator(mode="after")
+    def _clocks_are_in_order(self) -> Self:
+        check_order(self.clocks)
+        return self
 
     @model_validator(mode="after")
     def _one_type(self) -> Self:

@@ -36,10 +36,7 @@ _TRAFFIC: Final = {f.name: f.default for f in fields(SegmentTraffic) if f.defaul
 
 def settings_data(settings: DispatcherSettings) -> dict[str, Any]:
     """The settings that plans depend on."""
-    data = settings.model_dump(mode="json", exclude=_NOT_OF_A_CYCLE)
-    # What is set of it decides more than its values: see `priced_advice`.
-    data["advice"] = settings.advice.model_dump(mode="json", exclude_unset=True)
-    return data
+    return settings.model_dump(mode="json", exclude=_NOT_OF_A_CYCLE)
 
 
 def places_data(fleet: Fleet) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from dispatcher_daemon.settings.cluster import (
     WorkerSettings,
 )
 from dispatcher_daemon.settings.dispatcher import (
+    AdviceSettings,
     ApiSettings,
     DispatcherSettings,
     FeedSettings,
@@ -37,6 +38,7 @@ __all__ = [
     "HARDWARE_SOLVER",
     "LOCAL",
     "SOLVER_ENTRY_POINTS",
+    "AdviceSettings",
     "ApiSettings",
     "CitySettings",
     "ClusterSettings",

@@ -19,7 +19,8 @@ from dispatcher_daemon.settings.solvers import (
 from slipstream.admission import Rsus
 from slipstream.config import BusSettings, ServiceSettings, Settings
 from slipstream.freshness import FUTURE_TOLERANCE_S, STALE_AFTER_S
-from slipstream.messages import DrivingAdvice
+from slipstream.messages import DrivingAdvice, NonNegative
+from slipstream.prices import ENERGY_PRICE_PER_KWH
 from slipstream.spacing import ADVISED_GAP_M
 
 
@@ -27,10 +28,14 @@ class PriceSettings(Settings):
     """What the objective weighs against energy (``[prices]``), in one currency."""
 
     energy_kwh: float = Field(
-        default=0.30, gt=0, le=1e6, allow_inf_nan=False, description="A kWh of energy."
+        default=ENERGY_PRICE_PER_KWH,
+        gt=0,
+        le=1e6,
+        allow_inf_nan=False,
+        description="A kWh of energy; the page's `price_per_kwh` is the same unless it is given.",
     )
     driving_hour: float = Field(
-        default=0.60,
+        default=0.40,
         ge=0,
         le=1e6,
         allow_inf_nan=False,
@@ -67,6 +72,16 @@ class PriceSettings(Settings):
     def standing_kw(self) -> float | None:
         """Of waiting at a stop: kWh an hour; None: no price of its own."""
         return None if self.standing_hour is None else self.standing_hour / self.energy_kwh
+
+
+class AdviceSettings(DrivingAdvice):
+    """Advice in plans for signals, turns and stops (``[advice]``)."""
+
+    value_of_time_kw: NonNegative | None = Field(  # type: ignore[assignment]
+        default=None,
+        description="Price of the time until it arrives, by which that second is chosen, kWh an "
+        "hour. Not given: as driving costs, `prices.driving_hour` / `prices.energy_kwh`.",
+    )
 
 
 class OrderSettings(Settings):
@@ -213,10 +228,8 @@ class DispatcherSettings(Settings):
         allow_inf_nan=False,
         description="Gap advised to followers, m; while they drive they keep 0.1 s more.",
     )
-    advice: DrivingAdvice = Field(
-        default=DrivingAdvice(),
-        description="Advice in plans for signals, turns and stops. Without a value_of_time_kw of "
-        "its own it takes the price of driving.",
+    advice: AdviceSettings = Field(
+        default=AdviceSettings(), description="Advice in plans for signals, turns and stops."
     )
     objective: Literal["energy", "paper"] = Field(
         default="energy",
@@ -260,11 +273,11 @@ class DispatcherSettings(Settings):
 
     @property
     def priced_advice(self) -> DrivingAdvice:
-        """`advice`; where it has no price of time of its own, at that of driving time."""
-        if "value_of_time_kw" in self.advice.model_fields_set:
-            return self.advice
-        price_kw = self.prices.price_of_time_kw
-        return self.advice.model_copy(update={"value_of_time_kw": price_kw})
+        """`advice` for plans; where it has no price of time, at that of driving time."""
+        given = self.advice.model_dump()
+        if given["value_of_time_kw"] is None:
+            given["value_of_time_kw"] = self.prices.price_of_time_kw
+        return DrivingAdvice.model_validate(given)
 
     @field_validator("solvers")
     @classmethod

@@ -12,7 +12,7 @@ from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.learning import History
 from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.settings import DispatcherSettings
+from dispatcher_daemon.settings import AdviceSettings, DispatcherSettings
 from dispatcher_daemon.tracking import FleetTracker
 from dispatcher_daemon.traffic import Expectations, TrafficSnapshot, take_snapshot
 from simulation.closed_loop.dispatch_settings import (
@@ -26,7 +26,6 @@ from simulation.closed_loop.policy import AS_DRIVING, Policy, WaitingPrices
 from simulation.closed_loop.record import CycleRecord
 from simulation.scenarios.demand import Deliveries, fleet_at
 from slipstream.messages import (
-    DrivingAdvice,
     Message,
     PlanAcknowledgement,
     VehiclePlan,
@@ -203,7 +202,7 @@ class Dispatching:
 def settings_of(policy: Policy, value_of_time_kw: float) -> DispatcherSettings:
     """The dispatcher's settings in an arm."""
     levers = policy.levers
-    advice = DrivingAdvice(
+    advice = AdviceSettings(
         eco_approach="eco_approach" in levers,
         coasting_budget=policy.coasting_budget if "coasting" in levers else 0.0,
         signal_priority="priority" in levers,

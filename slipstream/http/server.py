@@ -17,6 +17,7 @@ from starlette.types import ASGIApp
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from slipstream.errors import InputError
+from slipstream.http.conventions import Conventions
 from slipstream.http.problems import MEDIA_TYPE, Problem
 
 log = logging.getLogger(__name__)
@@ -134,7 +135,7 @@ class HttpServer:
 
     def start(self, app: ASGIApp) -> None:
         """Serve; connections that came since the port was bound have waited."""
-        self._app = app
+        self._app = Conventions(app)
         self._thread.start()
 
     def close(self) -> None:

@@ -217,6 +217,11 @@ class DispatcherHealth(Message):
         default=False,
         description="Somebody has paused it: no cycle runs and no order is put into plans.",
     )
+    solver_fault: str | None = Field(
+        default=None,
+        description="Why it has no solver that works, or no search for routes; senders before: "
+        "null.",
+    )
 
 
 CYCLE_KEY: Final = f"{ROOT}/dispatcher/cycle"

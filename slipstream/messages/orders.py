@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from datetime import datetime
 from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import (
@@ -16,6 +15,7 @@ from pydantic import (
     model_validator,
 )
 
+from slipstream.iso_time import read_datetime
 from slipstream.messages.base import ROOT, Count, Identifier, Message, NonNegative, TimeNs, chunk
 from slipstream.messages.dispatch import OrderState
 
@@ -36,7 +36,7 @@ def _as_ns(value: Any) -> Any:
         raise ValueError(f"not a time of RFC 3339: {mend}")
     try:
         zone = parts[3].upper().replace("Z", "+00:00")
-        whole = datetime.fromisoformat(parts[1].upper() + zone)
+        whole = read_datetime(parts[1].upper() + zone)
         seconds = round(whole.timestamp())
     except (ValueError, OverflowError):
         raise ValueError(f"no such time: {mend}") from None

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from slipstream.errors import InputError
-from slipstream_cli.checks.kinds import Checked, network_of, part_of
+from slipstream_cli.checks.kinds import Checked, kind_of, network_of, part_of
 
 
 def faults_between(files: Sequence[Checked], network: str | None) -> Iterator[InputError]:
@@ -24,6 +24,7 @@ def faults_between(files: Sequence[Checked], network: str | None) -> Iterator[In
     yield from _rsus(by_kind)
     yield from _segments(by_kind, network)
     yield from _dashboards(by_kind)
+    yield from _prices(by_kind)
     yield from _vehicles(by_kind)
     yield from _ports(files)
 
@@ -38,6 +39,47 @@ def nets_of(files: Mapping[str, Sequence[Checked]], network: str | None) -> dict
         for owner in owners
         if hasattr(owner.content, "network")
     }
+
+
+def roads_of(
+    fleet: Path, owners: Mapping[str, Sequence[Checked]], network: str | None
+) -> str | None:
+    """The roads that a fleet file is for; None: nobody says.
+
+    Those that are given; else of the settings among the files that name it, or of the first ones;
+    else of the settings in its folder that name it.
+    """
+    named = nets_of(owners, network)
+    if network is not None:
+        return network
+    for owner in (*owners.get("dispatcher", ()), *owners.get("dashboard", ())):
+        if _names(owner, fleet) and hasattr(owner.content, "network"):
+            return str(owner.content.network)
+    if named:
+        return next(iter(named))
+    for path in sorted(fleet.absolute().parent.glob("*.toml")):
+        try:
+            kind = kind_of(path) if path.absolute() != fleet.absolute() else None
+        except InputError:
+            continue
+        owner = part_of(path, kind) if kind in ("dispatcher", "dashboard") else None
+        if owner is not None and _names(owner, fleet) and hasattr(owner.content, "network"):
+            return _beside(path, owner.content.network)
+    return None
+
+
+def _names(owner: Checked, fleet: Path) -> bool:
+    """Whether settings name a fleet file, from here or from their folder."""
+    named = getattr(owner.content, "fleet", None)
+    if named is None:
+        return False
+    return fleet.absolute() in (Path(named).absolute(), owner.path.absolute().parent / named)
+
+
+def _beside(settings: Path, network: str) -> str:
+    """A network that settings name, from here or from their folder."""
+    beside = settings.parent / network
+    return network if Path(network).exists() or not beside.exists() else str(beside)
 
 
 def _with(files: Mapping[str, Sequence[Checked]], kind: str, *keys: str) -> list[Checked]:
@@ -131,6 +173,17 @@ def _dashboards(files: Mapping[str, Sequence[Checked]]) -> Iterator[InputError]:
                         "write the dispatcher's",
                         key=key,
                     )
+
+
+def _prices(files: Mapping[str, Sequence[Checked]]) -> Iterator[InputError]:
+    """A kilowatt hour that the page counts at another price than routes are weighed by."""
+    for dashboard in _with(files, "dashboard", "price_per_kwh"):
+        for dispatcher in _with(files, "dispatcher", "prices"):
+            price = dispatcher.content.prices.energy_kwh
+            if dashboard.content.price_per_kwh != price:
+                problem = f"{price:g} in {dispatcher.path}, where it is prices.energy_kwh"
+                mend = "give both the same"
+                yield InputError(dashboard.path, problem, mend, key="price_per_kwh")
 
 
 def _plain(file: Checked, key: str) -> Any:

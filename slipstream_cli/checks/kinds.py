@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -14,6 +15,7 @@ from pydantic import create_model
 
 from slipstream.config import check, load, read_data
 from slipstream.errors import InputError
+from slipstream_cli.checks.clocks import clock_notes
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -55,6 +57,8 @@ class Checked:
     def title(self) -> str:
         """What it is, in words."""
         alone = ("fleet", "instance", "camera")
+        if self.kind == "tokens":
+            return "file of tokens"
         return self.kind if self.kind in alone else f"{self.kind} settings"
 
 
@@ -134,11 +138,12 @@ def part_of(path: Path, kind: str) -> Checked | None:
 
 
 def _models() -> Mapping[str, type[BaseModel]]:
+    from dispatcher_daemon.api.auth import TokenList
     from dispatcher_daemon.fleet import Fleet
     from edge_daemon.settings import CameraSettings
     from slipstream_cli.settings_doc import DAEMONS
 
-    return {"fleet": Fleet, "camera": CameraSettings, **DAEMONS}
+    return {"fleet": Fleet, "camera": CameraSettings, "tokens": TokenList, **DAEMONS}
 
 
 def _keys(model: type[BaseModel]) -> set[str]:
@@ -153,7 +158,7 @@ def network_of(reference: str) -> RoadNetwork:
     return load_network(reference)
 
 
-def _check_edge(path: Path, _: str) -> Checked:
+def _check_edge(path: Path, _: str | None) -> Checked:
     from edge_daemon.camera import load_camera
     from edge_daemon.detection import open_detector
     from edge_daemon.settings import EdgeSettings
@@ -170,7 +175,7 @@ def _check_edge(path: Path, _: str) -> Checked:
     return Checked(path, "edge", settings)
 
 
-def _check_camera(path: Path, _: str) -> Checked:
+def _check_camera(path: Path, _: str | None) -> Checked:
     from edge_daemon.camera import load_camera
     from edge_daemon.watch import read_reference
 
@@ -179,7 +184,7 @@ def _check_camera(path: Path, _: str) -> Checked:
     return Checked(path, "camera", camera)
 
 
-def _check_dispatcher(path: Path, _: str) -> Checked:
+def _check_dispatcher(path: Path, _: str | None) -> Checked:
     from dispatcher_daemon.settings import DispatcherSettings
     from slipstream.admission import check_rsus
 
@@ -194,17 +199,21 @@ def _check_dispatcher(path: Path, _: str) -> Checked:
             fake_target(device)
         except InputError as error:
             raise InputError(path, error.problem, error.mend, key="hardware.backend") from None
+    tokens = settings.api.tokens
+    if tokens is not None and tokens.name != str(tokens):
+        # A plain name is mostly one of systemd's, which is not here.
+        _check_tokens(tokens, None)
     fleet = _fleet(Path(settings.fleet), roads)
     return Checked(path, "dispatcher", settings, fleet.notes, fleet.unserved, fleet.fleet)
 
 
-def _check_agent(path: Path, _: str) -> Checked:
+def _check_agent(path: Path, _: str | None) -> Checked:
     from vehicle_agent.settings import AgentSettings
 
     return Checked(path, "agent", load(path, AgentSettings))
 
 
-def _check_dashboard(path: Path, _: str) -> Checked:
+def _check_dashboard(path: Path, _: str | None) -> Checked:
     from dashboard.settings import DashboardSettings
     from dashboard.web.fleet_file import make_scene
     from slipstream.admission import check_rsus
@@ -216,23 +225,29 @@ def _check_dashboard(path: Path, _: str) -> Checked:
     return Checked(path, "dashboard", settings)
 
 
-def _check_scheduler(path: Path, _: str) -> Checked:
+def _check_scheduler(path: Path, _: str | None) -> Checked:
     from dispatcher_daemon.settings import SchedulerSettings
 
     return Checked(path, "scheduler", load(path, SchedulerSettings))
 
 
-def _check_worker(path: Path, _: str) -> Checked:
+def _check_worker(path: Path, _: str | None) -> Checked:
     from dispatcher_daemon.settings import WorkerSettings
 
     return Checked(path, "worker", load(path, WorkerSettings))
 
 
-def _check_fleet(path: Path, network: str) -> Checked:
-    return _fleet(path, network_of(network))
+def _check_tokens(path: Path, _: str | None) -> Checked:
+    from dispatcher_daemon.api.auth import TokenList
+
+    return Checked(path, "tokens", load(path, TokenList))
 
 
-def _fleet(path: Path, roads: RoadNetwork) -> Checked:
+def _check_fleet(path: Path, network: str | None) -> Checked:
+    return _fleet(path, None if network is None else network_of(network))
+
+
+def _fleet(path: Path, roads: RoadNetwork | None) -> Checked:
     from dispatcher_daemon.fleet import served
     from dispatcher_daemon.fleet_file import FleetFile
     from dispatcher_daemon.planning import unservable
@@ -241,12 +256,19 @@ def _fleet(path: Path, roads: RoadNetwork) -> Checked:
     from slipstream.freshness import STALE_AFTER_S
     from slipstream.snapping import NO_CLASSES, lacks_classes
 
-    fleet = FleetFile(str(path), roads).current()
+    now_ns = time.time_ns()
+    fleet = FleetFile(str(path), roads).current(now_ns)
+    notes = () if fleet is None else clock_notes(path, fleet, now_ns)
+    if roads is None:
+        lacking = "its roads are not known: its places and the ways to its stops are not checked"
+        mend = "give --network, or its dispatcher's settings beside it"
+        return Checked(path, "fleet", notes=(*notes, f"{path}: {lacking}; {mend}"), fleet=fleet)
     if fleet is None:
         return Checked(path, "fleet")
-    notes = [f"{path}: {place}" for place in served(fleet, roads)]
-    if notes and lacks_classes(roads):
-        notes.append(f"{path}: {NO_CLASSES}")
+    places = [f"{path}: {place}" for place in served(fleet, roads)]
+    if places and lacks_classes(roads):
+        places.append(f"{path}: {NO_CLASSES}")
+    notes = (*notes, *places)
     if not fleet.stops:
         return Checked(path, "fleet", notes=notes, fleet=fleet)
     free_flow = take_snapshot(roads, (), 0, stale_after_s=STALE_AFTER_S)
@@ -254,7 +276,7 @@ def _fleet(path: Path, roads: RoadNetwork) -> Checked:
     return Checked(path, "fleet", notes=notes, unserved=unserved, fleet=fleet)
 
 
-def _check_instance(path: Path, _: str) -> Checked:
+def _check_instance(path: Path, _: str | None) -> Checked:
     from dispatcher_daemon.planning import unservable
     from research.instances.instance import instance_from
     from research.instances.matrices import has_matrices, matrix_instance_from
@@ -268,7 +290,7 @@ def _check_instance(path: Path, _: str) -> Checked:
     return Checked(path, "instance", unserved=unserved)
 
 
-CHECKS: Final[dict[str, Callable[[Path, str], Checked]]] = {
+CHECKS: Final[dict[str, Callable[[Path, str | None], Checked]]] = {
     "edge": _check_edge,
     "dispatcher": _check_dispatcher,
     "agent": _check_agent,
@@ -276,7 +298,8 @@ CHECKS: Final[dict[str, Callable[[Path, str], Checked]]] = {
     "scheduler": _check_scheduler,
     "worker": _check_worker,
     "camera": _check_camera,
+    "tokens": _check_tokens,
     "fleet": _check_fleet,
     "instance": _check_instance,
 }
-"""Each checks one file, a fleet's on given roads."""
+"""Each checks one file, a fleet's on given roads; None: they are not known."""

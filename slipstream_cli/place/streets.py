@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 import re
 import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
@@ -150,6 +151,9 @@ def place_of(query: str, network: RoadNetwork) -> tuple[float, float] | None:
         return None
     if network.projection is None:
         return first, second
+    if 180 < abs(second) <= 360:
+        # Counted on over the date line, as maps do.
+        second -= math.copysign(360.0, second)
     if not (abs(first) <= 90 and abs(second) <= 180):
         mend = "give latitude, then longitude, in degrees"
         raise InputError(query, "no latitude and longitude", mend)

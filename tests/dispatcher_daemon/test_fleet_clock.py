@@ -43,6 +43,48 @@ def roads() -> RoadNetwork:
         ({"a": "22:00", "b": "06:00"}, "2026-11-23T23:00", {"a": -3600.0, "b": 25200.0}),
         ({"a": "22:00", "b": "06:00"}, "2026-11-24T01:00", {"a": -10800.0, "b": 18000.0}),
         ({"a": "22:00", "b": "06:00"}, "2026-11-24T07:00", {"a": 54000.0, "b": 82800.0}),
+        # A lone end in the night is that of the coming one, from the morning on.
+        ({"return_by": "00:30"}, "2026-11-23T18:00", {"return_by": 6.5 * 3600}),
+        ({"return_by": "00:30"}, "2026-11-23T04:00", {"return_by": 20.5 * 3600}),
+        ({"return_by": "00:30"}, "2026-11-24T00:10", {"return_by": 1200.0}),
+        ({"return_by": "00:30"}, "2026-11-24T01:00", {"return_by": -1800.0}),
+        ({"latest": "00:00"}, "2026-11-23T20:00", {"latest": 4 * 3600.0}),
+        ({"depart_by": "06:00"}, "2026-11-23T20:00", {"depart_by": 10 * 3600.0}),
+        (
+            {"earliest": "00:30", "latest": "02:00"},
+            "2026-11-23T23:30",
+            {"earliest": 3600.0, "latest": 9000.0},
+        ),
+        ({"earliest": "00:30"}, "2026-11-23T23:50", {"earliest": 2400.0}),
+        # What has passed in the day has passed; a begin holds from then on.
+        ({"latest": "09:00"}, "2026-11-23T10:00", {"latest": -3600.0}),
+        ({"return_by": "18:00"}, "2026-11-23T23:00", {"return_by": -5 * 3600.0}),
+        ({"ready": "07:00"}, "2026-11-23T20:00", {"ready": -13 * 3600.0}),
+        ({"ready": "03:00"}, "2026-11-23T10:00", {"ready": -7 * 3600.0}),
+        (
+            {"earliest": "00:00", "latest": "18:00"},
+            "2026-11-23T19:00",
+            {"earliest": -19 * 3600.0, "latest": -3600.0},
+        ),
+        # The end of the day.
+        ({"latest": "24:00"}, "2026-11-23T20:00", {"latest": 4 * 3600.0}),
+        ({"latest": "24:00"}, "2026-11-24T00:10", {"latest": 86400.0 - 600}),
+        (
+            {"earliest": "08:00", "latest": "24:00"},
+            "2026-11-23T20:00",
+            {"earliest": -12 * 3600.0, "latest": 4 * 3600.0},
+        ),
+        (
+            {"earliest": "00:00", "latest": "24:00"},
+            "2026-11-23T20:00",
+            {"earliest": -20 * 3600.0, "latest": 4 * 3600.0},
+        ),
+        ({"a": "2026-11-23T24:00:00+01:00"}, "2026-11-23T20:00", {"a": 4 * 3600.0}),
+        # The night of the change to winter time has an hour more, and 02:30 twice: the first.
+        ({"return_by": "03:30"}, "2026-10-24T18:00", {"return_by": 10.5 * 3600}),
+        ({"return_by": "02:30"}, "2026-10-24T18:00", {"return_by": 8.5 * 3600}),
+        # In spring there is no 02:30: it is 03:30 of summer time.
+        ({"return_by": "02:30"}, "2026-03-28T18:00", {"return_by": 8.5 * 3600}),
         # The night of the change to summer time has an hour less.
         ({"a": "06:00"}, "2026-03-29T01:00", {"a": 4 * 3600.0}),
     ],
@@ -52,6 +94,45 @@ def test_seconds_count_from_the_moment(
 ) -> None:
     """In the fleet's zone, of the day that it is there."""
     assert seconds_after(clocks, BERLIN, ns(now)) == pytest.approx(expected)
+
+
+def test_a_break_of_a_night_shift_is_in_it(tmp_path: Path, roads: RoadNetwork) -> None:
+    """Before the shift begins, before midnight and after it; one before midnight too."""
+    path = _file(
+        tmp_path,
+        '[[vehicles]]\nid = "v"\nready = "22:00"\nreturn_by = "07:00"\n'
+        'breaks = [{duration_s = 900, earliest = "23:00", latest = "23:30"}, '
+        '{duration_s = 900, earliest = "05:00", latest = "05:30"}]\n',
+    )
+    file = FleetFile(str(path), roads)
+    for now, hours in (("23T21:00", 0), ("23T22:30", 1.5), ("24T01:00", 4), ("24T06:00", 9)):
+        fleet = file.current(ns(f"2026-11-{now}"))
+        assert fleet is not None
+        begins = [own.earliest_s / 3600 for own in fleet.vehicles[0].breaks]
+        assert begins == [2 - hours, 8 - hours], now
+
+
+def test_breaks_of_a_list_stay_in_its_order(tmp_path: Path, roads: RoadNetwork) -> None:
+    """One that has passed in the morning is not tomorrow's while another one is today's."""
+    path = _file(
+        tmp_path,
+        '[[vehicles]]\nid = "v"\nready = "06:00"\nreturn_by = "23:00"\n'
+        'breaks = [{duration_s = 900, earliest = "08:00", latest = "08:30"}, '
+        '{duration_s = 900, earliest = "18:00", latest = "19:00"}]\n',
+    )
+    fleet = FleetFile(str(path), roads).current(ns("2026-11-23T21:00"))
+    assert fleet is not None
+    assert [own.earliest_s / 3600 for own in fleet.vehicles[0].breaks] == [-13, -3]
+
+
+def test_times_that_contradict_each_other_are_refused(tmp_path: Path, roads: RoadNetwork) -> None:
+    """A tour that has to end before it may begin, within the day that follows `ready`."""
+    path = _file(
+        tmp_path,
+        '[[vehicles]]\nid = "v"\nready = "22:00"\ndepart_by = "02:00"\nreturn_by = "01:00"\n',
+    )
+    with pytest.raises(InputError, match=r"return_by \(01:00\) is before depart_by \(02:00\)"):
+        FleetFile(str(path), roads)
 
 
 def _file(folder: Path, text: str) -> Path:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import threading
 import time
+from pathlib import Path
 
 import pytest
 import zenoh
@@ -13,7 +15,7 @@ from slipstream.config import BusSettings
 from slipstream.errors import InputError
 from slipstream.inbox import SAMPLES
 from slipstream.messages import ENCODING, SCHEMA, SegmentState, decode
-from slipstream.zenoh_config import client_config
+from slipstream.zenoh_config import client_config, router_config
 from tests.slipstream.test_messages import a_state
 
 
@@ -288,3 +290,24 @@ def test_questions_of_another_major_version_are_refused(router: Router, bus: Bus
         assert other.err is not None
         assert b"another major schema version" in other.err.payload.to_bytes()
     assert b"other" not in asked
+
+
+def test_a_session_says_why_it_has_no_router(tmp_path: Path) -> None:
+    """Nobody listens; or a router does, and the password is another one."""
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    (tmp_path / "password").write_text("wrong\n")
+    (tmp_path / "users").write_text("van:right\n")
+    password = tmp_path / "password"
+    settings = BusSettings(connect=(endpoint,), user="van", password_file=password)
+    with Bus.open(settings) as bus:
+        assert bus.fault() == f"no router answers at {endpoint}"
+        config = router_config(endpoint)
+        users = json.dumps(str(tmp_path / "users"))
+        config.insert_json5("transport/auth/usrpwd/dictionary_file", users)
+        router = zenoh.open(config)
+        try:
+            why = bus.fault()
+        finally:
+            router.close()
+        assert why is not None
+        assert why.startswith(f"a router listens at {endpoint} and does not let it in")

@@ -5,13 +5,17 @@ from __future__ import annotations
 import json
 import os
 import time
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+import zenoh
 
 from slipstream.bus import Bus, Publisher, Router, free_port
 from slipstream.config import BusSettings, ServiceSettings
+from slipstream.errors import InputError
 from slipstream.messages import (
     DISPATCHER_HEALTH_KEY,
     DispatcherHealth,
@@ -19,6 +23,7 @@ from slipstream.messages import (
     RsuHealth,
     rsu_health_key,
 )
+from slipstream.zenoh_config import router_config
 from slipstream_cli import running
 from slipstream_cli.main import main
 from slipstream_cli.running import Running, command_of
@@ -185,6 +190,87 @@ def test_a_daemon_is_asked_for_its_health(
     assert any("no router answers" in line for line in lines)
 
 
+@pytest.fixture
+def guarded(tmp_path: Path) -> Iterator[str]:
+    """The endpoint of a router that lets in who knows the password of `dispatcher`."""
+    (tmp_path / "users").write_text("dispatcher:right\n")
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    config = router_config(endpoint)
+    key = "transport/auth/usrpwd/dictionary_file"
+    config.insert_json5(key, json.dumps(str(tmp_path / "users")))
+    session = zenoh.open(config)
+    yield endpoint
+    session.close()
+
+
+def installed(folder: Path, endpoint: str, password: str | None) -> Running:
+    """A daemon whose unit has handed it its settings and its password in a folder."""
+    folder.mkdir(exist_ok=True)
+    if password is not None:
+        (folder / "bus-password").write_text(f"{password}\n")
+    bus = {"connect": [endpoint], "user": "dispatcher", "password_file": "bus-password"}
+    settings = AgentSettings.model_validate({"vehicles": [{"id": "v"}], "bus": bus})
+    return Running("agent", os.getpid(), time.time(), folder / "a.toml", settings)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("by_environment", [True, False])
+def test_a_sound_installation_is_exit_status_0(
+    alone: list[Running],
+    guarded: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    by_environment: bool,
+) -> None:
+    """The password is looked for where systemd has put it for the daemon, not for this command."""
+    daemon = installed(tmp_path / "credentials", guarded, "right")
+    if by_environment:
+        found = {"CREDENTIALS_DIRECTORY": str(tmp_path / "credentials")}
+        monkeypatch.setattr("psutil.Process.environ", lambda process: found)
+        daemon = replace(daemon, config=Path("/elsewhere/a.toml"))
+    alone.append(daemon)
+    assert main(["status", "--seconds", "3"]) == 0
+    assert f"connected to {guarded}" in capsys.readouterr().out
+    assert main(["status", "--bus", guarded, "--seconds", "3"]) == 0
+
+
+@pytest.mark.slow
+def test_a_wrong_password_is_told_apart_from_a_dead_router(
+    alone: list[Running], guarded: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each has another mend."""
+    alone.append(installed(tmp_path / "credentials", guarded, "wrong"))
+    assert main(["status", "--seconds", "0.5"]) == 1
+    assert f"a router listens at {guarded} and does not let it in" in capsys.readouterr().out
+    dead = f"tcp/127.0.0.1:{free_port()}"
+    alone[:] = [installed(tmp_path / "credentials", dead, None)]
+    assert main(["status", "--seconds", "0.5"]) == 1
+    assert f"FAULT  bus    no router answers at {dead}".split() in [
+        line.split() for line in capsys.readouterr().out.splitlines()
+    ]
+
+
+def test_what_cannot_be_read_is_unknown_and_not_well(
+    alone: list[Running], guarded: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A password, and settings, that root alone may read: with the mend, and exit status 1."""
+    alone.append(installed(tmp_path / "credentials", guarded, None))
+    unread = InputError(Path("/run/credentials/d.toml"), "Permission denied", "check the path")
+    alone.append(Running("dispatcher", 1, time.time(), Path("/x/d.toml"), None, unread))
+    assert main(["status", "--seconds", "0.2", "--json"]) == 1
+    answer = json.loads(capsys.readouterr().out)
+    found = {f["name"]: f for f in answer["findings"]}
+    assert answer["well"] is None
+    assert (found["bus"]["well"], found["dispatcher d"]["well"]) == (None, None)
+    assert "bus-password cannot be read (no such file); run it as root" in found["bus"]["text"]
+    assert "Permission denied" in found["dispatcher d"]["text"]
+    alone[:] = alone[1:]
+    assert main(["status", "--bus", guarded, "--seconds", "0.2", "--json"]) == 1
+    bus = {f["name"]: f for f in json.loads(capsys.readouterr().out)["findings"]}["bus"]
+    assert (bus["well"], "run it as root" in bus["text"]) == (None, True)
+
+
 def _found(heard: Heard, *expected: str) -> dict[str, Finding]:
     found = of_bus(heard, BusSettings(), {*expected}, time.time_ns(), needed=True)
     return {finding.name: finding for finding in found}
@@ -212,6 +298,14 @@ def test_what_the_bus_tells_is_judged_by_age_and_content() -> None:
     assert {name for name, finding in found.items() if finding.well} == {"bus", "RSU d"}
     silent = _found(Heard(True, {}, dispatcher(time_ns=old)))["dispatcher (bus)"]
     assert (silent.well, "silent for 6" in silent.text) == (False, True)
+    fault = "no solver works (exact: BrokenProcessPool: All workers expired)"
+    unsolved = _found(Heard(True, {}, dispatcher(solver_fault=fault)))["dispatcher (bus)"]
+    assert (unsolved.well, unsolved.text.partition(";")[0]) == (False, fault)
+    bus, now = BusSettings(), time.time_ns()
+    unheard = {
+        f.name: f for f in of_bus(Heard(True), bus, set(), now, needed=True, has_dispatcher=True)
+    }
+    assert unheard["dispatcher (bus)"].well is False
     paused = _found(Heard(True, {}, dispatcher(paused=True)))["dispatcher (bus)"]
     assert (paused.well, paused.text.partition(";")[0]) == (False, "paused: no cycle runs")
 

@@ -188,6 +188,13 @@ class SolverPool:
     ) -> Outcome:
         return Outcome(job.solver, status, None, time.monotonic() - began, reason=reason)
 
+    def fault(self) -> str | None:
+        """Why no solver works, in words; None: one does, or none has been asked."""
+        found = {name: workers.fault for name, workers in self._workers.items()}
+        if not found or None in found.values():
+            return None
+        return "; ".join(f"{name}: {why}" for name, why in found.items())
+
     def close(self) -> None:
         """Stop all workers at once; waiting callers get no answer."""
         with self._lock:

@@ -8,7 +8,7 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor, TimeoutError
 from contextlib import suppress
 from multiprocessing import connection
 from typing import Any, ParamSpec, TypeVar
@@ -51,6 +51,9 @@ class Processes:
         spawner: starts the processes, in a thread that outlives them: see `start_worker`.
         name: for the log.
         niceness: of the processes above this one's.
+
+    Attributes:
+        fault: why the last call has no answer, as its process died or it raised; None: it has one.
     """
 
     def __init__(
@@ -62,6 +65,7 @@ class Processes:
         self._name = name
         self._pool: Any = None
         self._pending: set[Future[Any]] = set()
+        self.fault: str | None = None
 
     def schedule(
         self,
@@ -76,7 +80,15 @@ class Processes:
         )
         self._pending.add(future)
         future.add_done_callback(self._pending.discard)
+        future.add_done_callback(self._note)
         return future
+
+    def _note(self, future: Future[Any]) -> None:
+        # A call that was cancelled or ran out of time says nothing of the processes.
+        if future.cancelled() or isinstance(error := future.exception(), TimeoutError):
+            return
+        text = " ".join(str(error).split())[:200]
+        self.fault = None if error is None else f"{type(error).__name__}: {text}"
 
     def _living_pool(self) -> Any:
         """The pool, created again if it broke (a worker that dies while idle breaks it)."""
@@ -124,6 +136,11 @@ class WorkerExecutor(Executor):
         self._processes = Processes(workers, self._keeper, "workers")
         self._lock = threading.Lock()
         self._closed = False
+
+    @property
+    def fault(self) -> str | None:
+        """See `Processes`."""
+        return self._processes.fault
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
         """Run a picklable call in a worker.

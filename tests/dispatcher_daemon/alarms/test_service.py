@@ -49,7 +49,7 @@ def test_where_all_is_well_there_is_no_alarm() -> None:
     ("changes", "kind", "text"),
     [
         ({"paused": ("ada", 10**18)}, "paused", "paused by ada"),
-        ({"bus_connected": False}, "bus_lost", "no router"),
+        ({"bus_fault": "no router answers"}, "bus_lost", "no router"),
         ({"cycle": failed_report(8, 5, 1.0, "no fleet")}, "cycle_failed", "8 failed: no fleet"),
         ({"cycle": cycle(wall_s=31.0)}, "cycle_overran", "cycle 7 took 31 s"),
         ({"running_s": 31.0}, "cycle_overran", "longer than 30 s"),
@@ -78,6 +78,14 @@ def test_each_fault_is_its_alarm(changes: dict[str, Any], kind: str, text: str) 
     assert found.kind == kind
     assert text in found.text
     assert found.kind in KINDS
+
+
+def test_no_solver_at_all_is_critical() -> None:
+    """One alarm, though each solver's run says that it failed too."""
+    fault = "no solver works (tabu: BrokenProcessPool)"
+    facts = replace(WELL, cycle=cycle(solvers=(run("failed"),)), solver_fault=fault)
+    (found,) = service_conditions(facts)
+    assert (found.kind, found.severity, found.text) == ("solver_broken", "critical", fault)
 
 
 def test_a_full_disk_is_critical() -> None:

@@ -163,6 +163,7 @@ def serve(
                 "solve_jobs": server.solve_jobs,
                 "feeds": dispatcher.feeds,
                 "is_live": lambda: True,
+                "solver_fault": lambda: None,
                 "checks": {"database": lambda: None},
             }
             services = Services(**{**values, **others})

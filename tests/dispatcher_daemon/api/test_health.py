@@ -2,6 +2,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import pytest
+
 from .conftest import Api
 
 
@@ -14,6 +16,14 @@ def test_health_is_what_feeds_the_watchdog(serve: Callable[..., Api]) -> None:
     answer = api.get("/healthz")
     assert (answer.status, answer.headers["content-type"]) == (503, "application/problem+json")
     assert "hangs" in answer.json["detail"]
+
+
+def test_a_dispatcher_without_a_solver_is_no_sound_one(serve: Callable[..., Api]) -> None:
+    """/healthz is 503 with the reason, as what it sends are baselines only."""
+    api = serve(solver_fault=lambda: "no solver works (exact: BrokenProcessPool)")
+    answer = api.get("/healthz")
+    assert answer.status == 503
+    assert answer.json["detail"] == "no solver works (exact: BrokenProcessPool)"
 
 
 def test_readiness_names_each_condition(serve: Callable[..., Api]) -> None:
@@ -41,14 +51,48 @@ def test_metrics_are_the_process_own(serve: Callable[..., Api]) -> None:
     assert b"slipstream_dispatcher_api_requests_total" in answer.body
 
 
-def test_head_is_get_without_the_body(serve: Callable[..., Api]) -> None:
-    """For probes that ask so: the same status and type; other paths have no HEAD."""
-    live = [True]
-    api = serve(tokens=True, is_live=lambda: live[0])
-    for path in ("/healthz", "/readyz", "/metrics"):
-        asked, got = api.ask("HEAD", path), api.get(path)
-        assert (asked.status, asked.body) == (200, b""), path
-        assert asked.headers["content-type"] == got.headers["content-type"], path
-    live[0] = False
-    assert (api.ask("HEAD", "/healthz").status, api.ask("HEAD", "/healthz").body) == (503, b"")
-    assert api.ask("HEAD", "/v1/vehicles", "reader").status == 405
+@pytest.mark.parametrize(
+    "path",
+    [
+        *("/healthz", "/readyz", "/metrics", "/v1/vehicles", "/v1/vehicles/van-a", "/v1/orders"),
+        *("/v1/cycles", "/v1/segments", "/v1/alarms", "/v1/vehicles/nobody", "/v1/nothing"),
+    ],
+)
+def test_head_is_get_without_the_body(serve: Callable[..., Api], path: str) -> None:
+    """On every path: the same status, type and length."""
+    api = serve()
+    asked, got = api.ask("HEAD", path), api.get(path)
+    assert (asked.status, asked.body) == (got.status, b"")
+    assert asked.headers["content-type"] == got.headers["content-type"]
+    if path != "/metrics":
+        assert asked.headers["content-length"] == got.headers["content-length"]
+
+
+def test_head_of_what_has_no_end_ends(serve: Callable[..., Api]) -> None:
+    """The event stream begins and is over; the place among those who listen is free again."""
+    api = serve()
+    for _ in range(100):
+        asked = api.ask("HEAD", "/v1/events")
+        assert (asked.status, asked.headers["content-type"].partition(";")[0]) == (
+            200,
+            "text/event-stream",
+        )
+
+
+def test_head_needs_the_token_that_get_needs(serve: Callable[..., Api]) -> None:
+    """And a path without GET has no HEAD."""
+    api = serve(tokens=True)
+    assert api.ask("HEAD", "/v1/vehicles").status == 401
+    assert api.ask("HEAD", "/v1/vehicles", "reader").status == 200
+    assert api.ask("HEAD", "/v1/control/pause", "reader").status == 405
+
+
+@pytest.mark.parametrize(
+    "path", ["/v1/vehicles", "/v1/orders", "/v1/cycles", "/readyz", "/v1/feeds"]
+)
+def test_a_slash_at_the_end_changes_nothing(serve: Callable[..., Api], path: str) -> None:
+    """One that belongs to an id is percent-encoded."""
+    api = serve()
+    assert api.get(f"{path}/").status == api.get(path).status
+    assert api.get("/v1/vehicles/van-a/").json == api.get("/v1/vehicles/van-a").json
+    assert api.get("/v1/vehicles/van-a%2F").status == 404

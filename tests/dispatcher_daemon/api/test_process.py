@@ -82,7 +82,9 @@ def test_a_dispatcher_serves_its_cycle_and_ends_in_time(router: Router, tmp_path
     port = free_port()
     with _dispatcher(tmp_path, router.endpoint, port) as process:
         _until(lambda: _ask(port, "/readyz")[0] == 200, process)
-        assert set(_ask(port, "/readyz")[1]["checks"]) == {"database", "bus", "network", "cycle"}
+        assert set(_ask(port, "/readyz")[1]["checks"]) == {
+            *("database", "bus", "network", "cycle", "solvers")
+        }
         _until(lambda: bool(_ask(port, "/v1/cycles", "reader")[1]["cycles"]), process)
         vehicles = _ask(port, "/v1/vehicles", "reader")[1]["vehicles"]
         assert [v["offered"]["cycle"] for v in vehicles] == [1, 1]

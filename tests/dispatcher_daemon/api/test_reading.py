@@ -168,7 +168,7 @@ REFUSED = {
     "/v1/vehicles/nobody": (404, "vehicle"),
     "/v1/plans/a%2Fb%3F": (404, "vehicle"),
     "/v1/plans/%00": (422, "vehicle"),
-    "/v1/plans/": (422, "vehicle"),
+    "/v1/plans/": (404, None),
     f"/v1/vehicles/{201 * 'x'}": (422, "vehicle"),
     "/v1/cycles/7": (404, "number"),
     "/v1/cycles/seven": (422, "number"),

@@ -30,9 +30,7 @@ def watched(demo: RoutingProblem) -> tuple[Log, Dispatcher, AlarmSource, list[tu
     def announce(kind: str, value: Any) -> None:
         told.append((kind, value))
 
-    source = AlarmSource(
-        dispatcher, SETTINGS, demo.network, log, log, announce, lambda names: None, lambda: True
-    )
+    source = AlarmSource(dispatcher, SETTINGS, demo.network, log, log, announce, lambda names: None)
     return log, dispatcher, source, told
 
 
@@ -123,11 +121,11 @@ def test_rsus_are_heard(watched: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     assert kinds(log) == ["rsu_no_signal"]
     lost = replace(KINDS["bus_lost"], raise_after_s=0.0)
     monkeypatch.setitem(cast(dict[str, AlarmKind], KINDS), "bus_lost", lost)
-    monkeypatch.setattr(source, "_bus_connected", lambda: False)
+    monkeypatch.setattr(source, "_bus_fault", lambda: "no router answers")
     monkeypatch.setattr(source.roadside, "_silent_ns", -1.0)  # all are silent now
     source.update()
     assert kinds(log) == ["bus_lost", "rsu_no_signal"]
-    monkeypatch.setattr(source, "_bus_connected", lambda: True)
+    monkeypatch.setattr(source, "_bus_fault", lambda: None)
     source.update()
     assert kinds(log) == ["bus_lost", "rsu_no_signal"]
     monkeypatch.setattr("dispatcher_daemon.dispatcher.watching.RECONNECTED_S", 0.0)

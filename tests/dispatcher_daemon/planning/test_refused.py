@@ -98,9 +98,9 @@ def test_a_wait_that_costs_more_than_it_saves_is_not_worth_it(
     assert account.waiting_s == pytest.approx(60.0, abs=0.5)
     assert account.driven_kwh < account.alone_kwh
 
-    (one,) = on_avenue(cycle(problem, traffic(avenue_east=1), 30.0, **late))
+    (one,) = on_avenue(cycle(problem, traffic(avenue_east=1), 20.0, **late))
     assert (one.vehicles, one.reason) == (("van-a", "van-b"), "not_worth")
-    # A minute at 30 an hour and 0.30 a kWh.
+    # A minute at 20 an hour and 0.20 a kWh.
     assert one.cost_kwh == pytest.approx(60 / 3600 * 100, abs=0.02)
     assert one.cost_kwh is not None
     assert 0 < one.saving_kwh < one.cost_kwh

@@ -4,10 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from dispatcher_daemon.settings import DispatcherSettings, PriceSettings
+from dashboard.settings import DashboardSettings
+from dispatcher_daemon.settings import AdviceSettings, DispatcherSettings, PriceSettings
 from slipstream.config import Settings, check, load
 from slipstream.errors import InputError
 from slipstream.messages import DrivingAdvice
+from slipstream_cli.settings_doc import sections
 
 
 def test_defaults_run_the_demo() -> None:
@@ -130,8 +132,23 @@ def test_every_key_has_a_description() -> None:
 def test_advice_has_the_price_of_driving_unless_it_has_its_own() -> None:
     """Departure seconds are chosen by the same price of time as routes."""
     prices = PriceSettings(energy_kwh=0.25, driving_hour=5.0)
-    advice = DrivingAdvice(departure_window_s=32.0)
+    advice = AdviceSettings(departure_window_s=32.0)
     priced = DispatcherSettings(prices=prices, advice=advice).priced_advice
-    assert priced == advice.model_copy(update={"value_of_time_kw": 20.0})
-    own = DrivingAdvice(value_of_time_kw=10.0)
-    assert DispatcherSettings(prices=prices, advice=own).priced_advice == own
+    assert priced == DrivingAdvice(departure_window_s=32.0, value_of_time_kw=20.0)
+    own = AdviceSettings(value_of_time_kw=10.0)
+    priced = DispatcherSettings(prices=prices, advice=own).priced_advice
+    assert priced == DrivingAdvice(value_of_time_kw=10.0)
+
+
+def test_a_printed_default_is_the_one_in_force() -> None:
+    """No price of time is printed, as it is that of driving: none that the daemon never takes."""
+    printed = {key.path: key.default for part in sections(DispatcherSettings) for key in part.keys}
+    in_force = DispatcherSettings().priced_advice.model_dump()
+    assert printed["advice.value_of_time_kw"] == "–"
+    for name in in_force.keys() - {"value_of_time_kw"}:
+        assert printed[f"advice.{name}"].strip("`") == str(in_force[name]).lower()
+
+
+def test_a_kilowatt_hour_has_one_price() -> None:
+    """What routes are weighed by is what the page counts savings with."""
+    assert PriceSettings().energy_kwh == DashboardSettings.model_fields["price_per_kwh"].default

@@ -276,3 +276,54 @@ def test_how_far_off_each_place_is_served_is_told(
     assert valid.endswith("valid fleet")
     assert main(["check", str(fleet), "--network", TROY, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["valid"][0]["notes"] == [near, named]
+
+
+def test_a_folder_is_checked_with_the_file_of_tokens_in_it(
+    site: Site, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As /etc/slipstream is; a faulty token is named."""
+    folder = site["fleet"].parent
+    tokens = folder / "api-tokens.toml"
+    assert main(["token", "new", "ada", "--scopes", "read", "--file", str(tokens)]) == 0
+    capsys.readouterr()
+    assert main(["check", str(folder)]) == 0
+    said = capsys.readouterr()
+    assert (said.err, len(said.out.splitlines())) == ("", 7)
+    assert f"{tokens}: valid file of tokens" in said.out
+    tokens.write_text('[[tokens]]\nname = "ada"\nsha256 = "short"\nscopes = ["read"]\n')
+    assert main(["check", str(folder)]) == 2
+    assert f"{tokens}: tokens.0.sha256" in capsys.readouterr().err
+    assert main(["check", str(folder / "nothing")]) == 2
+
+
+def test_a_fleet_alone_is_judged_by_the_roads_of_its_settings(
+    site: Site, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """Those of the dispatcher's file beside it; where none names it, it says what is unchecked."""
+    fleet = site["fleet"]
+    table = read_toml(fleet)
+    table["stops"][0]["node"] = "elsewhere"  # type: ignore[index]
+    fleet.write_text(tomli_w.dumps(table))
+    assert main(["check", str(fleet)]) == 2
+    assert "unknown node 'elsewhere'" in capsys.readouterr().err
+    alone = tmp_path / "fleet.toml"
+    alone.write_text(fleet.read_text())
+    assert main(["check", str(alone)]) == 0
+    assert f"{alone}: its roads are not known" in capsys.readouterr().out
+    assert main(["check", str(alone), "--network", "demo"]) == 2
+    table["vehicles"][0]["depot"] = "nowhere"  # type: ignore[index]
+    alone.write_text(tomli_w.dumps(table))
+    assert main(["check", str(alone)]) == 2
+
+
+def test_two_prices_of_a_kilowatt_hour_are_told(
+    site: Site, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The page would count savings at another price than routes are weighed by."""
+    change(site["dispatcher"], prices={"energy_kwh": 0.35})
+    status, _, err = checked(capsys, site)
+    assert status == 2
+    assert err == [
+        f"slipstream: {site['dashboard']}: price_per_kwh: 0.35 in {site['dispatcher']}, where it is "
+        "prices.energy_kwh; give both the same"
+    ]

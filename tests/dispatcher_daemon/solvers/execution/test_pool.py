@@ -90,6 +90,21 @@ def test_a_faulty_solver_costs_only_its_own_answer(
         assert good.status == "optimal"
         assert good.selected is not None
         assert decode(problem, good.selected).routes is not None
+        assert pool.fault() is None
+
+
+@pytest.mark.slow(long=True)
+@pytest.mark.process
+@pytest.mark.parametrize("fault", ["dies", "raises"])
+def test_a_pool_without_a_solver_that_works_says_so(
+    faulty: Callable[[str], Any], demo_arcs: Demo, fault: str
+) -> None:
+    """Each solver with its reason, from the first job on."""
+    with SolverPool([faulty(fault)]) as pool:
+        assert pool.warm_up() == {}
+        assert pool.fault() is None
+        (outcome,) = pool([Job("faulty", demo_arcs(avenue_east=1), 1)], 30.0)
+        assert pool.fault() == f"faulty: {outcome.reason}"
 
 
 @pytest.mark.slow(long=True)

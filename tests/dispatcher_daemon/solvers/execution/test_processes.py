@@ -49,6 +49,18 @@ def test_a_killed_worker_costs_its_own_job_only(workers: WorkerExecutor) -> None
     assert [workers.submit(abs, -n).result(30) for n in range(4)] == [0, 1, 2, 3]
 
 
+def test_workers_that_die_are_told_until_one_answers(workers: WorkerExecutor) -> None:
+    """So that a dispatcher knows whether it can solve at all."""
+    workers.submit(abs, -1).result(60)
+    assert workers.fault is None
+    killed = workers.submit(signal.raise_signal, signal.SIGKILL)
+    assert killed.exception(60) is not None
+    assert workers.fault is not None
+    assert workers.fault.startswith("ProcessExpired")
+    workers.submit(abs, -1).result(60)
+    assert workers.fault is None
+
+
 def test_workers_killed_while_idle_are_replaced(workers: WorkerExecutor) -> None:
     """Somebody kills all processes between two jobs: the next job finds others."""
     pids = {workers.submit(os.getpid).result(30)}
