@@ -145,6 +145,11 @@ def test_models_are_written(capsys: Capture, tmp_path: Path) -> None:
     solved = solve(capsys, "--instance", "arc14-avenue", "--write", str(milp), "--solver", "exact")
     assert solved["solvers"][0]["status"] == "optimal"
     assert "x0_" in milp.read_text()
+    for ending in ("MPS", "LP", "JSON", "COO", "QS"):
+        path = tmp_path / f"MODEL.{ending}"
+        solve(capsys, "--instance", "arc14-avenue", "--write", str(path))
+        read = solve(capsys, "--model", str(path))
+        assert read["solvers"][0]["objective"] == pytest.approx(document["known_optimum_kwh"])
 
 
 def test_no_plan_is_exit_status_1(capsys: Capture) -> None:
