@@ -34,7 +34,8 @@ class Roads:
         speed_mps: planning speeds, shape (m,).
         length_m: shape (m,).
         turn: pairs of segments (from, onto) that the vehicles may take, shape (2, t).
-        costs: of paths; durations to about a second.
+        costs: of paths by the problem's objective; durations to about a second.
+        driven: of paths' exact drives, whatever the objective is: what vehicles need.
         objective: cost that the search minimises, kWh.
         search: the problem's.
         price_of_time_kw: the problem's.
@@ -50,6 +51,7 @@ class Roads:
     length_m: Floats
     turn: Ints
     costs: TurnCosts
+    driven: TurnCosts
     objective: Weights
     search: Literal["energy", "time"]
     price_of_time_kw: float
@@ -104,11 +106,15 @@ def roads_of(
         problem.style,
         profile.physics,
     )
-    exact = problem.objective == "energy"
-    if snapshot.expected is not None:
-        costs = basis.observed_costs(snapshot.expected, factor, exact=exact)
-    else:
-        costs = basis.drive_costs() if exact else basis.paper_costs()
+    expected = snapshot.expected
+    driven = basis.drive_costs()
+    if expected is not None:
+        driven = basis.observed_costs(expected, factor, exact=True)
+    costs = driven
+    if problem.objective == "paper":
+        costs = basis.paper_costs()
+        if expected is not None:
+            costs = basis.observed_costs(expected, factor, exact=False)
     return Roads(
         profile,
         usable.ids,
@@ -117,6 +123,7 @@ def roads_of(
         usable.length_m,
         usable.turns,
         costs,
+        driven,
         search_weights(costs, problem.search, problem.price_of_time_kw),
         problem.search,
         problem.price_of_time_kw,

@@ -204,18 +204,17 @@ def leg_along(roads: Roads, path: Sequence[int], start: str, end: str, style: Dr
     """The leg along given segments (indices into ``roads.ids``)."""
     rows = np.array(path)
     drive = plan_drive(roads.length_m[rows].tolist(), roads.speed_mps[rows].tolist(), style)
-    costs = roads.costs
+    costs, driven = roads.costs, roads.driven
     if costs.waiting_s is not None:
         turns_taken = [roads.turn_number[pair] for pair in pairwise(path)]
         drive = drive.delayed([*costs.waiting_s[turns_taken].tolist(), 0.0])
     names = tuple(roads.ids[i] for i in path)
+    alone_kwh = drive_energy_kwh(drive, roads.profile.physics)
+    if driven.beyond is None:  # observed as a whole
+        beyond_kwh = roads.cost(driven.energy, path) - alone_kwh
+    else:
+        beyond_kwh = roads.cost(driven.beyond, path)
+    cost_kwh = roads.cost(roads.objective, path)
     if costs.beyond is not None:
-        beyond_kwh = roads.cost(costs.beyond, path)
-        energy_kwh = drive_energy_kwh(drive, roads.profile.physics) + beyond_kwh
-        cost_kwh = roads.searched_kwh(energy_kwh, drive.duration_s)
-        return Leg(start, end, names, cost_kwh, drive, beyond_kwh)
-    beyond_kwh = 0.0
-    if costs.waiting_s is not None:
-        beyond_kwh = roads.cost(costs.energy, path)
-        beyond_kwh -= drive_energy_kwh(drive, roads.profile.physics)
-    return Leg(start, end, names, roads.cost(roads.objective, path), drive, beyond_kwh)
+        cost_kwh = roads.searched_kwh(alone_kwh + beyond_kwh, drive.duration_s)
+    return Leg(start, end, names, cost_kwh, drive, beyond_kwh)

@@ -75,7 +75,33 @@ def test_ways_are_those_of_least_expected_losses(town: Town, share: float) -> No
         least = nx.dijkstra_path_length(graph, f"from {a}", f"to {b}", weight="kwh")
         assert travel.energy_kwh[i, j] == pytest.approx(least, abs=1e-9)
         assert leg.cost_kwh == pytest.approx(least, abs=1e-9)
-        assert leg_energy_kwh(leg, problem.vehicle) == pytest.approx(least, abs=1e-9)
+
+
+@pytest.mark.parametrize("observed", [None, 1.0, 0.6], ids=["model", "all", "most"])
+def test_energy_is_one_measure_whatever_is_minimised(town: Town, observed: float | None) -> None:
+    """The same ways need the same energy under the paper's objective, which counts something else,
+    with what stops, turbulence and signals are expected to add.
+    """
+    city = small_city(1)
+    problem, snapshot = city.problem, city.snapshot
+    if observed is not None:
+        problem, snapshot = town(PLACES, [{}], seed=3)
+        snapshot = replace(snapshot, expected=expected_of(problem, 1, observed))
+    problem = replace(problem, objective="energy")
+    exact = roads_of(problem, snapshot)
+    paper = Travel(
+        replace(problem, objective="paper"),
+        roads_of(replace(problem, objective="paper"), snapshot),
+    )
+    beyond = 0.0
+    for _, leg in legs_of(paper):
+        path = [exact.index[name] for name in leg.path]
+        same = leg_along(exact, path, leg.start, leg.end, problem.style)
+        energy_kwh = leg_energy_kwh(leg, problem.vehicle)
+        assert energy_kwh == pytest.approx(leg_energy_kwh(same, problem.vehicle), abs=1e-12)
+        assert leg.cost_kwh != pytest.approx(energy_kwh, rel=1e-6)
+        beyond += abs(leg.beyond_kwh)
+    assert beyond > 0
 
 
 def test_waiting_at_signals_is_in_the_timetable(town: Town) -> None:
