@@ -116,7 +116,7 @@ def load_truth(path: Path) -> Truth:
     check_file(path, _MAX_BYTES)
     table = array("d")
     try:
-        with path.open(newline="", encoding="utf-8") as file:
+        with path.open(newline="", encoding="utf-8-sig") as file:
             reader = csv.DictReader(file)
             missing = [name for name in _COLUMNS if name not in (reader.fieldnames or ())]
             if missing:
@@ -126,7 +126,9 @@ def load_truth(path: Path) -> Truth:
             for row in reader:
                 table.extend(float(row[name]) for name in _COLUMNS)
                 table.append(_KINDS.get(row.get("class") or "", -1))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+    except UnicodeDecodeError:
+        raise InputError(path, "not UTF-8", "save it as UTF-8") from None
+    except (OSError, csv.Error) as error:
         raise InputError(path, f"cannot be read ({error})", "give a CSV file") from None
     except (ValueError, TypeError):
         raise InputError(path, "a value is no number", "give a complete CSV file") from None

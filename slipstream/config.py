@@ -27,7 +27,7 @@ from pydantic import (
 from pydantic_core import CoreSchema, ErrorDetails
 
 from slipstream.errors import MAX_FAULTS, InputError
-from slipstream.files import read_file
+from slipstream.files import ending_of, read_text, text_of
 
 DEMO_NETWORK: Final = "demo"
 """Name of the network that comes along; see `slipstream.sumo_net`."""
@@ -160,7 +160,7 @@ def read_secret(path: Path) -> str:
         InputError: the file is missing, not readable or empty.
     """
     path = credential_path(path)
-    secret = _read(path, str.strip, "text", "utf-8", _MAX_SECRET_BYTES)
+    secret = read_text(path, _MAX_SECRET_BYTES).strip()
     if not secret:
         raise InputError(path, "empty", "write the secret into it")
     return secret
@@ -172,7 +172,7 @@ def read_toml(path: Path) -> dict[str, object]:
     Raises:
         InputError: the file is missing, not readable or not TOML.
     """
-    return _read(path, _parse_toml, "TOML", "utf-8", MAX_TOML_BYTES)
+    return _parsed(read_text(path, MAX_TOML_BYTES), _parse_toml, "TOML", path)
 
 
 def read_data(path: Path) -> object:
@@ -181,7 +181,7 @@ def read_data(path: Path) -> object:
     Raises:
         InputError: as `read_toml`, for JSON likewise; also a key that one object has twice.
     """
-    return read_json(path) if path.suffix == ".json" else read_toml(path)
+    return read_json(path) if ending_of(path) == ".json" else read_toml(path)
 
 
 def read_json(path: Path) -> object:
@@ -190,7 +190,7 @@ def read_json(path: Path) -> object:
     Raises:
         InputError: as `read_data`.
     """
-    return _read(path, _parse_json, "JSON", "utf-8-sig", MAX_JSON_BYTES)
+    return _parsed(read_text(path, MAX_JSON_BYTES), _parse_json, "JSON", path)
 
 
 def parse_json(data: bytes, source: str | Path) -> object:
@@ -199,19 +199,13 @@ def parse_json(data: bytes, source: str | Path) -> object:
     Raises:
         InputError: as `read_data`.
     """
-    return _parsed(data, _parse_json, "JSON", "utf-8-sig", source)
+    return _parsed(text_of(data, source), _parse_json, "JSON", source)
 
 
-def _read(path: Path, parse: Callable[[str], T], form: str, encoding: str, max_bytes: int) -> T:
-    return _parsed(read_file(path, max_bytes), parse, form, encoding, path)
-
-
-def _parsed(
-    data: bytes, parse: Callable[[str], T], form: str, encoding: str, source: str | Path
-) -> T:
+def _parsed(text: str, parse: Callable[[str], T], form: str, source: str | Path) -> T:
     mend = "mend the file" if isinstance(source, Path) else f"mend the {source}"
     try:
-        return parse(data.decode(encoding).replace("\r\n", "\n").replace("\r", "\n"))
+        return parse(text)
     except RecursionError:
         raise InputError(source, "nested too deeply", mend) from None
     except ValueError as error:

@@ -5,6 +5,7 @@ A pipe or a device given as a file would be read for ever, a huge one until memo
 
 from __future__ import annotations
 
+import codecs
 import gzip
 import os
 import stat
@@ -19,6 +20,7 @@ from slipstream.errors import InputError
 MAX_RESULTS_BYTES: Final = 256_000_000
 """Size of a file of results that the laboratory has stored and reads again."""
 _GZIP = b"\x1f\x8b"
+_UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
 def check_file(path: Path, max_bytes: int, mend: str = "check the path") -> None:
@@ -63,6 +65,43 @@ def read_file(path: Path, max_bytes: int, mend: str = "check the path") -> bytes
     if len(data) > max_bytes:
         raise too_large(path, max_bytes)
     return data
+
+
+def read_text(path: Path, max_bytes: int, mend: str = "check the path") -> str:
+    """Read a regular text file of bounded size, see `text_of`; arguments as for `check_file`.
+
+    Raises:
+        InputError: as `read_file` and `text_of`.
+    """
+    return text_of(read_file(path, max_bytes, mend), path)
+
+
+def text_of(data: bytes, source: str | Path) -> str:
+    """Text as editors of all systems write it: UTF-8, a byte order mark is left out, and lines,
+    whether they end in LF, CRLF or CR, end in LF.
+
+    Args:
+        data: the bytes.
+        source: the file, or the name of what did not come as a file; for errors.
+
+    Raises:
+        InputError: it is in another encoding.
+    """
+    mend = "save it as UTF-8" if isinstance(source, Path) else "send UTF-8"
+    # Without its mark UTF-16 is valid UTF-8, with a NUL beside each letter.
+    if data.startswith(_UTF_16) or b"\0" in data[:4]:
+        raise InputError(source, "UTF-16 or UTF-32 text", mend)
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise InputError(source, "not UTF-8", mend, key=f"line {line}") from None
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def ending_of(path: Path) -> str:
+    """What a file's name ends in, such as ``.json``: it says the format, in capitals too."""
+    return path.suffix.lower()
 
 
 @contextmanager

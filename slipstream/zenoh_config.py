@@ -10,7 +10,7 @@ import zenoh
 
 from slipstream.config import BusSettings, read_secret
 from slipstream.errors import InputError
-from slipstream.files import check_file
+from slipstream.files import ending_of, read_text
 
 RECEIVE_LIMIT_BYTES: Final = 5 * 2**20
 """Above it zenoh discards a message while it arrives, without counting it.
@@ -96,11 +96,22 @@ def _leaf_config(settings: BusSettings) -> Any:
 
 
 def _config_from(path: Path) -> Any:
-    check_file(path, _MAX_CONFIG_BYTES)
+    config = read_config(path)
+    limit = min(RECEIVE_LIMIT_BYTES, int(config.get_json(_RECEIVE_LIMIT)))
+    config.insert_json5(_RECEIVE_LIMIT, json.dumps(limit))
+    return config
+
+
+def read_config(path: Path) -> zenoh.Config:
+    """Read a zenoh configuration: JSON5, or YAML by the file's ending.
+
+    Raises:
+        InputError: the file is missing, too large, or no zenoh configuration.
+    """
+    text = read_text(path, _MAX_CONFIG_BYTES)
     try:
-        config = zenoh.Config.from_file(str(path))
-        limit = min(RECEIVE_LIMIT_BYTES, int(config.get_json(_RECEIVE_LIMIT)))
-        config.insert_json5(_RECEIVE_LIMIT, json.dumps(limit))
+        if ending_of(path) in (".yaml", ".yml"):
+            return zenoh.Config.from_file(str(path))
+        return zenoh.Config.from_json5(text)
     except zenoh.ZError as error:
         raise InputError(path, f"not a zenoh configuration: {error}", "mend the file") from None
-    return config

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import tomli_w
 
-from slipstream.config import load
+from slipstream.config import MAX_TOML_BYTES, load
 from slipstream.errors import InputError
+from slipstream.files import read_text
 
 _DEFAULT = Path("api-tokens.toml")
 _BYTES = 32
@@ -59,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
     check(table, Token, "token new")
     entry = tomli_w.dumps({"tokens": [table]})
     try:
-        before = path.read_text() if path.exists() else ""
+        before = read_text(path, MAX_TOML_BYTES) if path.exists() else ""
         _replace(path, f"{before.rstrip()}\n\n{entry}".lstrip())
     except OSError as error:
         problem = error.strerror or "not writable"
@@ -74,7 +75,7 @@ def _replace(path: Path, text: str) -> None:
     former = path.stat() if path.exists() else None
     descriptor = os.open(new, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW, 0o600)
     try:
-        with os.fdopen(descriptor, "w") as file:
+        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
             file.write(text)
             if former is not None:
                 # Root adds a token to a file that the dispatcher's user reads.

@@ -65,7 +65,7 @@ def load_labels(path: Path) -> Labels:
     Raises:
         InputError: another first line or other columns, an unknown class, no box.
     """
-    first, *rest = path.read_text(encoding="utf-8").splitlines()
+    first, *rest = path.read_text(encoding="utf-8-sig").splitlines()
     sha256 = first.removeprefix("# ").strip()
     if len(sha256) != 64:
         raise InputError(

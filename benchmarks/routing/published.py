@@ -18,13 +18,14 @@ from typing import Final
 from benchmarks.routing.city_run import WORKERS
 from dispatcher_daemon.settings import SearchSettings
 from research.instances.matrices import read_published, search_matrix_instance
+from slipstream.files import ending_of
 
 _TIME_LIMIT_S: Final = 3600.0
 
 
 def measure(path: Path, settings: SearchSettings, seed: int) -> str:
     """Search, and say what was found beside the best known where its file lies there too."""
-    instance = read_published(path, "solomon" if path.suffix == ".txt" else "vrplib")
+    instance = read_published(path, "solomon" if ending_of(path) == ".txt" else "vrplib")
     used = _cpu_s()
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(WORKERS, spawn) as pool:

@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Callable
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import dimod
@@ -14,6 +15,7 @@ import highspy
 from dispatcher_daemon.formulations.milp import QuietHighs, build_milp
 from dispatcher_daemon.formulations.qubo import QuboModel
 from dispatcher_daemon.problem import ArcProblem, BinaryProblem, Problem
+from slipstream.files import ending_of
 
 
 def write_milp(problem: Problem, path: Path) -> None:
@@ -30,9 +32,12 @@ def write_milp(problem: Problem, path: Path) -> None:
     lp.row_names_ = [f"r{i}" for i in range(lp.num_row_)]
     solver: Any = QuietHighs()
     solver.passModel(lp)
-    path.touch()  # HiGHS does not say what is wrong with a path
-    if solver.writeModel(str(path)) == highspy.HighsStatus.kError:
-        raise RuntimeError(f"HiGHS cannot write {path}")
+    with TemporaryDirectory() as folder:
+        # HiGHS knows endings in small letters, and does not say what is wrong with a path.
+        copy = Path(folder) / f"{path.stem}{ending_of(path)}"
+        if solver.writeModel(str(copy)) == highspy.HighsStatus.kError:
+            raise RuntimeError(f"HiGHS cannot write {path}")
+        path.write_bytes(copy.read_bytes())
 
 
 def column_names(problem: Problem) -> list[str]:
@@ -117,4 +122,4 @@ WRITERS: dict[str, Callable[[QuboModel, Path], None]] = {
     ".coo": write_qubo_coo,
     ".qs": write_qubo_qs,
 }
-"""Writers by file suffix."""
+"""Writers by ending of the file's name, in small letters."""

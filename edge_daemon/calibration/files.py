@@ -19,7 +19,7 @@ from edge_daemon.settings import PointsSettings, SegmentSettings
 from edge_daemon.sources.clip_file import first_frame
 from slipstream.config import MAX_TOML_BYTES, check, load
 from slipstream.errors import InputError
-from slipstream.files import read_file
+from slipstream.files import ending_of, read_text
 
 _COLUMNS: Final = ("u", "v", "x", "y")
 
@@ -30,15 +30,14 @@ def read_points(path: Path) -> PointsSettings:
     Raises:
         InputError: it is missing or not such a file.
     """
-    return _read_csv(path) if path.suffix.lower() == ".csv" else load(path, PointsSettings)
+    return _read_csv(path) if ending_of(path) == ".csv" else load(path, PointsSettings)
 
 
 def _read_csv(path: Path) -> PointsSettings:
-    data = read_file(path, MAX_TOML_BYTES)
+    text = read_text(path, MAX_TOML_BYTES)
     try:
-        text = data.decode("utf-8-sig")
         rows = list(csv.DictReader(io.StringIO(text, newline="")))
-    except (UnicodeDecodeError, csv.Error) as error:
+    except csv.Error as error:
         raise InputError(path, f"not readable: {error}", "check the file") from None
     points = []
     for line, row in enumerate(rows, start=2):

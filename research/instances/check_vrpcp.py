@@ -199,7 +199,7 @@ def main(arguments: list[str]) -> int:
     texts = []
     for path in arguments:
         try:
-            with open(path, encoding="utf-8") as file:
+            with open(path, encoding="utf-8-sig") as file:
                 texts.append(file.read())
         except (OSError, UnicodeDecodeError) as error:
             print(f"{path}: {error}", file=sys.stderr)

@@ -30,6 +30,7 @@ from research.instances.tables import (
 from slipstream.config import check, read_data
 from slipstream.drive import DrivingStyle
 from slipstream.errors import InputError
+from slipstream.files import ending_of
 
 
 @dataclass(frozen=True)
@@ -140,10 +141,11 @@ def write_instance(instance: Instance, path: str | Path) -> None:
         ValueError: a gate is open without y_e = 1, or closed without a reason.
     """
     path = Path(path)
-    if path.suffix not in (".json", ".toml"):
+    ending = ending_of(path)
+    if ending not in (".json", ".toml"):
         raise InputError(path, "neither .json nor .toml", "rename it")
     data = _plain(instance)
-    text = _as_json(data) if path.suffix == ".json" else tomli_w.dumps(data)
+    text = _as_json(data) if ending == ".json" else tomli_w.dumps(data)
     path.write_text(text, encoding="utf-8")
 
 

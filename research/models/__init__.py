@@ -1,7 +1,16 @@
 """Anybody's optimisation models: read from files, solved by the solvers that can take them."""
 
+from research.models.coordinates import Vartype
 from research.models.milp import MilpAnswer, MilpModel, solve_milp_model
 from research.models.qubo import QuboFile
 from research.models.read import ENDINGS, read_model
 
-__all__ = ["ENDINGS", "MilpAnswer", "MilpModel", "QuboFile", "read_model", "solve_milp_model"]
+__all__ = [
+    "ENDINGS",
+    "MilpAnswer",
+    "MilpModel",
+    "QuboFile",
+    "Vartype",
+    "read_model",
+    "solve_milp_model",
+]

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import highspy
+import numpy as np
 
-from dispatcher_daemon.formulations.milp import QuietHighs
+from research.models.highs import TellingHighs
 
 Status = Literal["optimal", "feasible", "infeasible", "unbounded", "timeout", "failed"]
 
@@ -19,9 +20,16 @@ class MilpModel:
 
     Attributes:
         lp: as HiGHS read it.
+        warnings: what is odd about the file.
     """
 
     lp: highspy.HighsLp
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def maximised(self) -> bool:
+        """Whether the objective is maximised."""
+        return bool(self.lp.sense_ == highspy.ObjSense.kMaximize)
 
     @property
     def integers(self) -> int:
@@ -41,6 +49,7 @@ class MilpAnswer:
         bound: no solution is better; None where there is none.
         values: of the variables that are not 0, by name.
         wall_s: of the search.
+        warnings: HiGHS's, of the search.
     """
 
     status: Status
@@ -48,6 +57,7 @@ class MilpAnswer:
     bound: float | None
     values: dict[str, float]
     wall_s: float
+    warnings: tuple[str, ...] = ()
 
 
 def solve_milp_model(model: MilpModel, deadline_s: float, seed: int) -> MilpAnswer:
@@ -57,7 +67,7 @@ def solve_milp_model(model: MilpModel, deadline_s: float, seed: int) -> MilpAnsw
         seed: of HiGHS.
     """
     began = time.perf_counter()
-    solver: Any = QuietHighs()
+    solver: Any = TellingHighs()
     for option, value in (
         ("threads", 1),
         ("random_seed", seed % 2**31),
@@ -65,14 +75,19 @@ def solve_milp_model(model: MilpModel, deadline_s: float, seed: int) -> MilpAnsw
         ("mip_rel_gap", 0.0),
     ):
         solver.setOptionValue(option, value)
-    solver.passModel(model.lp)
-    solver.run()
-    ended, info, kinds = solver.getModelStatus(), solver.getInfo(), highspy.HighsModelStatus
+    with solver.told() as warnings:
+        solver.passModel(model.lp)
+        solver.run()
+    kinds = highspy.HighsModelStatus
+    ended, info = solver.getModelStatus(), solver.getInfo()
+    if ended == kinds.kUnboundedOrInfeasible:
+        left_s = max(0.1, deadline_s - (time.perf_counter() - began))
+        ended = kinds.kUnbounded if _has_solution(model.lp, left_s) else kinds.kInfeasible
     feasible = info.primal_solution_status == highspy.SolutionStatus.kSolutionStatusFeasible
     status: Status
     if ended == kinds.kOptimal:
         status = "optimal"
-    elif ended in (kinds.kInfeasible, kinds.kUnboundedOrInfeasible):
+    elif ended == kinds.kInfeasible:
         status = "infeasible"
     elif ended == kinds.kUnbounded:
         status = "unbounded"
@@ -93,4 +108,19 @@ def solve_milp_model(model: MilpModel, deadline_s: float, seed: int) -> MilpAnsw
         bound=None if bound is None or abs(bound) >= highspy.kHighsInf else bound,
         values={n: float(v) for n, v in zip(names, values, strict=False) if abs(v) > 1e-9},
         wall_s=time.perf_counter() - began,
+        warnings=tuple(warnings),
     )
+
+
+def _has_solution(lp: highspy.HighsLp, limit_s: float) -> bool:
+    """Whether the constraints have a solution, which presolve may leave open; without an objective
+    nothing is unbounded.
+    """
+    solver: Any = TellingHighs()
+    solver.setOptionValue("threads", 1)
+    solver.setOptionValue("time_limit", limit_s)
+    solver.passModel(lp)
+    columns = np.arange(lp.num_col_, dtype=np.int32)
+    solver.changeColsCost(len(columns), columns, np.zeros(len(columns)))
+    solver.run()
+    return bool(solver.getModelStatus() == highspy.HighsModelStatus.kOptimal)

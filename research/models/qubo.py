@@ -21,11 +21,13 @@ class QuboFile:
         problem: what is minimised, divided by `scale`, so that solvers' tolerances fit.
         scale: a power of two, negative where the model maximises.
         offset: of the model's objective.
+        warnings: what is odd about the file.
     """
 
     problem: BinaryProblem
     scale: float = 1.0
     offset: float = 0.0
+    warnings: tuple[str, ...] = ()
 
     def value(self, minimised: float) -> float:
         """The model's own objective of what solvers minimised."""

@@ -1,18 +1,18 @@
-"""Models from files: LP and MPS by HiGHS, QUBOs as ``.qs``, ``.coo``, dimod's ``.json``, ``.bqm``.
-
-Each may be packed by xz or gzip.
+"""Models from files, by the ending of the file's name: LP and MPS by HiGHS, QUBOs as coordinates,
+dimod's ``.json`` and ``.bqm``. Each may be packed.
 """
 
 from __future__ import annotations
 
+import bz2
+import gzip
 import io
 import json
 import lzma
-import math
-import re
-import tempfile
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -20,42 +20,60 @@ import dimod
 import highspy
 import numpy as np
 
-from dispatcher_daemon.formulations.milp import QuietHighs
+from research.models.coordinates import (
+    Vartype,
+    biq_qubo,
+    coo_qubo,
+    max_cut,
+    qbsolv_qubo,
+    qs_qubo,
+)
+from research.models.highs import read_linear
 from research.models.milp import MilpModel
 from research.models.qubo import QuboFile, qubo_of
 from slipstream.errors import InputError
-from slipstream.files import read_file
+from slipstream.files import ending_of, read_file, text_of
 
 _MAX_BYTES: Final = 100_000_000
-_PACKED: Final[dict[str, Callable[[], Any]]] = {
-    ".xz": lzma.LZMADecompressor,
-    ".gz": lambda: zlib.decompressobj(31),
+_PACKED: Final[dict[str, Callable[[Any], Any]]] = {
+    ".xz": lzma.open,
+    ".gz": gzip.open,
+    ".bz2": bz2.open,
 }
 
 
-def read_model(path: Path) -> QuboFile | MilpModel:
+def read_model(path: Path, vartype: Vartype | None = None) -> QuboFile | MilpModel:
     """Read a model; one of binary variables without constraints is a QUBO.
+
+    Args:
+        vartype: of the variables of a ``.coo`` that does not say it.
 
     Raises:
         InputError: naming file, line and mend: it is missing, too large, malformed, or has what no
-            solver takes.
+            solver takes; also a `vartype` for another format, or against the file's own.
     """
-    ending = path.suffixes[-1].lower() if path.suffixes else ""
+    ending = ending_of(path)
     data = read_file(path, _MAX_BYTES)
     if ending in _PACKED:
         data = _unpacked(data, ending, path)
-        ending = Path(path.stem).suffix.lower()
+        ending = ending_of(Path(path.stem))
     if ending not in _READERS:
-        mend = f"end its name in {', '.join(ENDINGS)}, packed with {' or '.join(_PACKED)} or not"
+        mend = f"end its name in {', '.join(ENDINGS)}, packed with {', '.join(_PACKED)} or not"
         raise InputError(path, "no such kind of model file", mend)
-    return _READERS[ending](data, path)
+    read = _READERS[ending]
+    if vartype is not None:
+        if ending != ".coo":
+            raise InputError("--vartype", "only for .coo: other formats say it", "leave it out")
+        read = _text(partial(coo_qubo, vartype=vartype))
+    return _checked(lambda: read(data, path), path)
 
 
 def _unpacked(data: bytes, ending: str, path: Path) -> bytes:
     try:
         # One byte more than allowed tells that there is more.
-        found: bytes = _PACKED[ending]().decompress(data, _MAX_BYTES + 1)
-    except (lzma.LZMAError, zlib.error, EOFError) as error:
+        with _PACKED[ending](io.BytesIO(data)) as file:
+            found: bytes = file.read(_MAX_BYTES + 1)
+    except (lzma.LZMAError, zlib.error, EOFError, OSError) as error:
         raise InputError(path, f"cannot be unpacked: {error}", "pack it again") from None
     if len(found) > _MAX_BYTES:
         problem = f"unpacked it is larger than {_MAX_BYTES // 10**6} MB"
@@ -63,16 +81,13 @@ def _unpacked(data: bytes, ending: str, path: Path) -> bytes:
     return found
 
 
-def _linear(data: bytes, path: Path) -> QuboFile | MilpModel:
-    solver: Any = QuietHighs()
-    ending = ".mps" if ".mps" in path.suffixes else ".lp"
-    with tempfile.TemporaryDirectory() as folder:
-        copy = Path(folder) / f"model{ending}"
-        copy.write_bytes(data)
-        status = solver.readModel(str(copy))
-    if status == highspy.HighsStatus.kError:
+def _linear(text: str, path: Path, ending: str) -> QuboFile | MilpModel:
+    solver: Any
+    solver, is_read, warnings = read_linear(text, ending)
+    if not is_read:
+        reason = f": {warnings[0]}" if warnings else ""
         mend = f"give a file in the {ending.removeprefix('.').upper()} format"
-        raise InputError(path, "HiGHS cannot read it", mend)
+        raise InputError(path, f"HiGHS cannot read it{reason}", mend)
     model = solver.getModel()
     lp, quadratic = model.lp_, model.hessian_.dim_ > 0
     if not lp.num_col_:
@@ -84,12 +99,12 @@ def _linear(data: bytes, path: Path) -> QuboFile | MilpModel:
     )
     binary = binary and not np.any(lp.col_lower_) and bool(np.all(np.array(lp.col_upper_) == 1))
     if binary and not lp.num_row_:
-        return _checked(lambda: _from_highs(model), path)
+        return replace(_from_highs(model), warnings=warnings)
     if quadratic:
         what = "constraints" if lp.num_row_ else "variables that are not binary"
         mend = "linearise it, or give it as a QUBO with penalties"
         raise InputError(path, f"a quadratic objective and {what}", mend)
-    return MilpModel(lp)
+    return MilpModel(lp, warnings)
 
 
 def _from_highs(model: Any) -> QuboFile:
@@ -109,83 +124,17 @@ def _from_highs(model: Any) -> QuboFile:
     return qubo_of(bqm, maximise=lp.sense_ == highspy.ObjSense.kMaximize)
 
 
-def _qs(data: bytes, path: Path) -> QuboFile:
-    """ZIMPL's: an entry beside the diagonal counts twice, x from 1 on, the offset in a comment."""
-    bqm: Any = dimod.BinaryQuadraticModel("BINARY")
-    size: int | None = None
-    left = 0
-    for number, words in _lines(data):
-        if words[0] == "#":
-            if len(words) == 3 and words[1] == "ObjectiveOffset":
-                bqm.offset = _number(words[2], path, number)
-            continue
-        if size is None:
-            if len(words) != 2:
-                raise _faulty(path, number, "not 'variables entries'")
-            size, left = (_index(word, path, number) for word in words)
-            if size > _MAX_QS_VARIABLES:
-                raise _faulty(path, number, f"{size} variables")
-            for i in range(1, size + 1):
-                bqm.add_variable(str(i))
-            continue
-        if len(words) != 3 or not left:
-            raise _faulty(path, number, "not 'i j value'" if left else "more entries than stated")
-        i, j = (_index(word, path, number) for word in words[:2])
-        if not (1 <= i <= size and 1 <= j <= size):
-            raise _faulty(path, number, f"a variable that is not from 1 to {size}")
-        value = _number(words[2], path, number)
-        if i == j:
-            bqm.add_linear(str(i), value)
-        else:
-            bqm.add_quadratic(str(i), str(j), 2 * value)
-        left -= 1
-    if size is None or left:
-        raise InputError(path, f"cut off: {left} entries are missing", "give the whole file")
-    return _checked(lambda: qubo_of(bqm), path)
-
-
-_MAX_QS_VARIABLES: Final = 1_000_000
-
-
-def _coo(data: bytes, path: Path) -> QuboFile:
-    """dimod's coordinates: ``i j bias`` a line; a comment may say ``vartype=`` and ``offset=``."""
-    bqm: Any = dimod.BinaryQuadraticModel("BINARY")
-    for number, words in _lines(data):
-        if words[0].startswith("#"):
-            line = " ".join(words)
-            kind = re.search(r"vartype[:=] ?(\w+)", line)
-            if kind is not None and kind[1].upper() not in ("BINARY", "SPIN"):
-                raise _faulty(path, number, f"variables of type {kind[1]}")
-            if kind is not None and bqm.num_variables:
-                raise _faulty(path, number, "the type after the first entry")
-            if kind is not None:
-                bqm = dimod.BinaryQuadraticModel(kind[1].upper())
-            offset = re.search(r"offset[:=] ?(\S+)", line)
-            if offset is not None:
-                bqm.offset = _number(offset[1], path, number)
-            continue
-        if len(words) != 3:
-            raise _faulty(path, number, "not 'i j bias'")
-        i, j = (_index(word, path, number) for word in words[:2])
-        value = _number(words[2], path, number)
-        if i == j:
-            bqm.add_linear(i, value)
-        else:
-            bqm.add_quadratic(i, j, value)
-    return _checked(lambda: qubo_of(bqm), path)
-
-
-def _json(data: bytes, path: Path) -> QuboFile:
+def _json(text: str, _: Path) -> QuboFile:
     bqm: Any = dimod.BinaryQuadraticModel
-    return _checked(lambda: qubo_of(bqm.from_serializable(json.loads(data))), path)
+    return qubo_of(bqm.from_serializable(json.loads(text)))
 
 
-def _bqm(data: bytes, path: Path) -> QuboFile:
+def _bqm(data: bytes, _: Path) -> QuboFile:
     bqm: Any = dimod.BinaryQuadraticModel
-    return _checked(lambda: qubo_of(bqm.from_file(io.BytesIO(data))), path)
+    return qubo_of(bqm.from_file(io.BytesIO(data)))
 
 
-def _checked(make: Callable[[], QuboFile], path: Path) -> QuboFile:
+def _checked(make: Callable[[], QuboFile | MilpModel], path: Path) -> QuboFile | MilpModel:
     """The model, or one line of what is wrong with it; dimod raises most kinds of errors."""
     try:
         return make()
@@ -198,44 +147,30 @@ def _checked(make: Callable[[], QuboFile], path: Path) -> QuboFile:
         ValueError,
     ) as error:
         problem = " ".join(str(error).split())[:200] or type(error).__name__
-        mend = "give a QUBO in the format of the file's name"
+        mend = "give a model in the format of the file's name"
         raise InputError(path, problem, mend) from None
 
 
-def _lines(data: bytes) -> Iterator[tuple[int, list[str]]]:
-    for number, line in enumerate(data.decode("utf-8", "replace").split("\n"), 1):
-        words = line.split()
-        if words:
-            yield number, words
+_Reader = Callable[[bytes, Path], QuboFile | MilpModel]
 
 
-def _index(word: str, path: Path, line: int) -> int:
-    if not re.fullmatch(r"[0-9]{1,9}", word):
-        raise _faulty(path, line, f"{word!r} is not a whole number from 0 on")
-    return int(word)
+def _text(read: Callable[[str, Path], QuboFile | MilpModel]) -> _Reader:
+    return lambda data, path: read(text_of(data, path), path)
 
 
-def _number(word: str, path: Path, line: int) -> float:
-    try:
-        value = float(word)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise _faulty(path, line, f"{word!r} is not a number")
-    return value
-
-
-def _faulty(path: Path, line: int, problem: str) -> InputError:
-    return InputError(path, problem, "mend it", key=f"line {line}")
-
-
-_READERS: Final[dict[str, Callable[[bytes, Path], QuboFile | MilpModel]]] = {
-    ".lp": _linear,
-    ".mps": _linear,
-    ".qs": _qs,
-    ".coo": _coo,
-    ".json": _json,
+_READERS: Final[dict[str, _Reader]] = {
+    ".lp": _text(partial(_linear, ending=".lp")),
+    ".mps": _text(partial(_linear, ending=".mps")),
+    ".qs": _text(qs_qubo),
+    ".coo": _text(coo_qubo),
+    ".qubo": _text(qbsolv_qubo),
+    ".sparse": _text(biq_qubo),
+    ".bq": _text(biq_qubo),
+    ".mc": _text(max_cut),
+    ".rud": _text(max_cut),
+    ".rudy": _text(max_cut),
+    ".json": _text(_json),
     ".bqm": _bqm,
 }
 ENDINGS: Final = tuple(_READERS)
-"""Of the files' names."""
+"""Of the files' names, in small letters."""

@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
 from edge_daemon.detection.protocol import vehicle_class_of
 from simulation.training.metrics import Boxes
 from slipstream.errors import InputError
+from slipstream.files import read_text
 
+_MAX_BYTES: Final = 64_000_000
 _SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".webp"})
 
 
@@ -39,7 +41,7 @@ class LabelledSet:
         path = label_of(picture)
         rows = []
         if path.is_file():
-            for number, line in enumerate(path.read_text(errors="replace").splitlines(), start=1):
+            for number, line in enumerate(read_text(path, _MAX_BYTES).splitlines(), start=1):
                 if line.strip():
                     rows.append(_row(line, len(self.names), path, number))
         table = np.array(rows, dtype=np.float64).reshape(-1, 5)
@@ -87,10 +89,8 @@ def _read_yaml(path: Path) -> dict[str, Any]:
     import yaml
 
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(path, error.strerror or "not readable", "check the path") from None
-    except (yaml.YAMLError, UnicodeDecodeError):
+        content = yaml.safe_load(read_text(path, _MAX_BYTES))
+    except yaml.YAMLError:
         raise InputError(path, "not YAML", "give a data.yaml in the YOLO layout") from None
     if not isinstance(content, dict):
         raise InputError(path, "no data.yaml", "give path, train, val and names")
@@ -102,7 +102,7 @@ def _pictures(place: Path, data: Path, split: str) -> Sequence[Path]:
     if place.is_dir():
         found = [p for p in place.rglob("*") if p.suffix.lower() in _SUFFIXES]
     elif place.is_file():
-        lines = (line.strip() for line in place.read_text(errors="replace").splitlines())
+        lines = (line.strip() for line in read_text(place, _MAX_BYTES).splitlines())
         found = [place.parent / line for line in lines if line]
     else:
         raise InputError(data, f"no such folder: {place}", "mend the path", key=split)

@@ -18,6 +18,7 @@ import zenoh
 from slipstream.config import ServiceSettings
 from slipstream.errors import InputError
 from slipstream.service import Service
+from slipstream.zenoh_config import read_config
 
 _PORT: Final = 7447
 
@@ -57,12 +58,7 @@ def open_router(path: Path) -> zenoh.Session:
         InputError: the file is missing or not a zenoh configuration, is not for a router, or names
             an address that cannot be listened on.
     """
-    if not path.is_file():
-        raise InputError(path, "no such file", "check the path")
-    try:
-        config = zenoh.Config.from_file(str(path))
-    except zenoh.ZError as error:
-        raise InputError(path, f"not a zenoh configuration: {error}", "mend the file") from None
+    config = read_config(path)
     if config.get_json("mode") != '"router"':
         raise InputError(path, "not for a router", 'write mode: "router"', key="mode")
     try:

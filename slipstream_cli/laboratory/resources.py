@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from slipstream.errors import InputError
+from slipstream.files import ending_of
 from slipstream_cli.progress import Progress
 
 if TYPE_CHECKING:
@@ -86,7 +87,7 @@ def _check(options: argparse.Namespace) -> None:
             raise InputError("resources", "out of range", f"give 1 to {most}", key=key)
     if options.seed < 0:
         raise InputError("resources", "out of range", "give 0 or more", key="--seed")
-    if options.plot is not None and options.plot.suffix not in (".png", ".svg", ".pdf"):
+    if options.plot is not None and ending_of(options.plot) not in (".png", ".svg", ".pdf"):
         raise InputError(options.plot, "no picture's suffix", "name it .png", key="--plot")
     if options.plot is not None and not options.plot.absolute().parent.is_dir():
         raise InputError(options.plot, "no such folder", "make it first", key="--plot")

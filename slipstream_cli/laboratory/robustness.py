@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import codecs
 import json
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -85,6 +86,7 @@ def _read(path: Path) -> Iterator[SegmentState]:
             for number, line in enumerate(file, start=1):
                 if len(line) > _MAX_LINE:
                     raise InputError(path, "too long for a state", _FIRST, key=f"line {number}")
+                line = line.removeprefix(codecs.BOM_UTF8)
                 if line.strip():
                     yield decode(SegmentState, line, f"{path}, line {number}")
     except OSError as error:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from slipstream.config import read_data
 from slipstream.errors import InputError
+from slipstream.files import ending_of
 from slipstream_cli.laboratory import solve_model, solve_vroom
 from slipstream_cli.laboratory.solve_matrices import solve_matrices
 from slipstream_cli.laboratory.solve_missed import missed_rewards
@@ -122,11 +123,13 @@ def run(options: argparse.Namespace) -> int:
             raise InputError(f"--{name.replace('_', '-')}", "only for --vroom", "leave it out")
     if options.model is not None:
         return solve_model.solve_model(options)
+    if options.vartype is not None:
+        raise InputError("--vartype", "only for --model", "leave it out")
     if options.instance is None:
         raise InputError(
             "solve", "no instance", "give --instance, see --list for names, or --model"
         )
-    if options.write is not None and options.write.suffix not in _ENDINGS:
+    if options.write is not None and ending_of(options.write) not in _ENDINGS:
         raise InputError(
             options.write, "no such kind of model file", f"end its name in {', '.join(_ENDINGS)}"
         )
@@ -230,7 +233,7 @@ def _write(model: QuboModel, path: Path) -> None:
     from dispatcher_daemon.formulations.files import WRITERS
 
     try:
-        WRITERS[path.suffix](model, path)
+        WRITERS[ending_of(path)](model, path)
     except OSError as error:
         raise InputError(
             path, error.strerror or "not writable", "give a path that can be written"

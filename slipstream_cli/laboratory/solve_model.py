@@ -32,8 +32,15 @@ def add_options(command: argparse.ArgumentParser) -> None:
         "--model",
         type=Path,
         metavar="FILE",
-        help="instead of an instance: a MILP (.lp, .mps) or a QUBO (.qs, .coo, dimod's .json or "
-        ".bqm, .lp without constraints), also packed (.xz, .gz)",
+        help="instead of an instance: a MILP (.lp, .mps), a QUBO (.qs, .coo, .qubo, .sparse, .bq, "
+        "dimod's .json or .bqm, .lp without constraints) or a graph to cut (.mc, .rud, .rudy), "
+        "also packed (.xz, .gz, .bz2)",
+    )
+    command.add_argument(
+        "--vartype",
+        choices=("BINARY", "SPIN"),
+        type=str.upper,
+        help="of a .coo that does not say it: bits (0 or 1) or spins (-1 or 1)",
     )
 
 
@@ -46,7 +53,7 @@ def solve_model(options: argparse.Namespace) -> int:
             raise InputError(f"--{name}", "not for --model", "leave one of them out")
     names = tuple(dict.fromkeys(options.solver or ["exact"]))
     check_options(options, names)
-    model = read_model(options.model)
+    model = read_model(options.model, options.vartype)
     if isinstance(model, MilpModel):
         return _solve_milp(options, names, model)
     return _solve_qubo(options, names, model)
@@ -68,14 +75,18 @@ def _solve_milp(options: argparse.Namespace, names: Sequence[str], model: MilpMo
         "variables": lp.num_col_,
         "integers": model.integers,
         "constraints": lp.num_row_,
+        "sense": "maximise" if model.maximised else "minimise",
+        "warnings": [*model.warnings, *answer.warnings],
     }
     if options.json:
-        print(json.dumps({**head, "solvers": [{"solver": "exact", **vars(answer)}]}))
+        row = {key: value for key, value in vars(answer).items() if key != "warnings"}
+        print(json.dumps({**head, "solvers": [{"solver": "exact", **row}]}))
     else:
         print(
             f"{options.model}: MILP, {lp.num_col_} variables, {model.integers} of them integer, "
-            f"{lp.num_row_} constraints"
+            f"{lp.num_row_} constraints, {'maximised' if model.maximised else 'minimised'}"
         )
+        print("".join(f"warning: {warning}\n" for warning in head["warnings"]), end="")
         print("\n".join(_milp_lines(answer)))
     return 0 if answer.objective is not None else 1
 
@@ -118,6 +129,7 @@ def _solve_qubo(options: argparse.Namespace, names: Sequence[str], model: QuboFi
             "variables": len(model.problem.names),
             "couplings": model.couplings,
             "sense": "maximise" if model.scale < 0 else "minimise",
+            "warnings": list(model.warnings),
         }
         in_units = {name: _in_units(model, record) for name, record in of_circuits.items()}
         rows = [row | in_units.get(row["solver"], {}) for row in rows]
@@ -128,6 +140,7 @@ def _solve_qubo(options: argparse.Namespace, names: Sequence[str], model: QuboFi
             f"{options.model}: QUBO, {len(model.problem.names)} variables, {model.couplings} "
             f"couplings, {sense}"
         )
+        print("".join(f"warning: {warning}\n" for warning in model.warnings), end="")
         for row in rows:
             print("\n".join(_qubo_lines(row, of_circuits.get(row["solver"]))))
     return 0 if any(outcome.selected is not None for outcome in outcomes) else 1

@@ -90,15 +90,24 @@ def test_an_empty_window_has_no_truth() -> None:
         (HEADER + "0,0,1,car,1,2,3\n", "no number"),
         (HEADER + "0,0,1,car,nan,2,3,4,5,6,7,8,1,4,2\n", "not finite"),
         (b"\xff\xfe\x00".decode("latin-1"), "no such column"),
+        ((HEADER + "0,0,1,car,1,2,3,4,5,6,7,8,1,4,2\n").encode("utf-16"), "not UTF-8"),
     ],
 )
-def test_a_bad_truth_file_is_one_line(tmp_path: Path, text: str, problem: str) -> None:
+def test_a_bad_truth_file_is_one_line(tmp_path: Path, text: str | bytes, problem: str) -> None:
     """It names the file."""
     path = tmp_path / "truth.csv"
-    path.write_text(text)
+    path.write_bytes(text.encode() if isinstance(text, str) else text)
     with pytest.raises(InputError, match=problem) as caught:
         load_truth(path)
     assert "truth.csv" in str(caught.value)
+
+
+def test_truth_from_another_systems_editor_is_the_same(tmp_path: Path) -> None:
+    """With a byte order mark and lines that end in CRLF."""
+    path = tmp_path / "truth.csv"
+    text = HEADER + "0,0,1,car,1,2,3,4,5,6,7,8,1,4,2\n"
+    path.write_bytes(("\ufeff" + text).replace("\n", "\r\n").encode())
+    assert load_truth(path).vehicle.tolist() == [1]
 
 
 def test_a_missing_truth_file_is_one_line(tmp_path: Path) -> None:

@@ -8,7 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from slipstream.config import MAX_TOML_BYTES, Settings, check, read_data, read_toml
+from slipstream.config import (
+    MAX_TOML_BYTES,
+    Settings,
+    check,
+    parse_json,
+    read_data,
+    read_secret,
+    read_toml,
+)
 from slipstream.errors import InputError
 from slipstream.files import open_unpacked, read_file, silent_libraries
 
@@ -44,6 +52,50 @@ def test_what_unpacks_to_too_much_is_refused(tmp_path: Path) -> None:
     path.write_bytes(b"plain")
     with open_unpacked(path, 5) as file:
         assert file.read(3) + file.read() == b"plain"
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("a.toml", 'name = "Kö"\n[of]\nn = 1\n'),
+        ("A.TOML", 'name = "Kö"\nof.n = 1\n'),
+        ("a.json", '{"name": "Kö",\n"of": {"n": 1}}\n'),
+        ("A.JSON", '{"name": "Kö",\n"of": {"n": 1}}\n'),
+    ],
+)
+def test_every_editors_file_is_read_alike(name: str, text: str, tmp_path: Path) -> None:
+    """With and without a byte order mark, lines ending as on any system, the name in capitals."""
+    path = tmp_path / name
+    for mark in ("", "\ufeff"):
+        for end in ("\n", "\r\n", "\r"):
+            path.write_bytes((mark + text).replace("\n", end).encode())
+            assert read_data(path) == {"name": "Kö", "of": {"n": 1}}
+    path.write_bytes(b"\xef\xbb\xbfhunter2\r\n")
+    assert read_secret(path) == "hunter2"
+
+
+@pytest.mark.parametrize(
+    ("encoding", "problem"),
+    [
+        ("utf-16", "UTF-16 or UTF-32 text"),
+        ("utf-16-le", "UTF-16 or UTF-32 text"),
+        ("utf-16-be", "UTF-16 or UTF-32 text"),
+        ("utf-32", "UTF-16 or UTF-32 text"),
+        ("latin-1", "line 2: not UTF-8"),
+    ],
+)
+def test_another_encoding_is_told_in_one_line(encoding: str, problem: str, tmp_path: Path) -> None:
+    """With the file and the mend, whatever is in it; what is no file is named by its source."""
+    for name in ("a.toml", "a.json"):
+        path = tmp_path / name
+        path.write_bytes('# ok\nname = "Kö"\n'.encode(encoding))
+        with pytest.raises(InputError) as caught:
+            read_data(path)
+        assert str(caught.value) == f"{path}: {problem}; save it as UTF-8"
+        with pytest.raises(InputError, match="save it as UTF-8"):
+            read_secret(path)
+    with pytest.raises(InputError, match=r"^order: .*; send UTF-8$"):
+        parse_json('[\n"Kö"]'.encode(encoding), "order")
 
 
 def test_libraries_say_nothing(capfd: pytest.CaptureFixture[str]) -> None:

@@ -16,7 +16,7 @@ def test_a_new_token_is_printed_once_and_counts(
 ) -> None:
     """The file has its hash alone and is its owner's; what was in it stays."""
     path = tmp_path / "tokens.toml"
-    path.write_text("# ours\n")
+    path.write_bytes(b"\xef\xbb\xbf# ours\r\n")
     path.chmod(0o640)
     for name, scopes in (("first", "read"), ("second", "read, control")):
         assert main(["token", "new", name, "--scopes", scopes, "--file", str(path)]) == 0

@@ -82,7 +82,7 @@ def _directions(row: RoadRow) -> list[Road]:
 def _rows(path: Path) -> list[tuple[str, dict[str, str]]]:
     """The rows of a table, each with its label for errors."""
     try:
-        with path.open(newline="", encoding="utf-8") as file:
+        with path.open(newline="", encoding="utf-8-sig") as file:
             rows = list(csv.DictReader(file))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(path, f"cannot be read ({error})", "give a CSV file") from None

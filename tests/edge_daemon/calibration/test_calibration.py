@@ -179,10 +179,15 @@ def test_a_file_states_what_its_calibration_did(tmp_path: Path) -> None:
 
 
 def test_points_come_from_csv_too(tmp_path: Path) -> None:
-    """Columns in any order; a bad line is named."""
-    path = tmp_path / "points.csv"
-    path.write_text("x,y,u,v\n1,2,3,4\n5,6,7,8\n9,10,11,12\n13,14,15,16\n")
-    assert read_points(path).points[1] == CalibrationPoint(image=(7, 8), road=(5, 6))
+    """Columns in any order, from any system's editor; a bad line is named."""
+    path = tmp_path / "points.CSV"
+    text = "x,y,u,v\n1,2,3,4\n5,6,7,8\n9,10,11,12\n13,14,15,16\n"
+    for written in (text, "\ufeff" + text.replace("\n", "\r\n")):
+        path.write_bytes(written.encode())
+        assert read_points(path).points[1] == CalibrationPoint(image=(7, 8), road=(5, 6))
+    path.write_bytes(text.encode("utf-16"))
+    with pytest.raises(InputError, match=r"points\.CSV: UTF-16"):
+        read_points(path)
     path.write_text("x,y,u,v\n1,2,3,4\n5,6,7\n")
     with pytest.raises(InputError, match="line 3: not four numbers"):
         read_points(path)

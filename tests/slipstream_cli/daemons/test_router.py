@@ -7,11 +7,14 @@ import socket
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 import pytest
 
 from slipstream.bus import Bus, free_port
 from slipstream.config import BusSettings
+from slipstream.errors import InputError
+from slipstream.zenoh_config import read_config
 from slipstream_cli.main import main
 
 
@@ -53,6 +56,17 @@ def test_bad_input_is_one_line(
     assert main(["router", *words]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert said in line
+
+
+@pytest.mark.parametrize("name", ["router.json5", "ROUTER.JSON5"])
+def test_a_configuration_is_read_from_any_systems_editor(name: str, tmp_path: Path) -> None:
+    """With a byte order mark, lines that end in CRLF, and its name in capitals."""
+    path = tmp_path / name
+    path.write_bytes(b'\xef\xbb\xbf// ours\r\n{\r\nmode: "router",\r\n}\r\n')
+    assert read_config(path).get_json("mode") == '"router"'
+    path.write_bytes('{mode: "router"}'.encode("utf-16"))
+    with pytest.raises(InputError, match="UTF-16"):
+        read_config(path)
 
 
 def test_a_taken_port_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:

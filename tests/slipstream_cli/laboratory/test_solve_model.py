@@ -56,6 +56,37 @@ def test_a_milp_is_solved_by_highs(tmp_path: Path, capsys: pytest.CaptureFixture
     assert "  x = 1" in out
 
 
+def test_why_a_model_is_infeasible_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In a line of its own, and as `warnings` in JSON."""
+    path = tmp_path / "a.lp"
+    path.write_text("min\n obj: x\nst\n c: x + y >= -5\nbounds\n x <= -1\nend\n")
+    assert main(["solve", "--model", str(path)]) == 1
+    told = capsys.readouterr().out.splitlines()
+    assert told[1] == "warning: x has inconsistent bounds: from 0 to -1"
+    assert told[2].startswith("exact: infeasible, no answer")
+    assert main(["solve", "--model", str(path), "--json"]) == 1
+    document = json.loads(capsys.readouterr().out)
+    assert document["warnings"] == ["x has inconsistent bounds: from 0 to -1"]
+    assert document["sense"] == "minimise"
+
+
+def test_spins_or_bits_are_never_guessed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Coordinates that do not say it are refused with the option that does."""
+    path = tmp_path / "a.coo"
+    path.write_text("0 0 0.5\n0 1 1\n")
+    assert main(["solve", "--model", str(path)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "a.coo: does not say whether its variables are bits or spins; give --vartype" in line
+    assert main(["solve", "--model", str(path), "--vartype", "spin", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["solvers"][0]["objective"] == -1.5
+    assert main(["solve", "--instance", "arc06-valley", "--vartype", "SPIN"]) == 2
+    assert "--vartype: only for --model" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("arguments", "problem"),
     [

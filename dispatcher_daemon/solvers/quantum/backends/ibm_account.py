@@ -7,9 +7,10 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from slipstream.errors import InputError
+from slipstream.files import read_text
 
 TOKEN = "QISKIT_IBM_TOKEN"
 INSTANCE = "QISKIT_IBM_INSTANCE"
@@ -18,6 +19,7 @@ TOKEN_CREDENTIAL = "ibm-quantum-token"
 INSTANCE_CREDENTIAL = "ibm-quantum-instance"
 CONNECT_S = 5.0
 READ_S = 15.0
+_MAX_CREDENTIAL_BYTES: Final = 65_536
 
 
 @dataclass(frozen=True)
@@ -79,14 +81,8 @@ def open_client(access: Access) -> Any:
 def _credential(folder: str | None, name: str) -> str:
     if not folder:
         return ""
-    try:
-        return (Path(folder) / name).read_text(encoding="utf-8").strip()
-    except FileNotFoundError:
-        return ""
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(
-            Path(folder) / name, f"cannot be read ({type(error).__name__})", "check the credential"
-        ) from None
+    path = Path(folder) / name
+    return read_text(path, _MAX_CREDENTIAL_BYTES).strip() if path.exists() else ""
 
 
 def _bound_calls() -> None:
