@@ -92,7 +92,7 @@ def solve_vroom_request(
     if answer["code"] == INTERNAL_ERROR:
         raise FAULT
     refusal = Problem(422, answer["detail"], answer["mend"], field=answer.get("field")).document
-    vroom = {name: answer[name] for name in ("code", "error")}
+    vroom = {name: answer[name] for name in ("code", "error", "warnings") if name in answer}
     return JSONResponse({**refusal, **vroom}, 422, media_type=MEDIA_TYPE)
 
 

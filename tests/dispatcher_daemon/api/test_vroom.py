@@ -41,11 +41,13 @@ def test_a_request_in_vrooms_format_is_answered_at_once(serve: Callable[..., Api
     (left,) = answer.json["unassigned"]
     assert jobs | {left["id"]} == {1, 2, 3}
     assert left["reason"]
-    unknown = api.ask("POST", "/v1/vroom", "controller", {**REQUEST, "depots": []})
-    assert (unknown.status, unknown.json["status"], unknown.json["code"]) == (422, 422, 2)
-    assert (unknown.json["field"], unknown.json["detail"]) == ("depots", "unknown key")
-    assert unknown.json["error"] == f"body: depots: unknown key; {unknown.json['mend']}"
-    assert unknown.headers["content-type"] == "application/problem+json"
+    faulty = {**REQUEST, "vehicles": [{"id": 7, "strat_index": 0}]}
+    wrong = api.ask("POST", "/v1/vroom", "controller", faulty)
+    assert (wrong.status, wrong.json["status"], wrong.json["code"]) == (422, 422, 2)
+    assert wrong.json["field"] == "vehicles.0"
+    assert wrong.json["error"] == f"body: vehicles.0: {wrong.json['detail']}; {wrong.json['mend']}"
+    assert "did you mean start_index?" in wrong.json["warnings"][0]
+    assert wrong.headers["content-type"] == "application/problem+json"
     # The demo's roads are on no map.
     places = {
         "vehicles": [{"id": 1, "start": [2.0, 48.0]}],
