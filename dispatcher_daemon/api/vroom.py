@@ -22,10 +22,11 @@ from slipstream.errors import InputError
 
 DEADLINE_S: Final = 10.0
 MAX_DEADLINE_S: Final = 50.0
-"""Below what proxies wait for an answer."""
 WAIT_S: Final = 8.0
-"""Beyond the deadline, for jobs before it and the start of a process, s. One whose turn has not
-come by then is dropped."""
+"""For jobs before it, s. One whose turn has not come by then is dropped."""
+PATIENCE_S: Final = MAX_DEADLINE_S + WAIT_S
+"""For all, below what proxies wait for an answer: beside the deadline a process may have to start,
+and roads to be read."""
 
 router = APIRouter(prefix="/v1/vroom", tags=["solve"], dependencies=[requires("control")])
 
@@ -51,8 +52,8 @@ def solve_vroom_request(
 
     A refusal has VROOM's `code` and `error` beside the members of a problem document.
     """
-    jobs, ends = dispatch.solve_jobs, time.monotonic() + deadline_s + WAIT_S
-    answer_by_ns = time.time_ns() + round(1e9 * (deadline_s + WAIT_S))
+    jobs, ends = dispatch.solve_jobs, time.monotonic() + PATIENCE_S
+    answer_by_ns = time.time_ns() + round(1e9 * PATIENCE_S)
 
     def make_task() -> VroomTask:
         now_ns = time.time_ns()
@@ -70,26 +71,33 @@ def solve_vroom_request(
             seed=seed,
         )
 
-    busy = Problem(503, "other jobs are solved", "try again later", headers={"Retry-After": "10"})
     try:
         job = jobs.submit(deadline_s, make_task)
     except FullError:
-        raise busy from None
+        raise _busy("other jobs are solved") from None
     try:
-        if jobs.wait_begun(job, WAIT_S):
+        begun = jobs.wait_begun(job, WAIT_S)
+        if begun:
             jobs.wait(job, ends - time.monotonic())
     finally:
         jobs.leave(job)
     if job.result is None:
-        raise _failure(job) if job.state == "failed" else busy
+        if job.state == "failed":
+            raise _failure(job)
+        slow = f"no answer within {PATIENCE_S:g} s, the start of a process and reading roads too"
+        raise _busy(slow if begun else "other jobs are solved")
     answer = json.loads(job.result)
     if answer["code"] == 0:
         return Response(job.result, media_type="application/json")
     if answer["code"] == INTERNAL_ERROR:
         raise FAULT
     refusal = Problem(422, answer["detail"], answer["mend"], field=answer.get("field")).document
-    vroom = {name: answer[name] for name in ("code", "error")}
+    vroom = {name: answer[name] for name in ("code", "error", "warnings") if name in answer}
     return JSONResponse({**refusal, **vroom}, 422, media_type=MEDIA_TYPE)
+
+
+def _busy(problem: str) -> Problem:
+    return Problem(503, problem, "try again later", headers={"Retry-After": "10"})
 
 
 def _failure(job: Job) -> Problem:

@@ -121,10 +121,8 @@ def _tasks(request: Request, row: Row, size: int, source: str) -> Iterator[Task]
     number = 0
     for job in request.jobs:
         key = f"jobs.{job.id}"
-        if job.amount is not None and (job.delivery is not None or job.pickup is not None):
-            mend = "remove amount, the former name of delivery"
-            raise InputError(source, "given beside delivery or pickup", mend, key=f"{key}.amount")
-        delivery = job.delivery if job.amount is None else job.amount
+        former = job.delivery is None and job.pickup is None
+        delivery = job.amount if former else job.delivery
         _check_length(source, f"{key}.delivery", delivery, size)
         _check_length(source, f"{key}.pickup", job.pickup, size)
         yield _task(number, "job", job, job, row, delivery, job.pickup, size)

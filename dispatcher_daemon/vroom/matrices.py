@@ -64,13 +64,10 @@ def with_roads(
         RoutingError: a place is too far from any road.
     """
     places: dict[Coordinates, int] = {}
-    for key, coordinates, index in _places(request):
+    for key, coordinates, _ in _places(request):
         if coordinates is None:
             mend = "give [longitude, latitude]"
             raise InputError(source, "no coordinates", mend, key=key)
-        if index is not None:
-            problem, mend = "an index without matrices", "remove it, or give matrices"
-            raise InputError(source, problem, mend, key=f"{key}_index")
         places.setdefault(coordinates, len(places))
     profiles = dict.fromkeys(vehicle.profile for vehicle in request.vehicles)
     check_size(len(places), len(profiles), source)

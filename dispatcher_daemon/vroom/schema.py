@@ -1,4 +1,5 @@
-"""A request as VROOM's documentation describes it. Keys that are not listed here are refused.
+"""A request as VROOM's documentation describes it. As in VROOM, keys that are not listed here are
+not read; `unread` says which.
 
 Times are s, distances m, coordinates (longitude, latitude) in degrees.
 """
@@ -7,7 +8,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from slipstream.config import Settings
 
@@ -22,7 +23,13 @@ _Matrix = Annotated[tuple[tuple[_Whole | None, ...], ...], Field(min_length=1, m
 _Skills = Annotated[tuple[_Whole, ...], Field(max_length=1000)]
 
 
-class Window(Settings):
+class _Table(Settings):
+    """A part of a request."""
+
+    model_config = ConfigDict(extra="ignore")
+
+
+class Window(_Table):
     """When something may begin; both ends are inclusive."""
 
     start: _Whole
@@ -45,7 +52,7 @@ class Window(Settings):
 _Windows = Annotated[tuple[Window, ...], Field(min_length=1, max_length=100)]
 
 
-class TaskStep(Settings):
+class TaskStep(_Table):
     """Where and when a task is performed; pickup and delivery of a shipment are one each."""
 
     id: _Id
@@ -69,7 +76,7 @@ class Job(TaskStep):
     priority: int = Field(default=0, ge=0, le=100)
 
 
-class Shipment(Settings):
+class Shipment(_Table):
     """What one vehicle picks up and delivers."""
 
     pickup: TaskStep
@@ -79,7 +86,7 @@ class Shipment(Settings):
     priority: int = Field(default=0, ge=0, le=100)
 
 
-class Costs(Settings):
+class Costs(_Table):
     """What a vehicle costs; None: not given."""
 
     fixed: _Whole = 0
@@ -88,7 +95,7 @@ class Costs(Settings):
     per_km: _Whole = 0
 
 
-class Break(Settings):
+class Break(_Table):
     """A pause of the driver, anywhere."""
 
     id: _Id
@@ -98,7 +105,7 @@ class Break(Settings):
     max_load: _Amount | None = None
 
 
-class VehicleStep(Settings):
+class VehicleStep(_Table):
     """A step of a route that the request describes."""
 
     type: Literal["start", "job", "pickup", "delivery", "break", "end"]
@@ -114,7 +121,7 @@ class VehicleStep(Settings):
         return self
 
 
-class Vehicle(Settings):
+class Vehicle(_Table):
     """One vehicle."""
 
     id: _Id
@@ -144,7 +151,7 @@ class Vehicle(Settings):
         return self
 
 
-class ProfileMatrices(Settings):
+class ProfileMatrices(_Table):
     """Matrices of one profile, (from, to); see `given_matrices` for where no way leads."""
 
     durations: _Matrix | None = None
@@ -167,7 +174,7 @@ class ProfileMatrices(Settings):
         return self
 
 
-class Request(Settings):
+class Request(_Table):
     """A vehicle routing problem."""
 
     jobs: tuple[Job, ...] = ()
@@ -179,9 +186,7 @@ class Request(Settings):
     )
 
     @model_validator(mode="after")
-    def _matrices_once(self) -> Self:
-        if self.matrices is not None and self.matrix is not None:
-            raise ValueError("give matrices or matrix, not both")
+    def _has_a_task(self) -> Self:
         if not self.jobs and not self.shipments:
             raise ValueError("no task: give jobs or shipments")
         return self
@@ -189,6 +194,6 @@ class Request(Settings):
     @property
     def profile_matrices(self) -> dict[str, ProfileMatrices]:
         """Given matrices by profile."""
-        if self.matrix is not None:
+        if not self.matrices and self.matrix is not None:
             return {"car": ProfileMatrices(durations=self.matrix)}
         return dict(self.matrices or {})

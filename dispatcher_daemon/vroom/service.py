@@ -15,6 +15,7 @@ from dispatcher_daemon.vroom.response import Json, response
 from dispatcher_daemon.vroom.routes import repaired, search, units_of, unservable
 from dispatcher_daemon.vroom.schema import Request
 from dispatcher_daemon.vroom.timing import Timetable, timetable
+from dispatcher_daemon.vroom.unread import unread
 from slipstream.config import check
 from slipstream.errors import InputError
 
@@ -51,16 +52,19 @@ def solve_vroom(
     """
     ends = time.monotonic() + deadline_s
     try:
-        return _answer(
-            check(request, Request, source), engine, ends, seed, geometry, choose_eta, source
-        )
-    except RoutingError as error:
-        return _refusal(ROUTING_ERROR, error)
-    except InputError as error:
-        return _refusal(INPUT_ERROR, error)
+        warnings = unread(request, source)
+        try:
+            answer = _answer(
+                check(request, Request, source), engine, ends, seed, geometry, choose_eta, source
+            )
+        except RoutingError as error:
+            answer = _refusal(ROUTING_ERROR, error)
+        except InputError as error:
+            answer = _refusal(INPUT_ERROR, error)
     except Exception as error:
         log.exception("a request in VROOM's format was not answered")
         return {"code": INTERNAL_ERROR, "error": f"internal error: {type(error).__name__}"}
+    return answer | {"warnings": warnings} if warnings else answer
 
 
 def _refusal(code: int, error: InputError) -> Json:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from slipstream.config import read_json
 from slipstream.errors import InputError
+from slipstream.logs import complain
 
 if TYPE_CHECKING:
     from dispatcher_daemon.vroom import RoutingEngine
@@ -67,9 +67,11 @@ def answer(options: argparse.Namespace) -> int:
         except OSError as error:
             problem = error.strerror or "not writable"
             raise InputError(options.out, problem, "give a path that can be written") from None
+    for line in answered.get("warnings", ()):
+        complain(f"slipstream: {line}")
     if answered["code"] == 0:
         return 0
-    print(f"slipstream: {answered['error']}", file=sys.stderr)
+    complain(f"slipstream: {answered['error']}")
     return 1 if answered["code"] == INTERNAL_ERROR else 2
 
 

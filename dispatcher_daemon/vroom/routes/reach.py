@@ -42,7 +42,7 @@ class Reach:
         leads = self._leads(ways)
         through = np.zeros(len(leads), dtype=bool)
         through[self._places] = True
-        found = leads[place].copy()
+        found: _Bools = leads[place].copy()
         fresh = found & through
         while fresh.any():
             more = leads[fresh].any(axis=0) & ~found

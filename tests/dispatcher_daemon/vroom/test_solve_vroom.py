@@ -397,8 +397,6 @@ def test_whatever_is_in_a_request_is_answered_with_a_code(
 @pytest.mark.parametrize(
     ("changes", "named"),
     [
-        ({"options": {"g": True}}, "options: unknown key"),
-        ({"jobs": [{"id": 1, "location_index": 1, "release": 5}]}, "release: unknown key"),
         ({"jobs": [{"id": 1, "location_index": 9}]}, "jobs.1.location_index: row 9 of 4"),
         ({"jobs": [{"id": 1, "location": [2.0, 48.0]}]}, "jobs.1.location_index: no index"),
         ({"jobs": [{"id": 1, "location_index": 1}] * 2}, "jobs: id 1 is given twice"),
@@ -417,6 +415,73 @@ def test_what_is_not_supported_or_faulty_is_refused_by_name(
     answer = solve_vroom(request(**changes), None, 5, 1)
     assert answer["code"] == 2
     assert named in answer["error"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"options": {"g": True}}, "options: unknown key, not read; ask for geometry"),
+        ({"vehicles": [{"id": 7, "start_index": 0, "name": "Bob"}]}, "vehicles.0.name: unknown"),
+        ({"jobs": [{"id": 1, "location_index": 1, "priorty": 5}]}, "did you mean priority?"),
+        ({"jobs": [{"id": 1, "location_index": 1, "amount": [], "pickup": []}]}, "jobs.0.amount"),
+        ({"matrix": [[5, 5], [5, 5]]}, "matrix: not read beside matrices"),
+        ({"matrices": {"car": {"durations": DURATIONS, "unit": "s"}}}, "matrices.car.unit"),
+        (
+            {
+                "vehicles": [
+                    {
+                        "id": 7,
+                        "start_index": 0,
+                        "costs": {"per_minute": 1},
+                        "breaks": [{"id": 1, "note": ""}],
+                        "steps": [{"type": "job", "id": 10, "arrival": 5}],
+                    }
+                ]
+            },
+            "vehicles.0.costs.per_minute vehicles.0.breaks.0.note vehicles.0.steps.0.arrival",
+        ),
+    ],
+)
+def test_what_vroom_does_not_read_is_said_and_changes_nothing(
+    changes: dict[str, Any], said: str
+) -> None:
+    """Keys of other programs, misspelt ones, and former names beside present ones."""
+    answer = solved(request(**changes))
+    told = " ".join(answer.pop("warnings"))
+    if said.startswith("vehicles.0.costs"):
+        assert all(key in told for key in said.split())
+    else:
+        assert said in told
+    assert "warnings" not in solved(request())
+
+
+def test_a_key_of_many_rows_is_said_once_and_a_refusal_says_it_too() -> None:
+    """The misspelling is what helps."""
+    jobs = [{"id": i, "locatoin_index": 1} for i in range(30)]
+    answer = solve_vroom(request(jobs=jobs), None, 5, 1)
+    assert answer["code"] == 2
+    (line,) = answer["warnings"]
+    assert line == (
+        "request: jobs.0.locatoin_index: unknown key, not read, in 29 other rows neither; "
+        "did you mean location_index?"
+    )
+    many = solved(request(**{f"x{i}\n": 1 for i in range(100)}))["warnings"]
+    assert len(many) == 20
+    assert all(line.isprintable() for line in many)
+
+
+def test_an_index_counts_for_nothing_without_matrices() -> None:
+    """With coordinates over roads: as VROOM's documentation says."""
+    engine = road_engine()
+    start = coordinates(engine, "a")
+    data = {
+        "vehicles": [{"id": 1, "start": start, "start_index": 3, "end": start}],
+        "jobs": [{"id": 5, "location": coordinates(engine, "c"), "location_index": 9}],
+    }
+    answer = solved(data, engine=engine)
+    assert answer["routes"][0]["distance"] == 12_000
+    assert len(answer["warnings"]) == 2
+    assert all("not read without matrices" in line for line in answer["warnings"])
 
 
 def road_engine(minimise: Any = "time") -> RoutingEngine:

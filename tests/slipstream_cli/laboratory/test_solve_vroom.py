@@ -36,6 +36,17 @@ def test_a_request_is_answered_on_the_output_or_in_a_file(
     assert capsys.readouterr().out == ""
 
 
+def test_what_is_not_read_is_said_on_standard_error(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The request is answered all the same."""
+    assert main(["solve", "--vroom", written(tmp_path, REQUEST | {"depots": []}), "--json"]) == 0
+    told = capsys.readouterr()
+    (line,) = json.loads(told.out)["warnings"]
+    assert "depots: unknown key, not read" in line
+    assert told.err == f"slipstream: {line}\n"
+
+
 def test_a_faulty_request_is_one_line_and_an_answer_with_its_code(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -45,7 +56,7 @@ def test_a_faulty_request_is_one_line_and_an_answer_with_its_code(
         "jobs": [{"id": 1, "location": [2, 48]}],
     }
     for request, options, code, named in (
-        (REQUEST | {"depots": []}, [], 2, "depots: unknown key"),
+        (REQUEST | {"vehicles": []}, [], 2, "vehicles: tuple should have at least 1 item"),
         (places, [], 2, "give a road network"),
         (places, ["--network", "demo"], 3, "location"),
     ):
