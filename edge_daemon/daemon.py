@@ -219,7 +219,8 @@ class EdgeDaemon:
         if fault is not None:
             metrics.FAULT.labels(fault).set(1)
             metrics.FAULTS.labels(fault).inc()
-            log.warning("the camera has a fault: %s; all its segments are unknown", fault)
+            known = f"{fault}: {self._watch.detail}" if self._watch.detail else fault
+            log.warning("the camera has a fault: %s; all its segments are unknown", known)
             # Nothing seen while the fault began, or during it, may count later.
             self._pipeline.reset()
             self._forget_stopped()
