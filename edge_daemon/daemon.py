@@ -402,10 +402,12 @@ class EdgeDaemon:
         last = self._last_frame
         if last is None or not (ended or self._fault == "stale"):
             return
-        for publisher, _ in self._preview_publishers:
+        for publisher, boxes in self._preview_publishers:
             if publisher.has_subscribers():
                 width = self._settings.preview.width
-                picture = past_picture(last.image, self._camera, last.captured_ns, width)
+                picture = past_picture(
+                    last.image, self._camera, last.captured_ns, width, boxes=boxes
+                )
                 self._put_picture(publisher, picture, last.captured_ns)
 
     def _put_picture(self, publisher: Publisher, picture: Image, captured_ns: int) -> None:

@@ -130,9 +130,9 @@ def test_an_encoder_that_is_set_anew_is_unusual_for_a_minute_only() -> None:
     """The view becomes smooth from one picture to the next, and stays so."""
     watch = judge()
     said(watch, 3 * [detailed(number) for number in range(10)])
-    heard = said(watch, 8 * [smooth(number) for number in range(10)], 30)
+    heard = said(watch, 16 * [smooth(number) for number in range(10)], 30)
     assert any(heard[:20])
-    assert not any(heard[70:])
+    assert not any(heard[150:])
 
 
 def test_short_damage_is_told_by_the_views_own_history() -> None:
