@@ -39,9 +39,9 @@ def repeated(image: Image) -> Mask:
     """Which sampled pixels lie in long runs of exactly one colour, down or (if more) across.
 
     A decoder fills lost parts with one colour or with streaks, over a good part of the picture.
-    Smooth roads and low bit rates make neighbours agree too, but over short distances: no picture
-    of 18 real cameras has a run of `_RUN_SHARE`. Black and white do not count: night, glare and
-    drawn text agree too.
+    Smooth roads and low bit rates make neighbours agree too, but over short distances: in 18 real
+    clips at most 3 % of a picture lie in runs of `_RUN_SHARE`. Black and white do not count: night,
+    glare and drawn text agree too.
 
     Args:
         image: sampled pixels, BGR, shape (h, w, 3).
