@@ -219,7 +219,8 @@ class EdgeDaemon:
         if fault is not None:
             metrics.FAULT.labels(fault).set(1)
             metrics.FAULTS.labels(fault).inc()
-            log.warning("the camera has a fault: %s; all its segments are unknown", fault)
+            known = f"{fault}: {self._watch.detail}" if self._watch.detail else fault
+            log.warning("the camera has a fault: %s; all its segments are unknown", known)
             # Nothing seen while the fault began, or during it, may count later.
             self._pipeline.reset()
             self._forget_stopped()
@@ -401,10 +402,12 @@ class EdgeDaemon:
         last = self._last_frame
         if last is None or not (ended or self._fault == "stale"):
             return
-        for publisher, _ in self._preview_publishers:
+        for publisher, boxes in self._preview_publishers:
             if publisher.has_subscribers():
                 width = self._settings.preview.width
-                picture = past_picture(last.image, self._camera, last.captured_ns, width)
+                picture = past_picture(
+                    last.image, self._camera, last.captured_ns, width, boxes=boxes
+                )
                 self._put_picture(publisher, picture, last.captured_ns)
 
     def _put_picture(self, publisher: Publisher, picture: Image, captured_ns: int) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Sequence
 from contextlib import closing
@@ -28,6 +29,8 @@ from edge_daemon.watch import Watch, read_reference
 from slipstream.errors import InputError
 from slipstream.messages import CameraFault, SegmentState
 from slipstream.service import rss_mb
+
+log = logging.getLogger(__name__)
 
 _PREFETCHED_FRAMES: Final = 3
 _SPEED_LAG_S: Final = 1.0
@@ -160,6 +163,12 @@ def track(
                 )
                 if fault != before:
                     pipeline.reset()
+                    log.warning(
+                        "%s: the camera has a fault after %.1f s: %s",
+                        video,
+                        now,
+                        f"{fault}: {watch.detail}" if watch.detail else fault,
+                    )
             last_s = frame.media_time_s
             if now >= due_s:
                 states = pipeline.states(round(now * 1e9), fault=fault)

@@ -54,11 +54,13 @@ def draw_time(picture: Image, text: str) -> None:
     labels.draw()
 
 
-def past_picture(image: Image, camera: Camera, taken_ns: int, width: int) -> Image:
-    """The last frame of a camera that sends none: without colour, its segments unknown."""
+def past_picture(image: Image, camera: Camera, taken_ns: int, width: int, *, boxes: bool) -> Image:
+    """The last frame of a camera that sends none: without colour; its segments, if those are drawn,
+    are unknown.
+    """
     grey = cv2.cvtColor(scaled(image, width), cv2.COLOR_BGR2GRAY)
     past = np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR) * _PAST, np.uint8)
-    picture = annotate(past, camera, (), {}, 0.0, width)
+    picture = annotate(past, camera, (), {}, 0.0, width) if boxes else past
     draw_time(picture, f"no picture since {utc_date_and_time(taken_ns)}")
     return picture
 

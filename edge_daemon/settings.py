@@ -212,8 +212,8 @@ class WatchSettings(Settings):
     )
     max_repeated_share: Share = Field(
         default=0.25,
-        description="`corrupt`: share of the frame that may be flat or streaky, as lost parts are. "
-        "Raise it for a camera with large grey privacy masks.",
+        description="`corrupt`: share of the frame that may be flat or streaky, as lost parts are, "
+        "beyond what usually is in this view.",
     )
     clear_after_s: FaultSeconds = Field(
         default=2.0, description="Every fault ends after so long without evidence of it, s."

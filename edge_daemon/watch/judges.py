@@ -7,7 +7,7 @@ health messages and the dashboard follow from these.
 
 from __future__ import annotations
 
-from typing import ClassVar, Protocol
+from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -18,12 +18,12 @@ from edge_daemon.watch.background import Background
 from edge_daemon.watch.blind import BlindJudge
 from edge_daemon.watch.camera_moved import CameraMovedJudge, ViewShift
 from edge_daemon.watch.clock_jump import ClockJumpJudge
-from edge_daemon.watch.corrupt import CorruptJudge
+from edge_daemon.watch.corrupt import CorruptJudge, repeated
 from edge_daemon.watch.exposure import BrightJudge, DarkJudge
 from edge_daemon.watch.frozen import FrozenJudge
 from edge_daemon.watch.motion import MotionFinder
 from edge_daemon.watch.obscured import ObscuredJudge
-from edge_daemon.watch.sample import Sample, grid_step, road_mask, small_grey
+from edge_daemon.watch.sample import Sample, grid_step, road_mask, sampled, small_grey
 from edge_daemon.watch.trails import BareRoad
 from slipstream.messages import CameraFault
 
@@ -59,6 +59,17 @@ class FaultJudge(Protocol):
         ...
 
 
+@runtime_checkable
+class Explains(Protocol):
+    """A judge that says what it found.
+
+    Attributes:
+        detail: the figure that was last found above its limit, with the limit.
+    """
+
+    detail: str
+
+
 def make_judges(
     camera: Camera, settings: WatchSettings, reference: Image | None
 ) -> tuple[FaultJudge, ...]:
@@ -91,6 +102,8 @@ def make_judges(
         BrightJudge(settings.exposure_after_s),
         CorruptJudge(
             settings.max_repeated_share,
+            0.0 if reference is None else float(repeated(sampled(reference)).mean()),
+            road_mask(camera, grid, 0.0),
             background,
             BareRoad(lanes, columns / width),
             lambda: blind.is_blind,

@@ -55,8 +55,7 @@ class Sample:
 
         The pixels are not averaged, so that noise is kept.
         """
-        step = grid_step(self.frame.image.shape[1])
-        return np.ascontiguousarray(self.frame.image[step // 2 :: step, step // 2 :: step])
+        return sampled(self.frame.image)
 
     @cached_property
     def grey(self) -> Grey:
@@ -77,6 +76,12 @@ class Sample:
 def grid_step(width: int) -> int:
     """Distance between sampled pixels, px."""
     return max(1, width // GRID_COLUMNS)
+
+
+def sampled(image: Image) -> Image:
+    """Every n-th pixel of every n-th row of a frame."""
+    step = grid_step(image.shape[1])
+    return np.ascontiguousarray(image[step // 2 :: step, step // 2 :: step])
 
 
 def to_grey(image: Image) -> Grey:

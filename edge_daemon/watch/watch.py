@@ -9,7 +9,7 @@ from edge_daemon.camera import Camera
 from edge_daemon.frame import Frame, Image
 from edge_daemon.settings import WatchSettings
 from edge_daemon.watch.debounce import Debounce
-from edge_daemon.watch.judges import make_judges
+from edge_daemon.watch.judges import Explains, make_judges
 from edge_daemon.watch.sample import Sample
 from slipstream.messages import CameraFault
 
@@ -32,6 +32,12 @@ class Watch:
         self._sampled_s: float | None = None
         self._samples = 0
         self.fault: CameraFault | None = None
+
+    @property
+    def detail(self) -> str:
+        """What is known of the fault beside its name; empty: nothing."""
+        judge = next((judge for judge in self._judges if judge.fault == self.fault), None)
+        return judge.detail if isinstance(judge, Explains) else ""
 
     def look(
         self,

@@ -22,6 +22,7 @@ from slipstream.messages import (
     ALL_STATES,
     RsuHealth,
     SegmentState,
+    capture_time_ns,
     decode,
 )
 from tests.slipstream.collector import collector
@@ -148,6 +149,7 @@ def test_states_health_and_preview_come_and_sigterm_ends_it(
         picture = cv2.imdecode(np.frombuffer(payloads[-1], np.uint8), cv2.IMREAD_COLOR)
         assert picture is not None
         assert picture.shape == (360, 640, 3)
+        assert health.started_ns < (capture_time_ns(payloads[0]) or 0) <= health.time_ns
     assert health.calibration is not None
     assert health.calibration.file == str(folder / "camera.toml")
     assert 0 < (health.calibration.speed_error or 0) < 0.05

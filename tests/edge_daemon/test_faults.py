@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -29,7 +30,14 @@ from edge_daemon.sources.camera import open_camera
 from edge_daemon.sources.live import MAX_WAIT_S, LiveSource
 from edge_daemon.watch import Watch
 from slipstream.config import ServiceSettings
-from slipstream.messages import CameraFault, RsuHealth, SegmentState, StoppedVehicles, roadside
+from slipstream.messages import (
+    CameraFault,
+    RsuHealth,
+    SegmentState,
+    StoppedVehicles,
+    capture_time_ns,
+    roadside,
+)
 from slipstream.service import Service
 
 from .cameras import Feed, RtspServer
@@ -514,3 +522,41 @@ def test_nobody_says_that_the_road_is_clear_who_cannot_see_it(
     assert {len(message.vehicles) for message in before} == {1}
     assert before[-1].time_ns < 1e18 + 7e9
     assert len(stopped_lines(caplog)) == 1
+
+
+class Viewer(Recorder):
+    """Looks at the previews, and keeps them."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.pictures: list[bytes] = []
+
+    def has_subscribers(self) -> bool:
+        """Somebody looks."""
+        return True
+
+    def put(self, message: Any) -> None:
+        """Keep it."""
+        if isinstance(message, bytes):
+            self.pictures.append(message)
+        else:
+            super().put(message)
+
+
+def test_a_camera_that_stopped_leaves_no_picture_that_looks_live(
+    calm: tuple[Camera, list[Picture], list[Detections]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its last picture is sent again without colour, and still says when it was taken."""
+    camera, pictures, _ = calm
+    taken_ns, taken_s = time.time_ns(), time.monotonic() - 5.0
+    seen = [Frame(pictures[n], n / FPS, taken_ns, taken_s) for n in range(3)]
+    viewer = Viewer()
+    monkeypatch.setattr(sys.modules[__name__], "Recorder", lambda: viewer)
+    daemon, *_ = a_daemon(camera, Reel([*seen, None, None]), Still(), "real_time")  # type: ignore[list-item]
+    daemon.run()
+    assert {capture_time_ns(jpeg) for jpeg in viewer.pictures} == {taken_ns}
+    shown = [cv2.imdecode(np.frombuffer(jpeg, np.uint8), 1).astype(int) for jpeg in viewer.pictures]
+    colours = [float(np.percentile(np.ptp(picture, axis=2), 90)) for picture in shown]
+    # Boxed and bare: two of a frame at least, two a second without one, and two at the end.
+    assert len(colours) >= 8
+    assert min(colours[:2]) > 20 > max(colours[-6:])

@@ -8,7 +8,7 @@ import pytest
 from edge_daemon.camera import Camera
 from edge_daemon.drawing import Labels
 from edge_daemon.frame import Image
-from edge_daemon.preview import annotate
+from edge_daemon.preview import annotate, draw_time, past_picture, utc_date_and_time, utc_time
 from edge_daemon.tracking import Track
 from slipstream.messages import SegmentState
 
@@ -106,3 +106,40 @@ def test_labels_stay_in_the_picture(picture: Image) -> None:
     labels = Labels(picture)
     assert labels.put("beyond the edge", [(1270.0, 100.0)], 1.0)
     assert not labels.put("too high", [(100.0, 5.0)], 1.0)
+
+
+def test_each_flag_stands_beside_its_time(camera: Camera, picture: Image) -> None:
+    """A picture that is looked at later does not say how the road is then."""
+    shown = [
+        annotate(picture, camera, [], {"approach": STATE.model_copy(update=at)}, 0.0, 640)
+        for at in ({"time_ns": 0}, {"time_ns": 0}, {"time_ns": 3_600_000_000_000})
+    ]
+    assert (shown[0] == shown[1]).all()
+    assert (shown[0][:60] != shown[2][:60]).any()
+    assert (shown[0][60:] == shown[2][60:]).all()
+
+
+def test_moments_are_told_in_utc() -> None:
+    """With its zone, whatever the machine's is."""
+    assert utc_time(1_795_721_665_999_999_999) == "19:34:25 UTC"
+    assert utc_date_and_time(1_795_721_665_999_999_999) == "2026-11-26 19:34:25 UTC"
+
+
+@pytest.mark.parametrize("width", [1280, 640, 160])
+def test_a_picture_shows_when_it_was_taken(picture: Image, width: int) -> None:
+    """In its lower left corner, however small it is."""
+    small = np.ascontiguousarray(picture[: width * 9 // 16, :width])
+    draw_time(small, utc_date_and_time(0))
+    rows = len(small)
+    assert (small[3 * rows // 4 :, : width // 2] != 90).any()
+    assert (small[: rows // 2] == 90).all()
+
+
+@pytest.mark.parametrize("boxes", [True, False])
+def test_a_past_picture_looks_like_one(camera: Camera, boxes: bool) -> None:
+    """It has no colour and no flag."""
+    green = np.full((720, 1280, 3), (40, 200, 90), dtype=np.uint8)
+    shown = past_picture(green, camera, 0, 640, boxes=boxes).astype(int)
+    assert shown.shape == (360, 640, 3)
+    assert np.ptp(shown, axis=2).max() <= 20
+    assert shown.max(axis=2)[100:250].mean() < 100
