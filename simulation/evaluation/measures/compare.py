@@ -155,7 +155,9 @@ def time_curve(fit: Runs, seed: int) -> TimeCurve | str:
 
 
 def _against(base: Measures, arm: Measures, fit: Runs, seed: int) -> Compared:
-    curve, equal, unequal = time_curve(fit, seed), None, ""
+    curve = time_curve(fit, seed)
+    equal: float | None = None
+    unequal = ""
     if isinstance(curve, str):
         unequal = curve
     else:

@@ -9,6 +9,7 @@ from dataclasses import asdict
 from statistics import fmean
 from typing import Any, Final
 
+from simulation.evaluation.arms import BASELINE
 from simulation.evaluation.measures import (
     Compared,
     Course,
@@ -100,7 +101,7 @@ def arms_csv(evaluation: Evaluation) -> str:
                     **{
                         key: None if against is None else of(against) for key, of in AGAINST.items()
                     },
-                    "no_saving": evaluation.headline(name).missing.get(seed, ""),
+                    "no_saving": _why_none(evaluation, name).get(seed, ""),
                     "refused": "; ".join(found.faults),
                     "file": stored.file,
                     "sha256": stored.digest,
@@ -165,11 +166,16 @@ def summary(evaluation: Evaluation) -> dict[str, Any]:
                 "against_baseline": _spreads(
                     {k: evaluation.against(name, of) for k, of in AGAINST.items()}
                 ),
-                "no_saving": {str(s): why for s, why in evaluation.headline(name).missing.items()},
+                "no_saving": {str(s): why for s, why in _why_none(evaluation, name).items()},
             }
             for name, of_seed in evaluation.runs.items()
         },
     }
+
+
+def _why_none(evaluation: Evaluation, name: str) -> Mapping[int, str]:
+    """Why an arm has no saving at equal travel time, by seed; the baseline is not asked."""
+    return {} if name == BASELINE else evaluation.headline(name).missing
 
 
 def _spreads(found: Mapping[str, Spread | None]) -> dict[str, Any]:

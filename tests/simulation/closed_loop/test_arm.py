@@ -150,7 +150,7 @@ def test_an_arm_that_cannot_be_is_refused(tmp_path: Path) -> None:
 
 
 def _check_ledger(database: Path, result: ArmResult) -> None:
-    """What the plans were booked with is near what was driven; the last legs are under way."""
+    """What the plans were booked with is near what was driven."""
     with open_reader(f"sqlite:///{database}") as reader:
         (whole,) = reader.energy_sums(0, 2**62, by="all")
         cycles = reader.cycles(limit=99)
