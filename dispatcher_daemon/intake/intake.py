@@ -178,7 +178,10 @@ class OrderIntake:
             lambda tracker: (
                 None
                 if name not in tracker.book.orders
-                else (status_of(tracker.book.orders[name], tracker, self._clock()), tracker.book.steps(name))
+                else (
+                    status_of(tracker.book.orders[name], tracker, self._clock()),
+                    tracker.book.steps(name),
+                )
             )
         )
         if found is None:
@@ -209,7 +212,10 @@ class OrderIntake:
             names = (
                 n for n, o in book.items() if o.state in states and (after is None or n > after)
             )
-            return [status_of(book[name], tracker, self._clock()) for name in heapq.nsmallest(limit, names)]
+            return [
+                status_of(book[name], tracker, self._clock())
+                for name in heapq.nsmallest(limit, names)
+            ]
 
         return self._watch.read(read)
 

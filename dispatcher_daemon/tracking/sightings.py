@@ -25,8 +25,8 @@ _MAX_STAYS, _MAX_SILENCES = 8, 64
 
 Point = tuple[float, float]
 Presence = Literal["there", "may_have_been", "not_known", "elsewhere"]
-"""Whether a vehicle was at a place at a time. "may_have_been": it was not heard then, and could have
-gone there and on to where it was heard next; "not_known": it has not been heard since."""
+"""Whether a vehicle was at a place at a time. "may_have_been": it was not heard then, and could
+have gone there and on to where it was heard next; "not_known": it has not been heard since."""
 
 
 @dataclass(frozen=True)
