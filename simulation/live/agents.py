@@ -63,8 +63,8 @@ class BusAgents:
         self._reports[report.vehicle].put(report)
 
     def plan(self, vehicle: str, cycle: int) -> VehiclePlan | None:
-        """A plan that a vehicle has been sent; the one that was asked for last is kept, as a vehicle
-        may refuse all later ones.
+        """A plan that a vehicle has been sent. The one that was asked for last is kept, as it may
+        refuse all later ones.
         """
         self._followed[vehicle] = cycle
         return self._plans[vehicle].get(cycle)
