@@ -36,8 +36,8 @@ take less, so that by then one should have come back for it.
 UNHEARD_S: Final = 60.0
 """A vehicle that has orders for so long and has never sent anything is told of, s."""
 CLAIMS: Final = 5
-"""Of so many orders each is told of that a vehicle says something of which does not count; one alarm
-of the vehicle stands for the others."""
+"""Of so many disputed orders of a vehicle each has an alarm; one of the vehicle stands for the
+others."""
 
 
 def fleet_conditions(
@@ -66,8 +66,8 @@ def fleet_conditions(
             if (text := _unserved(order, reason, now_ns)) is not None:
                 yield Condition("order_unserved", f"order/{order.order}", text)
         elif order.vehicle is not None and not order.ended:
-            vehicle = tracker.vehicles.get(order.vehicle)
-            if vehicle is not None and vehicle.is_fresh(now_ns) and vehicle.left:
+            holder = tracker.vehicles.get(order.vehicle)
+            if holder is not None and holder.is_fresh(now_ns) and holder.left:
                 continue  # it says where it is: `vehicle_late` tells of it, sooner
             if (text := lateness(order, tracker, now_ns)) is not None:
                 yield Condition("order_late", f"order/{order.order}", text)

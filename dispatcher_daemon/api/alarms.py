@@ -38,7 +38,7 @@ class LogEntry(BaseModel):
     time_ns: int = Field(description="UTC; of an alarm, its begin.")
     kind: str = Field(
         description="Of the alarm, or what was done: pause, resume, cycle, acknowledge; pin, "
-        "release or cancel of an order."
+        "release, settle or cancel of an order."
     )
     severity: Severity
     subject: str

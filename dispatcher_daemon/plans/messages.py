@@ -58,11 +58,20 @@ def vehicle_plans(
 
     network, stops = problem.network, problem.fleet.stop_by_id
 
-    def latest_ns(place: str) -> int | None:
+    # Of what a vehicle has loaded a window that has closed stays the one that it was; in the
+    # cycle's fleet it closes now.
+    known = {
+        (own.vehicle, stop.stop): stop.latest_ns
+        for own in commitments
+        for stop in own.plan.service_stops
+    }
+
+    def latest_ns(vehicle: str, place: str) -> int | None:
         stop = stops.get(place)
-        return (
-            None if stop is None or stop.latest_s is None else utc_ns(reference_s + stop.latest_s)
-        )
+        if stop is None or stop.latest_s is None:
+            return None
+        before_ns = known.get((vehicle, place))
+        return utc_ns(reference_s + stop.latest_s) if before_ns is None else before_ns
 
     def node(route: Route, number: int) -> str:
         if number == 0 and route.vehicle in bound:
@@ -107,7 +116,7 @@ def vehicle_plans(
                 node=node(route, number),
                 arrival_ns=utc_ns(visit.arrival_s),
                 departure_ns=utc_ns(visit.departure_s),
-                latest_ns=latest_ns(visit.place),
+                latest_ns=latest_ns(route.vehicle, visit.place),
                 charge_kwh=charge_kwh,
                 charged_kwh=charged_kwh,
                 # All of a break's stay is one wait, so that older agents take it too.

@@ -15,7 +15,9 @@ from slipstream.roads import RoadNetwork
 AT_PLACE_M: Final = 100.0
 """A vehicle this near to a junction is there: at its depot, or at the place of an order."""
 LEEWAY_NS: Final = 300 * 10**9
-"""A driver may say so long before or after being there that something is served."""
+"""A driver may say so long after being there that something is served."""
+EARLY_NS: Final = 60 * 10**9
+"""So long before being there it may be said."""
 SILENCE_NS: Final = 15 * 10**9
 """Between positions further apart than this, nobody knows where a vehicle was."""
 MAX_MPS: Final = 60.0
@@ -25,8 +27,8 @@ _MAX_STAYS, _MAX_SILENCES = 8, 64
 
 Point = tuple[float, float]
 Presence = Literal["there", "may_have_been", "not_known", "elsewhere"]
-"""Whether a vehicle was at a place at a time. "may_have_been": it was not heard then, and could have
-gone there and on to where it was heard next; "not_known": it has not been heard since."""
+"""Whether a vehicle was at a place at a time. "may_have_been": it was not heard then, and could
+have gone there and on to where it was heard next; "not_known": it has not been heard since."""
 
 
 @dataclass(frozen=True)
@@ -108,8 +110,8 @@ class Sightings:
     def presence(
         self, order: str, place: Point | None, since_ns: int, arrived_ns: int, ended_ns: int
     ) -> Presence:
-        """Whether it was at the place of an order at some time of a visit, give or take
-        `LEEWAY_NS`.
+        """Whether it was at the place of an order at some time of a visit, up to `LEEWAY_NS` before
+        or `EARLY_NS` after.
 
         Args:
             order: one of those that `take` was given.
@@ -118,7 +120,7 @@ class Sightings:
             arrived_ns: begin of the visit.
             ended_ns: its end.
         """
-        begin_ns, end_ns = max(since_ns, arrived_ns) - LEEWAY_NS, ended_ns + LEEWAY_NS
+        begin_ns, end_ns = max(since_ns, arrived_ns) - LEEWAY_NS, ended_ns + EARLY_NS
         if any(begin <= end_ns and begin_ns <= end for begin, end in self._stays.get(order, ())):
             return "there"
         begin_ns = max(since_ns, begin_ns)
@@ -135,7 +137,7 @@ class Sightings:
         """A visit in a time when it was not heard is taken for true: it was there then, and in no
         other place.
         """
-        begin_ns, end_ns = max(since_ns, arrived_ns - LEEWAY_NS), ended_ns + LEEWAY_NS
+        begin_ns, end_ns = max(since_ns, arrived_ns - LEEWAY_NS), ended_ns + EARLY_NS
         for number, silence in enumerate(self._silences):
             first_ns = _first_ns(silence, place, begin_ns, end_ns)
             if first_ns is not None:

@@ -266,8 +266,8 @@ class FleetTracker:
         return Situation(found, own, left_out, road_users, hidden, waiting, nobody)
 
     def _waiting(self, found: Fleet | None, nobody: str, now_ns: int) -> dict[str, str]:
-        """Reason by order that is due, and that a cycle's fleet does not have although nobody serves
-        it as far as is known.
+        """Reason by order that is due and not in a cycle's fleet, although nobody serves it as far
+        as is known.
         """
         planned = {} if found is None else found.stop_by_id
         waiting: dict[str, str] = {}
@@ -310,7 +310,7 @@ class FleetTracker:
         return list(tours) if stops else [], stops
 
     def settle(self, order: str, now_ns: int, *, served: bool) -> None:
-        """Somebody who knows says whether an order was served: what vehicles said before is past."""
+        """Somebody who knows says whether an order was served: what vehicles said of it is past."""
         self.book.settle(order, now_ns, served=served)
         self.claims.forget(order)
         for vehicle in self._vehicles.values():

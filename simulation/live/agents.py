@@ -45,6 +45,7 @@ class BusAgents:
         self._reports = {name: bus.publisher(driver_key(name), history=0) for name in vehicles}
         self._advice: dict[str, VehicleAdvice] = {}
         self._plans: dict[str, dict[int, VehiclePlan]] = {name: {} for name in vehicles}
+        self._followed: dict[str, int] = {}
         self._due: set[str] = set()
         bus.subscribe(ALL_PLANS, self._on_plan)
         bus.listener("advice", self._on_advice).listen({advice_key(name) for name in vehicles})
@@ -62,7 +63,10 @@ class BusAgents:
         self._reports[report.vehicle].put(report)
 
     def plan(self, vehicle: str, cycle: int) -> VehiclePlan | None:
-        """A plan that a vehicle has been sent."""
+        """A plan that a vehicle has been sent. The one that was asked for last is kept, as it may
+        refuse all later ones.
+        """
+        self._followed[vehicle] = cycle
         return self._plans[vehicle].get(cycle)
 
     def is_due(self, vehicle: str) -> bool:
@@ -76,9 +80,9 @@ class BusAgents:
             return
         known = self._plans.get(plan.vehicle)
         if known is not None:
-            newest = sorted({*known, plan.cycle})[-_PLANS_KEPT:]
             kept = {**known, plan.cycle: plan}
-            self._plans[plan.vehicle] = {cycle: kept[cycle] for cycle in newest}
+            newest = {*sorted(kept)[-_PLANS_KEPT:], self._followed.get(plan.vehicle)}
+            self._plans[plan.vehicle] = {c: kept[c] for c in sorted(kept) if c in newest}
             self._due.add(plan.vehicle)
 
     def _on_advice(self, key: str, payload: bytes) -> None:

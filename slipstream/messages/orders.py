@@ -173,9 +173,9 @@ class OrderStatus(Message):
     )
     at_risk: str | None = Field(
         default=None,
-        description="Why its arrival cannot be relied on, or why it is late: its vehicle is silent, "
-        "was never heard or has not acknowledged its plan; it was to be served by now; or it is "
-        "said to be served by a vehicle that is not believed. Null: none of these.",
+        description="Why its arrival cannot be relied on, or why it is late: its vehicle is "
+        "silent, was never heard or has not acknowledged its plan; it was to be served by now; or "
+        "it is said to be served by a vehicle that is not believed. Null: none of these.",
     )
     node: Identifier
     service_s: NonNegative

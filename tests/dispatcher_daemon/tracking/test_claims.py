@@ -113,7 +113,7 @@ def test_an_order_of_another_vehicle_is_not_ended(today: Day, status: str) -> No
 
 
 def test_one_message_does_not_close_many_orders(today: Day) -> None:
-    """Neither its own ones from elsewhere nor those of others; beyond five one alarm has the rest."""
+    """Neither its own from elsewhere nor those of others; beyond five one alarm has the rest."""
     one, other = plans(today)
     every = [*served_by(one), *served_by(other)]
     says(today, one.vehicle, *every, cycle=one.cycle)

@@ -292,3 +292,21 @@ def test_orders_stay_with_their_carrier_all_day(town: Callable[..., Town]) -> No
     assert {stop for _, stop in planned} == set(names)
     for vehicle, stop in planned:
         assert problem.fleet.vehicle_by_id[vehicle].carrier == ("b" if "b" in stop else "a")
+
+
+def test_a_window_that_closes_on_the_way_does_not_move(town: Callable[..., Town]) -> None:
+    """Later plans of a late van have the end of the window that the first one had: it is late."""
+    stops = [{"id": "s0", "node": "33", "service_s": 20.0, "demand": 1, "latest_s": 200.0}]
+    problem, snapshot = town(stops, [{"capacity": 3}])
+    van = Van("van-0", "00-01")
+    today = Day(problem, snapshot, {"van-0": van}, problem.fleet)
+    today.drive(2)
+    today.run(1)
+    latest_ns = today.tracker.book.orders["s0"].latest_ns
+    assert latest_ns is not None
+    for _ in range(20):
+        van.late_s += 25.0
+        today.run(1)
+    later = [plan for plan in today.sent if plan.issued_ns > latest_ns]
+    assert later
+    assert {stop.latest_ns for plan in later for stop in plan.service_stops} == {latest_ns}

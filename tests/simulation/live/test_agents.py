@@ -203,3 +203,18 @@ def test_signal_times_are_moved_to_utc() -> None:
     assert [event.state for event in movement.events] == ["stop-And-Remain", "pre-Movement"]
     assert in_utc(moved, -1000 * S) == told
     assert in_utc(told, -95 * S).movements[0].events[0].start_ns == 0
+
+
+def test_the_plan_that_a_vehicle_follows_is_kept_however_many_it_refuses(
+    wire: Wire, clock: Clock
+) -> None:
+    """Else a vehicle that stands at a stop would not know its way any more."""
+    agents = BusAgents(wire, ["van"], clock)  # type: ignore[arg-type]
+    for cycle in range(1, 11):
+        sent = plan(segments("ab", 0), cycle=cycle)
+        wire.handlers[ALL_PLANS](plan_key("van"), sent.to_bytes())
+        followed = agents.plan("van", 1)
+        assert followed is not None
+        assert followed.cycle == 1
+    assert agents.plan("van", 2) is None
+    assert agents.plan("van", 10) is not None
