@@ -314,12 +314,14 @@ def cycle_row(report: CycleReport) -> Row:
     """One dispatch cycle."""
     energy = None if report.energy is None else energy_sum(report.energy)
     status, level = labels.CYCLE_STATUS[report.status]
-    if report.unserved and level == "ok":
-        level = "warn"
+    shown: str = level
+    if level == "ok":
+        # One that planned nothing says nothing of how the orders fare.
+        shown = "warn" if report.unserved else "ok" if report.plans else "idle"
     return {
         "t": ms(report.started_ns),
         "status": status,
-        "level": level,
+        "level": shown,
         "why": labels.reason(report.reason) or None,
         "wall_s": round(report.wall_s, 1),
         "plans": report.plans,
