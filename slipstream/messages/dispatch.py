@@ -202,8 +202,8 @@ class DispatcherHealth(Message):
     )
     unheard: Annotated[tuple[Identifier, ...], Field(max_length=200)] = Field(
         default=(),
-        description="Vehicles that have orders by a plan and have never sent anything: nobody knows "
-        "whether they drive; senders before: none.",
+        description="Vehicles that have orders by a plan and have never sent anything: nobody "
+        "knows whether they drive; senders before: none.",
     )
     orders: dict[OrderState, Count] = Field(
         default_factory=dict, description="Number of orders by state; senders before: none."
