@@ -22,7 +22,7 @@ from dashboard.view.model import (
 )
 from dashboard.view.roads import open_roads, road_limits, road_views, stopped_lines
 from dashboard.view.rsus import rsu_views
-from dashboard.view.vehicles import vehicle_views
+from dashboard.view.vehicles import silent_lines, vehicle_views
 from slipstream import freshness
 from slipstream.freshness import age_s as _age_s
 from slipstream.messages import (
@@ -50,6 +50,7 @@ def build_view(
     roads = road_views(snapshot, now_ns, limits)
     dispatcher, dispatcher_level = dispatcher_status(snapshot, now_ns, silent_after_s)
     headline, headline_level = _headline(roads)
+    vehicles = vehicle_views(snapshot, now_ns, open_roads(roads))
     return DashboardView(
         headline=headline,
         headline_level=headline_level,
@@ -58,10 +59,11 @@ def build_view(
         roads=roads,
         rsus=rsus,
         previews=_previews(snapshot.previews, rsus, now_ns, stale_after_s),
-        vehicles=vehicle_views(snapshot, now_ns, open_roads(roads)),
+        vehicles=vehicles,
         cycle=cycle_view(last, now_ns) if last else None,
         history=_history(snapshot.cycles),
         problems=(
+            *silent_lines(vehicles),
             *stopped_lines(snapshot, now_ns, limits),
             *((snapshot.history_problem,) if snapshot.history_problem else ()),
         ),

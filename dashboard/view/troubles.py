@@ -191,7 +191,7 @@ def _of_dispatcher(snapshot: Snapshot, now_ns: int, silent_after_s: float) -> It
         yield Trouble("database", "warn", text)
 
 
-def _of_fleet(vans: Sequence[VehicleView]) -> Iterator[Trouble]:
+def _of_fleet(vans: Collection[VehicleView]) -> Iterator[Trouble]:
     """Vehicles that have work and are silent; where most are, that stands before them."""
     heard = sum(van.progress.source != "planned" for van in vans)
     gone = [van for van in vans if van.silence == "bad"]

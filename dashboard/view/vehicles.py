@@ -22,6 +22,7 @@ from slipstream.messages import (
 
 COLOURS: Final = 12
 """Of vehicles on the operator's page."""
+_NAMED: Final = 5
 SILENT_AFTER_S: Final = 15.0
 """Beyond this age of its last position the dispatcher plans nothing for a vehicle, s."""
 
@@ -75,6 +76,15 @@ def vehicle_views(
         )
     # Colours follow the names, so that none changes when a vehicle becomes idle.
     return tuple(sorted(views, key=lambda van: van.idle))
+
+
+def silent_lines(vans: Sequence[VehicleView]) -> list[str]:
+    """What is said of vehicles that have work to do and are silent: nothing where none is."""
+    silent = [van.vehicle for van in vans if van.silence in ("warn", "bad")]
+    if not silent:
+        return []
+    names = ", ".join(silent[:_NAMED]) + (", …" if len(silent) > _NAMED else "")
+    return [f"{labels.plural(len(silent), 'vehicle')} silent, with work to do: {names}"]
 
 
 def _no_plan(vehicle: str) -> VehiclePlan:

@@ -21,6 +21,7 @@ from storage import CycleSums, Event, OrderEnd, Reader
 MAX_ALARMS: Final = 12
 MAX_RSUS: Final = 12
 """Lines of the report's tables; more are counted, so that it stays on one page."""
+_MINUTE_NS: Final = 60 * 10**9
 _EVENTS: Final = 1000
 _STATES_A_HOUR: Final = 3600
 _CHART_HEIGHT: Final = 120.0
@@ -45,6 +46,7 @@ class Day:
         until_ns: UTC up to which it is told of, its end or now.
         hours: driven, by hour.
         baseline: name of the plan that it is held against; None: nothing was driven.
+        span: first and last moment that is kept; None: nothing is.
         ends: of orders.
         cycles: of the dispatcher.
         alarms: that began in it, worst first.
@@ -58,6 +60,7 @@ class Day:
     until_ns: int
     hours: Sequence[EnergySum]
     baseline: str | None
+    span: tuple[int, int] | None
     ends: Sequence[OrderEnd]
     cycles: CycleSums
     alarms: Sequence[Event]
@@ -98,6 +101,7 @@ def read_day(
         until_ns=until_ns,
         hours=reader.energy_sums(begin_ns, end_ns, by="hour"),
         baseline=None if last is None or last.energy is None else last.energy.baseline,
+        span=span,
         ends=reader.order_ends(begin_ns, end_ns),
         cycles=reader.cycle_sums(begin_ns, end_ns),
         alarms=sorted(alarms, key=lambda event: (rank.get(event.severity, 3), event.time_ns)),
@@ -239,11 +243,32 @@ def report_html(
         rsus=day.rsus[:MAX_RSUS],
         mean_reported=sum(known) / len(known) if known else None,
         is_over=day.until_ns == day.end_ns,
-        until=f"{local(day.until_ns, zone):%H:%M}",
-        printed=f"{local(now_ns, zone):%Y-%m-%d %H:%M %Z}",
+        until=clock(day.until_ns, zone),
+        unkept=_unkept(day, zone),
+        printed=f"{local(_minute(now_ns), zone):%Y-%m-%d %H:%M %Z}",
         zone_name=f"{local(day.begin_ns, zone):%Z}",
-        clock=lambda time_ns: f"{local(time_ns, zone):%H:%M}",
+        clock=lambda time_ns: clock(time_ns, zone),
     )
+
+
+def clock(time_ns: int, zone: Zone) -> str:
+    """A clock time, to the nearest minute: a hair short of one is not a minute less."""
+    return f"{local(_minute(time_ns), zone):%H:%M}"
+
+
+def _minute(time_ns: int) -> int:
+    return round(time_ns / _MINUTE_NS) * _MINUTE_NS
+
+
+def _unkept(day: Day, zone: Zone) -> str | None:
+    """What of the day is not kept, in words; None: all of it is."""
+    if day.span is None:
+        return "Nothing is stored yet."
+    first, last = day.span
+    kept = " to ".join(f"{local(_minute(ns), zone):%Y-%m-%d %H:%M %Z}" for ns in day.span)
+    if last < day.begin_ns or first >= day.end_ns:
+        return f"Nothing is kept of this day: the past is kept from {kept}."
+    return f"The past is kept from {kept}." if first > day.begin_ns else None
 
 
 def _number(value: float | None, digits: int = 0) -> str:

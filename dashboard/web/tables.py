@@ -15,6 +15,7 @@ from dashboard.view.troubles import Trouble, bus_trouble, of_alarms, troubles
 from dashboard.view.vehicles import vehicle_views
 from dashboard.web import rows
 from dashboard.web.levels import raised, raised_row, worst_by_row
+from dashboard.web.orders import Serving, changes_ns, order_row, servings
 from dashboard.web.road_table import RoadTable
 from dashboard.web.rows import TABLES, Moment, Row, Rows, Scene, Tour, ms
 from slipstream.freshness import age_s, fault
@@ -31,7 +32,7 @@ SETTLE_S: Final = 5.0
 """For so long after an outage of the bus silence tells nothing, s: each sender tries again to reach
 the router, every 4 s at most."""
 
-_KnownOrder = tuple[OrderRecord, rows.Serving | None, int | None, Row]
+_KnownOrder = tuple[OrderRecord, Serving | None, int | None, Row]
 """An order, its vehicle, UTC at which the clock changes its row, and that."""
 
 
@@ -251,8 +252,8 @@ class Tables:
                 or before[1] != by
                 or _is_due(before, now_ns)
             ):
-                row = rows.order_row(order, by, self._scene, now_ns)
-                before = order, by, rows.changes_ns(order, row, by, now_ns), row
+                row = order_row(order, by, self._scene, now_ns)
+                before = order, by, changes_ns(order, row, by, now_ns), row
                 same = False
             self._orders[name] = before
         if not same:
@@ -293,13 +294,6 @@ class Tables:
             self._last_energy = rows.energy_sum(last.energy, **self._factors)
         unknown = {"today": None, "week": None, "total": None, "since": None}
         return {**unknown, **(told or {}), "last_cycle": self._last_energy}
-
-
-def servings(
-    vans: Sequence[VehicleView], plans: Mapping[str, VehiclePlan]
-) -> dict[str, rows.Serving]:
-    """What says whether orders will be served in time, by vehicle."""
-    return {van.vehicle: rows.Serving.of(van, plans.get(van.vehicle, van.plan)) for van in vans}
 
 
 def _is_due(known: _KnownOrder, now_ns: int) -> bool:

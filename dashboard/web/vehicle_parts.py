@@ -59,6 +59,9 @@ def plan_card(
 def _ahead(plan: VehiclePlan, row: Part) -> int:
     """Number of the next stop; that of stops where none is left."""
     names = [stop.stop for stop in plan.stops]
+    if row["state"] == "planned":
+        # Nobody has heard that it passed any.
+        return 0
     if row["next"] is None:
         return len(names)
     # A round ends where it began: the last of two with one name.

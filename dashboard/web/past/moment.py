@@ -12,10 +12,10 @@ from dashboard.view.troubles import Trouble, of_alarms
 from dashboard.view.vehicles import vehicle_views
 from dashboard.web import rows
 from dashboard.web.levels import raised, worst_by_row
+from dashboard.web.orders import order_row, servings
 from dashboard.web.past import views
 from dashboard.web.past.facts import Facts
 from dashboard.web.rows import Moment, Row, Scene, Tour, ms
-from dashboard.web.tables import servings
 from slipstream.messages import Alarm, Severity
 from slipstream.orders import drafting_kwh
 from storage import Event
@@ -66,7 +66,7 @@ def moment_at(facts: Facts, snapshot: Snapshot, scene: Scene) -> Moment:
         "rsus": raised(views.rsu_rows(facts, scene.places), worst.get("rsus")),
         "orders": raised(
             {
-                order.order: rows.order_row(
+                order.order: order_row(
                     order, serving.get(order.vehicle or ""), scene, facts.time_ns
                 )
                 for order in facts.orders

@@ -9,16 +9,16 @@ export function partsOf(sum) {
   return Object.fromEntries(PARTS.map(([name]) => [name, sum[`${name}_kwh`] ?? 0]));
 }
 
-/** @param {any} sum an EnergySum @param {import("./format.js").Format} f */
-export function energyParts(sum, f) {
+/** @param {any} sum an EnergySum @param {import("./format.js").Format} f @param {boolean} planned it is that of plans, which may not be driven yet */
+export function energyParts(sum, f, planned = false) {
   const parts = partsOf(sum);
   return h("div.energy", {},
-    h("p.headline", {}, h("strong.num", {}, f.kwh(Math.abs(sum.saved_kwh ?? 0))), sum.saved_kwh < 0 ? " more than " : " saved of ",
+    h("p.headline", {}, h("strong.num", {}, f.kwh(Math.abs(sum.saved_kwh ?? 0))), sum.saved_kwh < 0 ? (planned ? " to be used beyond " : " more than ") : planned ? " to be saved of " : " saved of ",
       h("span.num", {}, f.kwh(sum.baseline_kwh)), " ", h("span.num.muted", {}, f.share(sum.saved_share))),
     bar(parts),
     h("dl.parts", {}, PARTS.map(([name, label]) => h("div", {}, h("dt", {}, h(`span.dot.${name}`, { "aria-hidden": "true" }), label), h("dd.num", {}, f.kwh(parts[name], true))))),
     h("dl.parts", {}, [
-      ["Driven", f.km(sum.km)],
+      [planned ? "To drive" : "Driven", f.km(sum.km)],
       ["In platoons", f.km(sum.platoon_km)],
       ["CO₂", f.mass(sum.co2_kg)],
       ["Money", f.money(sum.money)],

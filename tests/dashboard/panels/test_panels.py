@@ -207,7 +207,7 @@ def test_a_loss_is_called_a_loss(world, now_ns):
     worse = report.energy.model_copy(update={"cooperative_kwh": report.energy.baseline_kwh + 0.1})
     view = _view(Snapshot(cycles=(report.model_copy(update={"energy": worse}),)), now_ns)
     assert "costs <b>0.100 kWh" in _html("cycle", view)
-    assert "Extra" in _html("summary", view)
+    assert "Plans cost more" in _html("summary", view)
 
 
 def test_an_old_picture_is_faded(world, now_ns):

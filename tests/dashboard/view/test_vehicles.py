@@ -12,6 +12,7 @@ from dashboard.live import LiveData, Snapshot
 from dashboard.scene.canvas import Canvas
 from dashboard.scene.fleet import FleetLayer
 from dashboard.server import start_server, stop_server
+from dashboard.view import build_view
 from dashboard.view.vehicles import vehicle_views
 from slipstream.bus import free_port
 from slipstream.errors import InputError
@@ -75,6 +76,24 @@ def test_a_van_is_shown_where_it_is_not_where_its_plan_puts_it(world, now_ns):
     assert late.position == ("avenue_east", 0.25)
     assert (late.progress.state, late.progress.source) == ("silent", "last")
     assert late.activity == f"silent for 6 s; last: drives to {plan.stops[2].stop}"
+
+
+def test_a_silent_van_is_red_in_the_3d_view_and_said(world, now_ns, scene):
+    """Where it was heard last, with how long ago; not gone, and not where its plan puts it."""
+    plan = _round(world, 1, now_ns)
+    known = {"plans": {"van-a": plan}, "followed": {"van-a": plan}}
+    snapshot = Snapshot(positions={"van-a": _position(now_ns)}, **known)
+    layer = FleetLayer(scene, Canvas(world.network))
+    layer.update(vehicle_views(snapshot, now_ns, frozenset()), ())
+    before = scene.get_handle_by_name("/vans").batched_positions.copy()
+    late_ns = now_ns + 210 * S
+    view = build_view(snapshot, late_ns, stale_after_s=5.0, silent_after_s=4.0)
+    _, marks = layer.update(view.vehicles, ())
+    assert scene.get_handle_by_name("/vans") is None
+    assert abs(scene.get_handle_by_name("/planned_vans").batched_positions - before).max() == 0
+    (mark,) = [mark for mark in marks if mark.kind == "van"]
+    assert (mark.text, mark.urgent) == ("van-a, silent for 4 min", True)
+    assert "1 vehicle silent, with work to do: van-a" in view.problems
 
 
 @pytest.mark.parametrize(

@@ -70,7 +70,7 @@ def rows(tab: Any) -> list[str]:
 def test_each_tab_shows_its_rows_and_trouble_comes_before_names(opened):
     """Tables, cameras and energy; the first row is what is worst."""
     tab = opened()
-    assert rows(tab)[:4] == ["van-20", "van-40", "van-1", "van-2"]
+    assert rows(tab)[:5] == ["van-8", "van-24", "van-40", "van-20", "van-1"]
     first = {
         "roads": NET["roads"][40]["id"],
         "rsus": "rsu-37",
@@ -680,6 +680,30 @@ def test_a_moment_is_written_in_24_hours_and_none_stands_beside_now(opened):
     tab.click("#time-live")
     until(tab, "document.getElementById('badge').textContent === 'Live'")
     until(tab, "document.getElementById('time-moment').value === ''")
+
+
+ROUNDED = """async () => {
+  const { Format } = await import("/static/format.js");
+  const f = new Format({ time_zone: "UTC" });
+  const nine = Date.UTC(2026, 10, 26, 21, 0), midnight = Date.UTC(2026, 10, 27);
+  return [
+    f.window(nine - 0.4, nine + 3_600_000 - 30.001, nine), f.window(null, nine - 1, nine),
+    f.clock(nine - 0.0001), f.moment(midnight - 0.3), f.localInput(midnight - 0.3),
+    f.time(midnight - 1, midnight - 864e5),
+  ];
+}"""
+
+
+def test_a_clock_time_is_rounded_not_cut(opened):
+    """What a calculation left a hair short of 21:00 is 21:00, with its day; an open end is said."""
+    assert opened().evaluate(ROUNDED) == [
+        "21:00–22:00",
+        "by 21:00",
+        "21:00:00",
+        "Fri 27 Nov 2026, 00:00:00",
+        "2026-11-27 00:00:00",
+        "27\xa0Nov, 00:00",
+    ]
 
 
 MOMENTS = """async () => {

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from zoneinfo import ZoneInfo
 
 import pytest
 from pydantic import TypeAdapter
@@ -20,6 +21,7 @@ from dashboard.view.places import Places
 from dashboard.web.app import make_app
 from dashboard.web.energy import EnergyBook, Factors, local, zone_of
 from dashboard.web.past import StoredPast
+from dashboard.web.report import clock
 from dashboard.web.rows import Scene
 from dashboard.web.services import Services
 from slipstream.http.server import HttpServer
@@ -342,9 +344,17 @@ def test_the_report_of_a_day(run: Run) -> None:
     assert "Planned 3 of them better than the baseline 3" in plain
     assert "style=" not in first
     empty = run.served.get("/report?day=2020-02-29")
+    assert "Nothing is kept of this day: the past is kept from 20" in empty.body.decode()
     assert "Nothing was driven" in empty.body.decode()
     for day in ("yesterday", "2026-02-30", "0001-01-01", "9999-12-31"):
         assert run.served.get(f"/report?day={day}").status == 422, day
+
+
+def test_a_clock_time_is_the_nearest_minute() -> None:
+    """A window's end that a calculation left a hair short is no minute less."""
+    nine_ns = 1_795_000_020 * 10**9 // (60 * 10**9) * 60 * 10**9
+    zone = ZoneInfo("UTC")
+    assert {clock(nine_ns + hair, zone) for hair in (-1, -400, 0, 400)} == {clock(nine_ns, zone)}
 
 
 def _day_of(run: Run) -> str:

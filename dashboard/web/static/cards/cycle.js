@@ -22,7 +22,7 @@ export function cycleCard(id, row, detail, ctx) {
       ["Plans", f.number(row.plans)],
       ["Variables", f.number(row.variables)],
     ]),
-    detail?.energy ? section("Energy", energyParts(detail.energy, f)) : null,
+    detail?.energy ? section("Energy of its plans", energyParts(detail.energy, f, true)) : null,
     detail?.unserved?.length ? section("Not served", longTable(["Order", "Why"], detail.unserved.map((one) => [link("order", one.stop), words(one.reason)]), "Not served")) : null,
     detail ? section("Solvers", detail.solvers?.length ? longTable(["Solver", "Result", "#Cost kWh", "#Time s"], detail.solvers.map((one) => [
       one.solver, words(one.status) + (one.reason ? `: ${words(one.reason)}` : ""), f.number(one.objective_kwh, 3), f.number(one.wall_s, 2),
