@@ -12,8 +12,8 @@ from typing import Final
 
 from simulation.scenarios.networks.netconvert import OPTIONS, convert, keep
 from simulation.scenarios.networks.osm_extract import open_extract, write_roads
-from simulation.scenarios.networks.osm_limits import Limit, countries_named, limits, signed_kmh
-from simulation.scenarios.networks.osm_side import DrivingSide, Side, clear, driving_side
+from simulation.scenarios.networks.osm_limits import Limit, limits, signed_kmh
+from simulation.scenarios.networks.osm_side import DrivingSide, Side, country_of, driving_side
 from simulation.scenarios.networks.osm_survey import FOR_CARS, Survey, survey_of
 from simulation.sumo import elements
 from slipstream.errors import InputError
@@ -103,8 +103,8 @@ def import_osm(
         folder = Path(name)
         opened = open_extract(extract, folder)
         survey = survey_of(opened)
-        country = country or _country(survey)
         driven = driving_side(survey, side, country, extract)
+        country = country or country_of(survey)
         assumed = limits(survey, country)
         roads, built = folder / "roads.osm.xml", folder / "built.net.xml"
         write_roads(opened, roads, survey.is_wanted, survey.road_nodes, _added(survey, assumed))
@@ -126,11 +126,6 @@ def import_osm(
         _assumed_km(survey, assumed, used),
         kinds_of_warnings(said),
     )
-
-
-def _country(survey: Survey) -> str | None:
-    """The country that the map names by far most often; None: it names none."""
-    return clear(survey.countries + countries_named(survey.open_roads.values()))
 
 
 def _added(survey: Survey, assumed: Mapping[int, Limit]) -> dict[int, dict[str, str]]:
