@@ -70,7 +70,7 @@ class WatchSettings(Settings):
     )
     to_m: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
     from_lane: Annotated[int, Field(ge=0)] = Field(
-        default=0, description="Rightmost lane that is watched, 0 is the edge's."
+        default=0, description="Lane nearest to the kerb that is watched; 0 is at the kerb."
     )
     id: Identifier | None = Field(default=None, description="Segment's id; the edge's if left out.")
 
@@ -114,7 +114,7 @@ class Stretch(Settings):
     to_m: Annotated[float, Field(gt=0, allow_inf_nan=False)]
     from_lane: Annotated[int, Field(ge=0)] = Field(
         default=0,
-        description="Rightmost lane that is watched, 0 is the road's; so lanes for leaving and "
+        description="Lane nearest to the kerb that is watched; so lanes for leaving and "
         "joining a motorway can be left out.",
     )
 

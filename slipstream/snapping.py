@@ -103,7 +103,7 @@ class Snapper:
         found = self.nearest(place_m)
         if found is not None and found.distance_m <= MAX_SNAP_M:
             return found
-        any_road = Snapper(self._network, self._profiles, for_stops=False).nearest(place_m)
+        any_road = self._every_road.nearest(place_m)
         if any_road is None:
             raise NoPlaceError("no road that its vehicles may use", "check the vehicles' types")
         if any_road.distance_m <= MAX_SNAP_M:
@@ -154,6 +154,10 @@ class Snapper:
     def _ends(self, segment: Segment) -> tuple[str, ...]:
         """The ends of a road that are junctions, not made up by netconvert."""
         return tuple(end for end in (segment.end, segment.start) if not end.endswith(_INVENTED))
+
+    @cached_property
+    def _every_road(self) -> Snapper:
+        return Snapper(self._network, self._profiles, for_stops=False)
 
     def _why(self, name: str) -> str:
         segment = self._network.segments[name]

@@ -13,8 +13,8 @@ from simulation.scenarios.networks.osm_survey import DEGREE_M, Survey, Way
 
 Floats = npt.NDArray[np.float64]
 
-_NEAR_M: Final = 100.0
-"""From a residential street: a through road in a town has side streets no further than this."""
+_NEAR_M: Final = 200.0
+"""From a residential street: in a town no through road is further away for long."""
 _STEP_M: Final = 25.0
 _RESIDENTIAL: Final = frozenset({"residential", "living_street"})
 

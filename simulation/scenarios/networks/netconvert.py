@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections import Counter
 from pathlib import Path
 from typing import Final
 
@@ -23,6 +24,12 @@ OPTIONS: Final = (
     *("--output.street-names", "true"),
     *("--xml-validation", "never"),
 )
+_OWN: Final = re.compile(
+    r"Environment variable SUMO_HOME|built in type maps|Discarding unknown comp"
+)
+"""Warnings about netconvert itself, or about what no car uses."""
+_VARIES: Final = re.compile(r"'[^']*'|\"[^\"]*\"|-?\d+(?:\.\d+)?(?:#\d+)?")
+"""What differs between warnings of one kind: names and numbers."""
 
 
 def find_netconvert() -> Path | None:
@@ -79,8 +86,27 @@ def convert(options: list[str], built: Path, source: str | Path) -> str:
     if done.returncode != 0 or not built.is_file():
         said = [line for line in done.stderr.splitlines() if line.startswith("Error")]
         reason = said[0].removeprefix("Error: ") if said else f"exit status {done.returncode}"
-        raise InputError(source, f"netconvert refuses it: {reason}", "mend the network")
+        problem = f"netconvert refuses it: {reason}{first_warning(done.stderr)}"
+        raise InputError(source, problem, "mend the network")
     return done.stderr
+
+
+def warnings_of(said: str) -> dict[str, int]:
+    """What netconvert warns of: how often each kind, by its first; the most frequent first."""
+    kinds: Counter[str] = Counter()
+    first: dict[str, str] = {}
+    for line in said.splitlines():
+        text = line.removeprefix("Warning: ")
+        if text != line and not _OWN.search(text):
+            kind = _VARIES.sub("…", text)
+            first.setdefault(kind, text)
+            kinds[kind] += 1
+    return {first[kind]: count for kind, count in kinds.most_common()}
+
+
+def first_warning(said: str) -> str:
+    """What explains that netconvert made nothing of its input, in brackets; "": it says nothing."""
+    return next((f" ({text.rstrip('.')})" for text in warnings_of(said)), "")
 
 
 def keep(built: Path, path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import tempfile
 from collections import Counter
 from collections.abc import Mapping
@@ -10,10 +9,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from simulation.scenarios.networks.netconvert import OPTIONS, convert, keep
+from simulation.scenarios.networks.netconvert import (
+    OPTIONS,
+    convert,
+    first_warning,
+    keep,
+    warnings_of,
+)
 from simulation.scenarios.networks.osm_extract import open_extract, write_roads
-from simulation.scenarios.networks.osm_limits import Limit, countries_named, limits, signed_kmh
-from simulation.scenarios.networks.osm_side import DrivingSide, Side, clear, driving_side
+from simulation.scenarios.networks.osm_limits import Limit, limits, signed_kmh
+from simulation.scenarios.networks.osm_side import DrivingSide, Side, country_of, driving_side
 from simulation.scenarios.networks.osm_survey import FOR_CARS, Survey, survey_of
 from simulation.sumo import elements
 from slipstream.errors import InputError
@@ -46,13 +51,8 @@ _OPTIONS: Final = (
 _FOR_WALKING: Final = frozenset(
     {"footway", "path", "pedestrian", "steps", "cycleway", "bridleway", "corridor", "track"}
 )
-_IGNORED: Final = re.compile(r"Ignoring restriction relation")
-_OWN: Final = re.compile(
-    r"Environment variable SUMO_HOME|built in type maps|Discarding unknown comp"
-)
-"""Warnings of netconvert that are about itself, or about what no car uses."""
-_VARIES: Final = re.compile(r"'[^']*'|\"[^\"]*\"|-?\d+(?:\.\d+)?(?:#\d+)?")
-"""What differs between warnings of one kind: names and numbers."""
+_IGNORED: Final = "Ignoring restriction relation"
+"""A warning of netconvert that is counted by itself."""
 
 
 @dataclass(frozen=True)
@@ -103,8 +103,8 @@ def import_osm(
         folder = Path(name)
         opened = open_extract(extract, folder)
         survey = survey_of(opened)
-        country = country or _country(survey)
         driven = driving_side(survey, side, country, extract)
+        country = country or country_of(survey)
         assumed = limits(survey, country)
         roads, built = folder / "roads.osm.xml", folder / "built.net.xml"
         write_roads(opened, roads, survey.is_wanted, survey.road_nodes, _added(survey, assumed))
@@ -113,24 +113,20 @@ def import_osm(
         said = convert(options, built, extract)
         used = _ways_of(built)
         if not used:
-            raise InputError(extract, "no road for cars in it", "extract more")
+            problem = f"no road for cars in it{first_warning(said)}"
+            raise InputError(extract, problem, "extract more")
         keep(built, path)
     return Import(
         path,
         len(used),
         left_out(survey, used),
         survey.restrictions,
-        sum(_IGNORED.search(line) is not None for line in said.splitlines()),
+        said.count(_IGNORED),
         driven,
         country,
         _assumed_km(survey, assumed, used),
-        kinds_of_warnings(said),
+        {text: count for text, count in warnings_of(said).items() if _IGNORED not in text},
     )
-
-
-def _country(survey: Survey) -> str | None:
-    """The country that the map names by far most often; None: it names none."""
-    return clear(survey.countries + countries_named(survey.open_roads.values()))
 
 
 def _added(survey: Survey, assumed: Mapping[int, Limit]) -> dict[int, dict[str, str]]:
@@ -161,19 +157,6 @@ def _assumed_km(
             key, km = (limit.kmh, limit.why), survey.length_m(survey.roads[number]) / 1000
             found[key] = found.get(key, 0.0) + km
     return dict(sorted(found.items(), key=lambda item: -item[1]))
-
-
-def kinds_of_warnings(said: str) -> dict[str, int]:
-    """Warnings by the first of each kind, the most frequent kind first."""
-    kinds: Counter[str] = Counter()
-    first: dict[str, str] = {}
-    for line in said.splitlines():
-        text = line.removeprefix("Warning: ")
-        if text != line and not (_IGNORED.search(text) or _OWN.search(text)):
-            kind = _VARIES.sub("…", text)
-            first.setdefault(kind, text)
-            kinds[kind] += 1
-    return {first[kind]: count for kind, count in kinds.most_common()}
 
 
 def _ways_of(net: Path) -> frozenset[int]:

@@ -4,8 +4,10 @@ country says inside and outside of built-up areas.
 netconvert takes the value of a road's class where `maxspeed` is no number: 100 km/h on primary and
 secondary roads, in towns too.
 
-Sources of the countries' limits: OpenStreetMap's table of default speed limits and the European
-Commission's road safety pages (passenger cars).
+The countries' limits were compared with OpenStreetMap's table of default speed limits as of October
+2024 (passenger cars), which has most urban and rural ones and some of motorways. Finland's rural
+limit is 100 km/h there; the lower one is kept. Belgium, Canada and the United States have limits by
+region: one of each is taken.
 """
 
 from __future__ import annotations
@@ -27,12 +29,12 @@ _LAW: Final[Mapping[str, tuple[int, int, int]]] = {
     "AT": (50, 100, 130), "AU": (50, 100, 110), "BE": (50, 90, 120), "BG": (50, 90, 140),
     "BY": (60, 90, 110), "CA": (50, 80, 100), "CH": (50, 80, 120), "CY": (50, 80, 100),
     "CZ": (50, 90, 130), "DE": (50, 100, 130), "DK": (50, 80, 130), "EE": (50, 90, 90),
-    "ES": (50, 90, 120), "FI": (50, 80, 120), "FR": (50, 80, 130), "GB": (30, 60, 70),
+    "ES": (30, 90, 120), "FI": (50, 80, 120), "FR": (50, 80, 130), "GB": (30, 60, 70),
     "GR": (50, 90, 130), "HR": (50, 90, 130), "HU": (50, 90, 130), "IE": (50, 80, 120),
     "IS": (50, 90, 90), "IT": (50, 90, 130), "JP": (60, 60, 100), "LI": (50, 80, 120),
     "LT": (50, 90, 130), "LU": (50, 90, 130), "LV": (50, 90, 90), "MT": (50, 80, 80),
     "NL": (50, 80, 100), "NO": (50, 80, 110), "NZ": (50, 100, 100), "PL": (50, 90, 140),
-    "PT": (50, 90, 120), "RO": (50, 90, 130), "RS": (50, 80, 130), "RU": (60, 90, 110),
+    "PT": (50, 90, 120), "RO": (50, 90, 130), "RS": (50, 80, 120), "RU": (60, 90, 110),
     "SE": (50, 70, 110), "SI": (50, 90, 130), "SK": (50, 90, 130), "TR": (50, 90, 120),
     "UA": (50, 90, 130), "US": (30, 55, 65), "ZA": (60, 100, 120),
 }  # fmt: skip

@@ -5,7 +5,7 @@ its roundabouts turn, or by where it lies.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
@@ -13,6 +13,7 @@ from typing import Final, Literal
 import numpy as np
 import numpy.typing as npt
 
+from simulation.scenarios.networks.osm_limits import countries_named
 from simulation.scenarios.networks.osm_survey import Survey, Way
 from slipstream.errors import InputError
 
@@ -121,33 +122,62 @@ def driving_side(
 
     Args:
         told: by the user; None: not.
-        country: its code, as told or as the map names it; None: not known.
+        country: likewise, its code.
 
     Raises:
-        InputError: nothing tells, or roundabouts and where they lie contradict each other.
+        InputError: nothing tells, or what tells contradicts each other.
     """
     if told is not None:
         return DrivingSide(told, "as told")
-    if (named := clear(survey.sides)) in ("left", "right"):
-        return DrivingSide("left" if named == "left" else "right", "by the map's driving_side")
     if country is not None:
-        return DrivingSide("left" if country in _LEFT else "right", f"the country is {country}")
+        return DrivingSide(_side_of(country), f"the country is {country}")
+    known = [found for found in _evidence(survey) if found is not None]
+    mend = "say it: --driving-side left or right, or --country with its code"
+    if not known:
+        problem = "driven on which side? It lies near a border between left and right"
+        raise InputError(source, problem, mend, key="--driving-side")
+    against = next((found for found in known if found.side != known[0].side), None)
+    if against is not None:
+        problem = f"driven on which side? {known[0]}, but {against}"
+        raise InputError(source, problem, mend, key="--driving-side")
+    return known[0]
+
+
+def _evidence(survey: Survey) -> Iterator[DrivingSide | None]:
+    """The side by each thing that tells, the surest first; None: it does not."""
+    named = clear(survey.sides)
+    yield (
+        None
+        if named is None
+        else DrivingSide("left" if named == "left" else "right", "by the map's driving_side")
+    )
+    country = country_of(survey)
+    yield (
+        None
+        if country is None
+        else DrivingSide(_side_of(country), f"the map's country is {country}")
+    )
+    yield side_at(survey.places.values())
     found = (_roundabout_side(way, survey.places) for way in survey.open_roads.values())
     turns: Counter[str] = Counter(side for side in found if side is not None)
-    round_side, lies = clear(turns), side_at(survey.places.values())
-    mend = "say it: --driving-side left or right, or --country with its code"
-    key = "--driving-side"
-    if round_side is None and lies is None:
-        problem = "near a border between left and right, and the map names no country"
-        raise InputError(source, f"driven on which side? {problem}", mend, key=key)
-    if round_side is not None and lies is not None and round_side != lies.side:
-        problem = f"it lies where the {lies.side} side is driven on, and its roundabouts turn"
-        raise InputError(source, f"{problem} for the {round_side}", mend, key=key)
-    if lies is not None:
-        return lies
-    assert round_side is not None
-    why = f"as {turns[round_side]} of {turns.total()} roundabouts turn"
-    return DrivingSide("left" if round_side == "left" else "right", why)
+    most = clear(turns)
+    yield (
+        None
+        if most is None
+        else DrivingSide(
+            "left" if most == "left" else "right",
+            f"as {turns[most]} of {turns.total()} roundabouts turn",
+        )
+    )
+
+
+def _side_of(country: str) -> Side:
+    return "left" if country in _LEFT else "right"
+
+
+def country_of(survey: Survey) -> str | None:
+    """The country that the map names by far most often; None: it names none."""
+    return clear(survey.countries + countries_named(survey.open_roads.values()))
 
 
 def clear(counts: Counter[str]) -> str | None:

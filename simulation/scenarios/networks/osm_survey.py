@@ -58,7 +58,8 @@ class Survey:
         restrictions: turn restrictions.
         areas: built-up ones, each as lines of nodes that bound it.
         countries: how often ways and relations name a country, by its code (ISO 3166-1).
-        sides: how often they name the side that is driven on.
+        sides: how often relations name the side that is driven on; or else ways, if most do: a few
+            alone have a side of their own.
         places: latitude and longitude of nodes of roads and areas, degrees.
     """
 
@@ -105,14 +106,20 @@ def survey_of(extract: Extract) -> Survey:
     """
     survey = Survey()
     rings: list[tuple[int, ...]] = []
+    way_sides: Counter[str] = Counter()
     for thing in extract.things(("way", "relation"), ()):
-        _name_place(survey, thing)
+        _name_country(survey, thing)
+        side = thing.tags.get("driving_side")
+        if side in ("left", "right"):
+            (way_sides if thing.kind == "way" else survey.sides)[side] += 1
         if thing.kind == "way":
             _take_way(survey, thing)
         elif _is_restriction(thing):
             survey.restrictions += 1
         elif _is_built_up(thing):
             rings.append(tuple(ref for kind, ref, _ in thing.members if kind == "way"))
+    if not survey.sides and 2 * way_sides.total() >= len(survey.open_roads):
+        survey.sides = way_sides
     if not survey.roads:
         raise InputError(extract.path, "no way with a road class (highway) in it", "extract more")
     if rings:
@@ -141,15 +148,12 @@ def _take_way(survey: Survey, thing: Thing) -> None:
         survey.areas.append((thing.nodes,))
 
 
-def _name_place(survey: Survey, thing: Thing) -> None:
-    """Count what a way or relation says of its country and side."""
+def _name_country(survey: Survey, thing: Thing) -> None:
+    """Count what a way or relation says of its country."""
     for key in ("ISO3166-1", "ISO3166-1:alpha2", "ISO3166-2", "addr:country", "is_in:country_code"):
         code = thing.tags.get(key, "")[:2].upper()
         if len(code) == 2 and code.isalpha() and thing.tags[key][2:3] in ("", "-"):
             survey.countries[code] += 1
-    side = thing.tags.get("driving_side")
-    if side in ("left", "right"):
-        survey.sides[side] += 1
 
 
 def _is_restriction(thing: Thing) -> bool:

@@ -13,6 +13,8 @@ from dashboard.web.fleet_file import make_scene
 from dashboard.web.hub import Part, event
 from dashboard.web.rows import Scene
 from dashboard.web.tables import Limits, Tables
+from dispatcher_daemon.fleet import fleet_from
+from slipstream.config import read_data
 from slipstream.errors import InputError
 from slipstream.messages import (
     Alarm,
@@ -25,6 +27,8 @@ from slipstream.messages import (
     VehiclePosition,
 )
 from slipstream.orders import OrderRecord
+from slipstream.projection import Projection
+from slipstream.roads import Segment, build_network
 
 from .. import city as of
 
@@ -165,6 +169,20 @@ def test_partners_are_named_where_a_platoon_drives(tables, world, now_ns):
     row = tables.moment["vehicles"]["van-a"]
     assert (row["platoon"], row["place"], row["with"]) == ("east-1", 0, ["van-b"])
     assert (row["source"], row["state"], row["road"]) == ("planned", "planned", "avenue_east")
+
+
+def test_a_depot_by_place_is_marked_where_the_dispatcher_serves_it(tmp_path):
+    """At an end of the nearest road, though another road's junction is nearer."""
+    at = {"a": (0.0, 0.0), "b": (900.0, 0.0), "c": (400.0, 60.0), "d": (400.0, 900.0)}
+    at = {name: (500_000.0 + x, 5_300_000.0 + y) for name, (x, y) in at.items()}
+    roads = [Segment(i + j, i, j, 900.0, 13.9, 1, (at[i], at[j])) for i, j in ("ab", "cd")]
+    utm = Projection("+proj=utm +zone=33 +ellps=WGS84 +units=m", (0.0, 0.0))
+    network = build_network("roads", roads, at, projection=utm)
+    ((lat, lon),) = utm.degrees([(500_350.0, 5_300_010.0)])
+    file = tmp_path / "fleet.toml"
+    file.write_text(f'[[depots]]\nlat = {lat}\nlon = {lon}\n[[vehicles]]\nid = "v"\n')
+    assert fleet_from(read_data(file), network, file, may_lack_stops=True).depots[0].node == "a"
+    assert make_scene(network, file, ()).depots == {"depot": "a"}
 
 
 def test_the_whole_fleet_is_listed_with_its_depots(world, now_ns, tmp_path):

@@ -102,7 +102,13 @@ def test_what_the_map_says_of_its_side_counts_before_where_it_lies(tmp_path: Pat
     path = town(tmp_path / "side.osm", place, more={"driving_side": "right"})
     assert str(driving_side(_survey(path), None, None, path)) == "right (by the map's driving_side)"
     path = town(tmp_path / "country.osm", place, more={"addr:country": "TH"})
-    assert _survey(path).countries == {"TH": 6}
+    assert str(driving_side(_survey(path), None, None, path)) == "left (the map's country is TH)"
+    path = town(tmp_path / "vienna.osm", more={"addr:country": "GB"})
+    with pytest.raises(InputError, match=r"the map's country is GB\), but right"):
+        driving_side(_survey(path), None, None, path)
+    # One way with a side of its own says nothing of the others.
+    path = town(tmp_path / "one.osm", tags={"m1": {"driving_side": "left"}})
+    assert driving_side(_survey(path), None, None, path).side == "right"
 
 
 @pytest.mark.parametrize(("order", "side"), [((1, 2, 3, 4, 1), "right"), ((4, 3, 2, 1), "left")])
@@ -124,7 +130,7 @@ def test_roundabouts_tell_the_side(tmp_path: Path, order: tuple[int, ...], side:
     found = driving_side(_survey(near_a_border), None, None, near_a_border)
     assert (found.side, found.why) == (side, "as 1 of 1 roundabouts turn")
     elsewhere = extract(RIGHT["Vienna"] if side == "left" else LEFT["London"])
-    with pytest.raises(InputError, match=f"its roundabouts turn for the {side}"):
+    with pytest.raises(InputError, match=rf"but {side} \(as 1 of 1 roundabouts turn\)"):
         driving_side(_survey(elsewhere), None, None, elsewhere)
 
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from simulation.scenarios.networks.netconvert import find_netconvert
-from simulation.scenarios.networks.osm import kinds_of_warnings, left_out
+from simulation.scenarios.networks.netconvert import find_netconvert, warnings_of
+from simulation.scenarios.networks.osm import left_out
 from simulation.scenarios.networks.osm_extract import open_extract, write_roads
 from simulation.scenarios.networks.osm_survey import Survey, survey_of
 from slipstream.errors import InputError
@@ -111,20 +111,33 @@ def test_each_way_that_a_net_has_not_has_its_reason(tmp_path: Path) -> None:
     }
 
 
+def test_what_netconvert_warns_of_explains_that_nothing_is_left(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], tool: Callable[[str], str]
+) -> None:
+    """A road whose nodes were not extracted."""
+    if find_netconvert() is None:
+        tool("netconvert")
+    path = tmp_path / "t.osm"
+    nodes = '<node id="1" lat="48.0" lon="16.0" version="1"/>'
+    way = '<way id="7" version="1"><nd ref="1"/><nd ref="2"/><tag k="highway" v="primary"/></way>'
+    path.write_text(f'<osm version="0.6">{nodes}{way}</osm>')
+    assert main(["import", "osm", str(path), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert "(ref='2') is not known" in said
+    assert said.count("\n") == 1
+
+
 def test_warnings_of_netconvert_are_counted_by_kind() -> None:
-    """The first of each is quoted; those about netconvert itself, and those that are counted as
-    turn restrictions, are not told twice.
-    """
+    """The first of each is quoted; those about netconvert itself are left out."""
     said = (
         "Warning: Environment variable SUMO_HOME is not set, using built in type maps.\n"
         "pj_obj_create: Cannot find proj.db\n"
         "Warning: Speed of straight connection '12#3_0->-14_0' reduced by 3.50 due to turning.\n"
         "Warning: Removed a road without junctions: -226336485.\n"
         "Warning: Speed of straight connection 'a_0->b_1' reduced by 1 due to turning.\n"
-        "Warning: Ignoring restriction relation '2' with unknown to-way '99'.\n"
         "Success.\n"
     )
-    assert kinds_of_warnings(said) == {
+    assert warnings_of(said) == {
         "Speed of straight connection '12#3_0->-14_0' reduced by 3.50 due to turning.": 2,
         "Removed a road without junctions: -226336485.": 1,
     }
@@ -188,6 +201,7 @@ def test_an_imported_town_is_one_that_the_commands_take(
     assert main(["import", "osm", str(path), "--out", str(out), "--json"]) == 0
     summary = json.loads(capsys.readouterr().out)
     assert (summary["ways"], summary["signals"]) == (8, 1)
+    assert not any("restriction" in text for text in summary["netconvert_warnings"])
     assert (summary["turn_restrictions"], summary["turn_restrictions_ignored"]) == (2, 1)
     assert summary["ways_left_out"]["not connected to the others"] == 1
     network = load_network(summary["net"])

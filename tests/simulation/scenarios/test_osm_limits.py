@@ -149,7 +149,10 @@ def test_the_import_says_which_limits_it_took_and_the_net_has_them(
     assert main(["import", "osm", str(path), "--out", str(out), "--json"]) == 0
     summary = json.loads(capsys.readouterr().out)
     assert summary["country"] == "AT"
-    assert (summary["driving_side"], summary["driving_side_by"]) == ("right", "the country is AT")
+    assert (summary["driving_side"], summary["driving_side_by"]) == (
+        "right",
+        "the map's country is AT",
+    )
     rows = {row["why"]: row for row in summary["limits_not_signed"]}
     assert rows["inside of built-up areas"] == {
         "kmh": 50, "why": "inside of built-up areas", "km": pytest.approx(0.8, abs=0.05),
