@@ -92,7 +92,9 @@ def _without_roads(file: Checked) -> Checked:
     if file.kind != "camera":
         return file
     note = f"{file.path}: no roads are given: its segments are not compared with any"
-    return replace(file, notes=(*file.notes, f"{note}; give --network, or the dispatcher's settings"))
+    return replace(
+        file, notes=(*file.notes, f"{note}; give --network, or the dispatcher's settings")
+    )
 
 
 def _files_of(path: Path) -> Sequence[Path]:

@@ -11,8 +11,9 @@ from typing import Any, Final
 from dispatcher_daemon.fleet import Stop
 from dispatcher_daemon.tracking.order_stops import details, opened
 from slipstream.messages import OrderRequest, OrderState, PlannedStop, VehiclePlan, Visit
-from slipstream.orders import FleetRecords, OrderChange, OrderRecord, utc
+from slipstream.orders import FleetRecords, OrderChange, OrderRecord, utc, with_reason
 
+CANCELLED: Final = "cancelled by its caller"
 REMEMBERED_NS: Final = 86_400 * 10**9
 """How long an ended order is known after nobody asks for it any more."""
 
@@ -109,16 +110,18 @@ class OrderBook:
             )
         )
 
-    def cancel(self, order: str, now_ns: int) -> None:
+    def cancel(self, order: str, now_ns: int, reason: str | None = None) -> None:
         """A caller does not want an order any more that no vehicle has left with."""
-        self._move(self._orders[order], "cancelled", now_ns, "cancelled by its caller")
+        text = f"cancelled: {reason}" if reason else CANCELLED
+        self._move(self._orders[order], "cancelled", now_ns, text)
 
-    def pin(self, order: str, vehicle: str | None, now_ns: int) -> None:
+    def pin(self, order: str, vehicle: str | None, now_ns: int, reason: str | None = None) -> None:
         """Only this vehicle may serve an order from now on; None: any."""
         known = self._orders[order]
         if known.pinned != vehicle:
-            reason = f"released from {known.pinned}" if vehicle is None else f"pinned to {vehicle}"
-            self._set(replace(known, pinned=vehicle, since_ns=now_ns, reason=reason))
+            done = f"released from {known.pinned}" if vehicle is None else f"pinned to {vehicle}"
+            told = with_reason(done, reason)
+            self._set(replace(known, pinned=vehicle, since_ns=now_ns, reason=told))
 
     def expire(self, now_ns: int) -> None:
         """Callers' open orders whose windows have closed have failed."""
@@ -258,7 +261,7 @@ class OrderBook:
             # Nobody asks for it any more.
             gone = "no longer in the fleet's file"
             if order.request is not None:
-                gone = "cancelled by its caller"
+                gone = CANCELLED
             self._move(self._orders[order.order], "cancelled", now_ns, gone)
 
     def counts(self) -> dict[OrderState, int]:

@@ -62,6 +62,7 @@ from slipstream.messages.orders import (
     OrderRequest,
     OrderStatus,
     OrderStep,
+    Reason,
     RefusalKind,
     order_key,
 )
@@ -191,6 +192,7 @@ __all__ = [
     "PlatoonControl",
     "PlatoonManagement",
     "PlatoonMode",
+    "Reason",
     "RefusalKind",
     "RequestStatus",
     "RsuHealth",
