@@ -28,6 +28,7 @@ from pydantic_core import CoreSchema, ErrorDetails
 
 from slipstream.errors import MAX_FAULTS, InputError
 from slipstream.files import ending_of, read_text, text_of
+from slipstream.plain_words import words_of
 
 DEMO_NETWORK: Final = "demo"
 """Name of the network that comes along; see `slipstream.sumo_net`."""
@@ -352,7 +353,14 @@ def _told(
         return InputError(source, "unknown key", mend, key=key)
     if fault["type"] == "missing":
         return InputError(source, "missing key", "add it", key=key)
-    return InputError(source, problem + _shown(fault.get("input")), "mend the value", key=key)
+    value = _shown(fault.get("input"))
+    said = words_of(fault["type"], fault.get("ctx", {}), value)
+    if said is not None:
+        return InputError(source, *said, key=key)
+    # Of a model's own words the last part may be the mend.
+    problem, _, mend = problem.partition("; ")
+    shown = f" (got {value})" if value else ""
+    return InputError(source, problem + shown, mend or "mend the value", key=key)
 
 
 def _known_keys(model: type[BaseModel], location: Sequence[int | str]) -> list[str]:
@@ -393,4 +401,4 @@ def _shown(value: object) -> str:
     if isinstance(value, dict | list) or "://" in str(value):
         return ""
     text = repr(value)
-    return f" (got {text if len(text) <= 60 else text[:57] + '...'})"
+    return text if len(text) <= 60 else f"{text[:57]}..."

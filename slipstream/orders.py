@@ -248,6 +248,11 @@ class OrderRefused(Exception):
         super().__init__(f"{order or 'order'}: {problem}; {mend}")
 
 
+def with_reason(text: str, reason: str | None) -> str:
+    """What was done, with why somebody says that they did it."""
+    return f"{text}: {reason}" if reason else text
+
+
 def utc(time_ns: int) -> str:
     """A moment for people, as reasons name it."""
     return datetime.fromtimestamp(time_ns // 10**9, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")

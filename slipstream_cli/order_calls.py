@@ -35,6 +35,8 @@ def add_to(actions: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
     )
     for action in (showing, cancelling, pinning, releasing, settling):
         action.add_argument("order", help="its id")
+    for action in (cancelling, pinning, releasing, settling):
+        action.add_argument("--reason", help="why, for the order's history and the log")
     for action, run in (
         (adding, _add),
         (showing, _show),
@@ -71,7 +73,7 @@ def _show(options: argparse.Namespace) -> int:
 
 
 def _cancel(options: argparse.Namespace) -> int:
-    return _change(options, "DELETE", "")
+    return _change(options, "DELETE", "", {})
 
 
 def _pin(options: argparse.Namespace) -> int:
@@ -79,15 +81,17 @@ def _pin(options: argparse.Namespace) -> int:
 
 
 def _release(options: argparse.Namespace) -> int:
-    return _change(options, "POST", "/release")
+    return _change(options, "POST", "/release", {})
 
 
 def _settle(options: argparse.Namespace) -> int:
     return _change(options, "POST", "/settle", {"served": options.served})
 
 
-def _change(options: argparse.Namespace, method: str, action: str, body: object = None) -> int:
-    answer = _call(options, method, _path(options) + action, body, options.order)
+def _change(options: argparse.Namespace, method: str, action: str, body: dict[str, object]) -> int:
+    if options.reason is not None:
+        body["reason"] = options.reason
+    answer = _call(options, method, _path(options) + action, body or None, options.order)
     print(f"{answer['order']}  {answer['state']}  {answer['reason']}")
     return 0
 

@@ -13,6 +13,7 @@ from dispatcher_daemon import metrics
 from dispatcher_daemon.alarms.book import TOLD_S, AlarmBook
 from dispatcher_daemon.alarms.conditions import KINDS, Condition
 from slipstream.messages import SEVERITIES, Alarm, Alarms
+from slipstream.orders import with_reason
 from slipstream.service import LogLimiter
 from storage import Event, StorageError
 
@@ -96,13 +97,16 @@ class AlarmWatch:
             alarms, more = self._book.alarms()
         return Alarms(time_ns=time.time_ns(), alarms=alarms, more=more)
 
-    def acknowledge(self, alarm: str, by: str, actor: str) -> Alarm | None:
+    def acknowledge(
+        self, alarm: str, by: str, actor: str, reason: str | None = None
+    ) -> Alarm | None:
         """Somebody knows of an alarm. It returns when that is durable.
 
         Args:
             alarm: its id.
             by: who.
             actor: name of the token that said so.
+            reason: in words, for the log; None: none.
 
         Returns:
             the alarm, with the first who acknowledged it; None: there is none of this id.
@@ -116,7 +120,7 @@ class AlarmWatch:
             return found
         now_ns = time.time_ns()
         acknowledged = {"acknowledged_by": by, "acknowledged_ns": now_ns}
-        text = f"{found.kind} acknowledged by {by}"
+        text = with_reason(f"{found.kind} acknowledged by {by}", reason)
         done = Event(now_ns, "acknowledge", "info", found.subject, text, actor=actor)
         self._store.save_events([event_of(found.model_copy(update=acknowledged)), done])
         with self._lock:

@@ -6,16 +6,15 @@ import time
 from dataclasses import asdict
 from typing import Annotated, Final
 
-from fastapi import APIRouter, Depends, Path, Query, Request
+from fastapi import APIRouter, Path, Query, Request
 from pydantic import BaseModel, Field
 
 from dispatcher_daemon.api.auth import requires
-from dispatcher_daemon.api.body import SOURCE, describe_optional_body, json_body
-from dispatcher_daemon.api.control import actor_of
+from dispatcher_daemon.api.body import describe_optional_body, optional_body_of
+from dispatcher_daemon.api.control import Given, actor_of
 from dispatcher_daemon.api.parameters import Before, Limit
 from dispatcher_daemon.api.problems import Problem
 from dispatcher_daemon.api.services import Dispatch
-from slipstream.config import Settings, check
 from slipstream.messages import Alarm, Alarms, Identifier, Severity
 
 DAY_NS: Final = 86_400_000_000_000
@@ -23,7 +22,7 @@ DAY_NS: Final = 86_400_000_000_000
 router = APIRouter(prefix="/v1", tags=["alarms"])
 
 
-class Acknowledgement(Settings):
+class Acknowledgement(Given):
     """Who knows of an alarm."""
 
     by: Identifier | None = Field(
@@ -60,12 +59,6 @@ class LogPage(BaseModel):
     next: int | None = Field(description="`before` of the next page; null: there is none.")
 
 
-async def _acknowledgement(request: Request) -> Acknowledgement:
-    if not await request.body():
-        return Acknowledgement()
-    return check(await json_body(request), Acknowledgement, SOURCE)
-
-
 @router.get("/alarms", dependencies=[requires("read")])
 def alarms(dispatch: Dispatch) -> Alarms:
     """Alarms in force and those that ended in the last ten minutes, as they are on the bus."""
@@ -81,11 +74,11 @@ def acknowledge(
     dispatch: Dispatch,
     request: Request,
     alarm: Annotated[str, Path(min_length=1, max_length=64)],
-    sent: Annotated[Acknowledgement, Depends(_acknowledgement)],
+    sent: Annotated[Acknowledgement, optional_body_of(Acknowledgement)],
 ) -> Alarm:
     """Say that somebody knows of an alarm. The first who does stays; it may be said again."""
     actor = actor_of(request)
-    found = dispatch.alarms.acknowledge(alarm, sent.by or actor, actor)
+    found = dispatch.alarms.acknowledge(alarm, sent.by or actor, actor, sent.reason)
     if found is None:
         detail = "no alarm with this id is in force or ended in the last ten minutes"
         raise Problem(404, detail, "see /v1/alarms for those there are", field="alarm")

@@ -58,6 +58,17 @@ def body_of(model: type[S], joint: str | None = None) -> Any:
     return Depends(read)
 
 
+def optional_body_of(model: type[S]) -> Any:
+    """As `body_of`; without a body, the model's defaults."""
+
+    async def read(request: Request) -> S:
+        if not await request.body():
+            return model()
+        return await run_in_threadpool(check, await json_body(request), model, SOURCE)
+
+    return Depends(read)
+
+
 def describe_body(model: type[BaseModel], prefix: str = "") -> dict[str, Any]:
     """The `openapi_extra` of an operation whose body is read by `body_of` or `json_body`.
 

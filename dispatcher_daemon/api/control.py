@@ -2,15 +2,30 @@
 
 from __future__ import annotations
 
+from typing import Annotated, Final
+
 from fastapi import APIRouter, FastAPI, Request, Response
 from pydantic import BaseModel, Field
 
 from dispatcher_daemon.api.auth import Client, requires
+from dispatcher_daemon.api.body import describe_optional_body, optional_body_of
 from dispatcher_daemon.api.problems import Problem
 from dispatcher_daemon.api.services import Dispatch
 from dispatcher_daemon.dispatcher import ControlRefused
+from slipstream.config import Settings
+from slipstream.messages import Reason
 
 router = APIRouter(prefix="/v1/control", tags=["control"], dependencies=[requires("control")])
+
+
+class Given(Settings):
+    """Why something is done."""
+
+    reason: Reason | None = Field(default=None, description="In words, for the log; null: none.")
+
+
+Why = Annotated[Given, optional_body_of(Given)]
+_BODY: Final = describe_optional_body(Given)
 
 
 class ControlState(BaseModel):
@@ -21,26 +36,26 @@ class ControlState(BaseModel):
     paused_ns: int | None = Field(description="UTC of that.")
 
 
-@router.post("/pause")
-def pause(dispatch: Dispatch, request: Request) -> ControlState:
+@router.post("/pause", openapi_extra=_BODY)
+def pause(dispatch: Dispatch, request: Request, why: Why) -> ControlState:
     """Have no cycle begin and no order put into plans until it is resumed, over restarts too. A
     cycle that runs ends as usual; vehicles go on by the plans that they have.
     """
-    dispatch.control.pause(actor_of(request))
+    dispatch.control.pause(actor_of(request), why.reason)
     return _state(dispatch)
 
 
-@router.post("/resume")
-def resume(dispatch: Dispatch, request: Request) -> ControlState:
+@router.post("/resume", openapi_extra=_BODY)
+def resume(dispatch: Dispatch, request: Request, why: Why) -> ControlState:
     """Have cycles run again, the first one at once."""
-    dispatch.control.resume(actor_of(request))
+    dispatch.control.resume(actor_of(request), why.reason)
     return _state(dispatch)
 
 
-@router.post("/cycle", status_code=202)
-def run_cycle(dispatch: Dispatch, request: Request) -> ControlState:
+@router.post("/cycle", status_code=202, openapi_extra=_BODY)
+def run_cycle(dispatch: Dispatch, request: Request, why: Why) -> ControlState:
     """Have a cycle run now. Refused while it is paused, or one runs."""
-    dispatch.control.cycle(actor_of(request))
+    dispatch.control.cycle(actor_of(request), why.reason)
     return _state(dispatch)
 
 

@@ -12,13 +12,18 @@ from fastapi.responses import JSONResponse
 from pydantic import BaseModel, Field, RootModel
 
 from dispatcher_daemon.api.auth import requires
-from dispatcher_daemon.api.body import SOURCE, describe_body, describe_optional_body, json_body
-from dispatcher_daemon.api.control import actor_of
+from dispatcher_daemon.api.body import (
+    body_of,
+    describe_body,
+    describe_optional_body,
+    json_body,
+    optional_body_of,
+)
+from dispatcher_daemon.api.control import Given, Why, actor_of
 from dispatcher_daemon.api.parameters import After, Limit, Name
 from dispatcher_daemon.api.problems import MEDIA_TYPE, Problem
 from dispatcher_daemon.api.services import Dispatch
 from dispatcher_daemon.intake import MAX_AT_ONCE, OrdersRefused, read_request
-from slipstream.config import Settings, check
 from slipstream.messages import (
     Identifier,
     OrderHistory,
@@ -42,6 +47,7 @@ STATUS: Final[Mapping[RefusalKind, int]] = {
 }
 _PATH: Final = "/{order:path}"
 """A caller's id may have slashes."""
+_WHY: Final = describe_optional_body(Given)
 
 
 class OrderBatch(
@@ -66,7 +72,7 @@ class OrderPage(BaseModel):
     next: str | None = Field(description="`after` of the next page; null: there is none.")
 
 
-class Pin(Settings):
+class Pin(Given):
     """For which vehicle an order is kept."""
 
     vehicle: Identifier | None = Field(
@@ -74,7 +80,7 @@ class Pin(Settings):
     )
 
 
-class Settlement(Settings):
+class Settlement(Given):
     """What became of an order."""
 
     served: bool = Field(description="False: it was not served, and is open again.")
@@ -103,16 +109,6 @@ def _read(data: object) -> _Sent:
     if refusals:
         raise OrdersRefused(refusals)
     return _Sent(tuple(found), isinstance(data, list))
-
-
-async def _pin(request: Request) -> Pin:
-    if not await request.body():
-        return Pin()
-    return check(await json_body(request), Pin, SOURCE)
-
-
-async def _settlement(request: Request) -> Settlement:
-    return check(await json_body(request), Settlement, SOURCE)
 
 
 @router.post(
@@ -157,10 +153,11 @@ def show(dispatch: Dispatch, order: Name) -> OrderHistory:
     return dispatch.orders.show(order)
 
 
-@router.delete(_PATH, dependencies=[requires("orders")])
-def cancel(dispatch: Dispatch, request: Request, order: Name) -> OrderStatus:
+@router.delete(_PATH, dependencies=[requires("orders")], openapi_extra=_WHY)
+def cancel(dispatch: Dispatch, request: Request, order: Name, why: Why) -> OrderStatus:
     """Cancel an order. Refused where a vehicle has left with it, or it has ended."""
-    return _logged(dispatch, request, "cancel", dispatch.orders.cancel(order))
+    done = dispatch.orders.cancel(order, why.reason)
+    return _logged(dispatch, request, "cancel", done, why.reason)
 
 
 @router.post(
@@ -169,16 +166,18 @@ def cancel(dispatch: Dispatch, request: Request, order: Name) -> OrderStatus:
     openapi_extra=describe_optional_body(Pin),
 )
 def pin(
-    dispatch: Dispatch, request: Request, order: Name, pin: Annotated[Pin, Depends(_pin)]
+    dispatch: Dispatch, request: Request, order: Name, pin: Annotated[Pin, optional_body_of(Pin)]
 ) -> OrderStatus:
     """Keep an order for one vehicle; without a body, for the one whose plan has it."""
-    return _logged(dispatch, request, "pin", dispatch.orders.pin(order, pin.vehicle))
+    done = dispatch.orders.pin(order, pin.vehicle, pin.reason)
+    return _logged(dispatch, request, "pin", done, pin.reason)
 
 
-@router.post(_PATH + "/release", dependencies=[requires("control")])
-def release(dispatch: Dispatch, request: Request, order: Name) -> OrderStatus:
+@router.post(_PATH + "/release", dependencies=[requires("control")], openapi_extra=_WHY)
+def release(dispatch: Dispatch, request: Request, order: Name, why: Why) -> OrderStatus:
     """Let any vehicle serve an order that is pinned."""
-    return _logged(dispatch, request, "release", dispatch.orders.release(order))
+    done = dispatch.orders.release(order, why.reason)
+    return _logged(dispatch, request, "release", done, why.reason)
 
 
 @router.post(
@@ -190,17 +189,19 @@ def settle(
     dispatch: Dispatch,
     request: Request,
     order: Name,
-    settlement: Annotated[Settlement, Depends(_settlement)],
+    settlement: Annotated[Settlement, body_of(Settlement)],
 ) -> OrderStatus:
     """Say whether an order was served whose vehicle cannot say so, or is not believed. Refused once
     it has ended.
     """
-    found = dispatch.orders.settle(order, served=settlement.served)
-    return _logged(dispatch, request, "settle", found)
+    done = dispatch.orders.settle(order, served=settlement.served, reason=settlement.reason)
+    return _logged(dispatch, request, "settle", done, settlement.reason)
 
 
-def _logged(dispatch: Dispatch, request: Request, kind: str, status: OrderStatus) -> OrderStatus:
-    dispatch.control.note(kind, f"order/{status.order}", actor_of(request))
+def _logged(
+    dispatch: Dispatch, request: Request, kind: str, status: OrderStatus, reason: str | None
+) -> OrderStatus:
+    dispatch.control.note(kind, f"order/{status.order}", actor_of(request), reason)
     return status
 
 

@@ -9,6 +9,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Final, Protocol
 
+from slipstream.orders import with_reason
 from storage import Event, StorageError
 
 log = logging.getLogger(__name__)
@@ -77,10 +78,10 @@ class Control:
         if self.paused is not None:
             log.warning("paused by %s: no cycle runs until it is resumed", self.paused.by)
 
-    def pause(self, actor: str) -> None:
+    def pause(self, actor: str, reason: str | None = None) -> None:
         """Have no cycle begin and no order inserted any more; a cycle that runs goes on."""
         with self._lock:
-            now_ns = self._record(PAUSE, actor, f"paused by {actor}")
+            now_ns = self._record(PAUSE, actor, with_reason(f"paused by {actor}", reason))
             self.paused = self.paused or Pause(actor, now_ns)
 
     def store_pause(self) -> None:
@@ -92,22 +93,23 @@ class Control:
             except StorageError as error:
                 log.warning("the pause is not stored: %s", error)
 
-    def note(self, kind: str, subject: str, actor: str) -> None:
+    def note(self, kind: str, subject: str, actor: str, reason: str | None = None) -> None:
         """Log what somebody did elsewhere, and what cannot be undone for want of a log."""
         try:
-            self._save(kind, actor, time.time_ns(), subject, f"{kind} by {actor}")
+            text = with_reason(f"{kind} by {actor}", reason)
+            self._save(kind, actor, time.time_ns(), subject, text)
         except StorageError as error:
             log.warning("%s of %s by %s is not stored: %s", kind, subject, actor, error)
 
-    def resume(self, actor: str) -> None:
+    def resume(self, actor: str, reason: str | None = None) -> None:
         """Have cycles run again, the first one now."""
         with self._lock:
-            self._record(RESUME, actor, f"resumed by {actor}")
+            self._record(RESUME, actor, with_reason(f"resumed by {actor}", reason))
             was_paused, self.paused = self.paused is not None, None
         if was_paused:
             self.run_soon()
 
-    def cycle(self, actor: str) -> None:
+    def cycle(self, actor: str, reason: str | None = None) -> None:
         """Have a cycle run now; the next ones follow at the usual interval.
 
         Raises:
@@ -117,7 +119,7 @@ class Control:
             if self.paused is not None:
                 by = self.paused.by
                 raise ControlRefused(f"the dispatcher is paused by {by}", "resume it first")
-            self._record(CYCLE, actor, f"a cycle wanted by {actor}")
+            self._record(CYCLE, actor, with_reason(f"a cycle wanted by {actor}", reason))
         if not self.run_soon():
             raise ControlRefused("a cycle runs now", "try again when it has ended")
 

@@ -220,8 +220,12 @@ class OrderIntake:
 
         return self._watch.read(read)
 
-    def cancel(self, name: str) -> OrderStatus:
+    def cancel(self, name: str, reason: str | None = None) -> OrderStatus:
         """Cancel an order that no vehicle has left with; one that was cancelled stays so.
+
+        Args:
+            name: of the order.
+            reason: for its history; None: none is given.
 
         Raises:
             OrderRefused: it is not known, is the file's, has ended, or is under way.
@@ -234,19 +238,20 @@ class OrderIntake:
                 problem, mend = "it is a stop of the fleet's file", "take it out of the file"
                 raise OrderRefused("conflict", problem, mend, order=name)
             if order.state in ("open", "planned"):
-                tracker.book.cancel(name, self._clock())
+                tracker.book.cancel(name, self._clock(), reason)
             elif order.state != "cancelled":
                 raise too_late(order)
             return status_of(tracker.book.orders.get(name, order), tracker, self._clock())
 
         return self._edit(cancel)
 
-    def pin(self, name: str, vehicle: str | None = None) -> OrderStatus:
+    def pin(self, name: str, vehicle: str | None = None, reason: str | None = None) -> OrderStatus:
         """Keep an order for one vehicle in all plans to come.
 
         Args:
             name: of the order.
             vehicle: None: that whose plan has it.
+            reason: as of `cancel`.
 
         Raises:
             OrderRefused: it is not known or has ended, no vehicle has it, the one that is named
@@ -278,13 +283,17 @@ class OrderIntake:
                 raise OrderRefused("conflict", problem, mend, order=name, key="vehicle")
             stop = stop_of(order, self._watch.fleet, self._clock())
             area.check_vehicles(stop, wanted)
-            tracker.book.pin(name, wanted, self._clock())
+            tracker.book.pin(name, wanted, self._clock(), reason)
             return status_of(tracker.book.orders[name], tracker, self._clock())
 
         return self._edit(pin)
 
-    def release(self, name: str) -> OrderStatus:
+    def release(self, name: str, reason: str | None = None) -> OrderStatus:
         """Let any vehicle serve an order that is pinned; one that is not stays so.
+
+        Args:
+            name: of the order.
+            reason: as of `cancel`.
 
         Raises:
             OrderRefused: it is not known, or has ended.
@@ -295,12 +304,12 @@ class OrderIntake:
             order = _found(tracker, name, past)
             if order.ended:
                 raise too_late(order)
-            tracker.book.pin(name, None, self._clock())
+            tracker.book.pin(name, None, self._clock(), reason)
             return status_of(tracker.book.orders[name], tracker, self._clock())
 
         return self._edit(release)
 
-    def settle(self, name: str, *, served: bool) -> OrderStatus:
+    def settle(self, name: str, *, served: bool, reason: str | None = None) -> OrderStatus:
         """Somebody who knows says whether an order was served; if not it is open again.
 
         Raises:
@@ -313,7 +322,7 @@ class OrderIntake:
             if order.ended:
                 raise too_late(order)
             if served or order.state != "open":
-                tracker.settle(name, self._clock(), served=served)
+                tracker.settle(name, self._clock(), served=served, reason=reason)
             return status_of(tracker.book.orders[name], tracker, self._clock())
 
         return self._edit(settle)

@@ -19,6 +19,7 @@ from slipstream.messages import (
     Message,
     OrderRefusal,
     OrderRequest,
+    Reason,
     decode,
     take_minor,
 )
@@ -28,9 +29,17 @@ from storage import StorageError
 ACTOR: Final = "bus"
 """Who the log names: the bus's users are its router's, and no message says which one asked."""
 _LOGGED: Final = frozenset({"cancel", "pin", "release", "settle"})
+_Done = tuple[Message, str | None]
+"""The answer, and why its caller says that it was asked for."""
 
 
-class PinRequest(Message):
+class WhyRequest(Message):
+    """Why something is done to an order."""
+
+    reason: Reason | None = Field(default=None, description="In words; null: none.")
+
+
+class PinRequest(WhyRequest):
     """For which vehicle an order is kept."""
 
     vehicle: Identifier | None = Field(
@@ -38,7 +47,7 @@ class PinRequest(Message):
     )
 
 
-class SettleRequest(Message):
+class SettleRequest(WhyRequest):
     """What became of an order."""
 
     served: bool = Field(description="False: it was not served, and is open again.")
@@ -57,13 +66,14 @@ class OrderAnswers:
 
     Args:
         intake: of the orders.
-        note: told of what was done to an order: kind, subject, and who did it, which is `ACTOR`.
+        note: told of what was done to an order: kind, subject, who did it, which is `ACTOR`, and
+            why.
     """
 
     def __init__(
         self,
         intake: OrderIntake,
-        note: Callable[[str, str, str], None] = lambda kind, subject, actor: None,
+        note: Callable[[str, str, str, str | None], None] = lambda kind, subject, actor, why: None,
     ) -> None:
         self._intake, self._note = intake, note
 
@@ -80,10 +90,10 @@ class OrderAnswers:
             if act is None:
                 mend = f"ask for one of: {', '.join(_ACTIONS)}"
                 raise OrderRefused("invalid", f"unknown action {action!r}", mend, order=order)
-            answer = act(self._intake, order, payload).to_bytes()
+            answer, reason = act(self._intake, order, payload)
             if action in _LOGGED:
-                self._note(action, f"order/{order}", ACTOR)
-            return True, answer
+                self._note(action, f"order/{order}", ACTOR, reason)
+            return True, answer.to_bytes()
         except OrderRefused as refused:
             refusal = refused.refusal
         except OrdersRefused as refused:
@@ -107,7 +117,7 @@ class OrderAnswers:
         return False, refusal.to_bytes()
 
 
-def _submit(intake: OrderIntake, order: str, payload: bytes) -> Message:
+def _submit(intake: OrderIntake, order: str, payload: bytes) -> _Done:
     data = parse_json(payload, "order")
     if isinstance(data, dict):
         # Unknown fields stay refused, whatever the minor version: one may be a constraint.
@@ -117,23 +127,38 @@ def _submit(intake: OrderIntake, order: str, payload: bytes) -> Message:
         mend = "ask on the key of the order"
         raise OrderRefused("invalid", "not the order of its key", mend, order=order, key="id")
     ((receipt, _),) = intake.submit([request])
-    return receipt
+    return receipt, None
 
 
-def _pin(intake: OrderIntake, order: str, payload: bytes) -> Message:
+def _cancel(intake: OrderIntake, order: str, payload: bytes) -> _Done:
+    reason = _why(payload, "cancel")
+    return intake.cancel(order, reason), reason
+
+
+def _pin(intake: OrderIntake, order: str, payload: bytes) -> _Done:
     pin = decode(PinRequest, payload, "pin") if payload else PinRequest()
-    return intake.pin(order, pin.vehicle)
+    return intake.pin(order, pin.vehicle, pin.reason), pin.reason
 
 
-def _settle(intake: OrderIntake, order: str, payload: bytes) -> Message:
-    return intake.settle(order, served=decode(SettleRequest, payload, "settle").served)
+def _release(intake: OrderIntake, order: str, payload: bytes) -> _Done:
+    reason = _why(payload, "release")
+    return intake.release(order, reason), reason
 
 
-_ACTIONS: Final[dict[str, Callable[[OrderIntake, str, bytes], Message]]] = {
+def _settle(intake: OrderIntake, order: str, payload: bytes) -> _Done:
+    asked = decode(SettleRequest, payload, "settle")
+    return intake.settle(order, served=asked.served, reason=asked.reason), asked.reason
+
+
+def _why(payload: bytes, action: str) -> str | None:
+    return decode(WhyRequest, payload, action).reason if payload else None
+
+
+_ACTIONS: Final[dict[str, Callable[[OrderIntake, str, bytes], _Done]]] = {
     "submit": _submit,
-    "show": lambda intake, order, _: intake.show(order),
-    "cancel": lambda intake, order, _: intake.cancel(order),
+    "show": lambda intake, order, _: (intake.show(order), None),
+    "cancel": _cancel,
     "pin": _pin,
-    "release": lambda intake, order, _: intake.release(order),
+    "release": _release,
     "settle": _settle,
 }

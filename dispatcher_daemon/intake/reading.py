@@ -25,4 +25,5 @@ def read_request(data: object) -> OrderRequest:
     except InputError as error:
         # Only its place is a matter of several fields.
         key = error.key or "node"
-        raise OrderRefused("invalid", error.problem, error.mend, order=order, key=key) from None
+        problem = error.problem if error.key is None else f"{key}: {error.problem}"
+        raise OrderRefused("invalid", problem, error.mend, order=order, key=key) from None

@@ -13,7 +13,7 @@ MAX_KNOWN: Final = 100_000
 
 def conflict(order: OrderRecord) -> OrderRefusal:
     """An id that is known with another content."""
-    problem, mend = "the id is known with another content", "give a new order a new id"
+    problem, mend = "an order with this id is known, with other data", "give a new order a new id"
     if order.request is None:
         problem = "a stop of the fleet's file has this id"
     return OrderRefusal(order=order.order, kind="conflict", key="id", problem=problem, mend=mend)

@@ -116,13 +116,13 @@ class ServiceArea:
             (
                 "demand",
                 lambda v: v.capacity is None or stop.demand <= v.capacity,
-                f"{stop.demand} is above every capacity",
+                f"it needs {stop.demand}, more than a vehicle can take",
                 "split the order",
             ),
             (
                 "mass_kg",
                 lambda v: fleet.overload(v, [stop]) is None,
-                f"{stop.mass_kg:g} kg are above every payload",
+                f"it weighs {stop.mass_kg:g} kg, more than a vehicle may load",
                 "split the order",
             ),
             (

@@ -11,8 +11,9 @@ from typing import Any, Final
 from dispatcher_daemon.fleet import Stop
 from dispatcher_daemon.tracking.order_stops import details, opened
 from slipstream.messages import OrderRequest, OrderState, PlannedStop, VehiclePlan, Visit
-from slipstream.orders import FleetRecords, OrderChange, OrderRecord, utc
+from slipstream.orders import FleetRecords, OrderChange, OrderRecord, utc, with_reason
 
+CANCELLED: Final = "cancelled by its caller"
 REMEMBERED_NS: Final = 86_400 * 10**9
 """How long an ended order is known after nobody asks for it any more."""
 
@@ -110,16 +111,18 @@ class OrderBook:
             )
         )
 
-    def cancel(self, order: str, now_ns: int) -> None:
+    def cancel(self, order: str, now_ns: int, reason: str | None = None) -> None:
         """A caller does not want an order any more that no vehicle has left with."""
-        self._move(self._orders[order], "cancelled", now_ns, "cancelled by its caller")
+        text = f"cancelled: {reason}" if reason else CANCELLED
+        self._move(self._orders[order], "cancelled", now_ns, text)
 
-    def pin(self, order: str, vehicle: str | None, now_ns: int) -> None:
+    def pin(self, order: str, vehicle: str | None, now_ns: int, reason: str | None = None) -> None:
         """Only this vehicle may serve an order from now on; None: any."""
         known = self._orders[order]
         if known.pinned != vehicle:
-            reason = f"released from {known.pinned}" if vehicle is None else f"pinned to {vehicle}"
-            self._set(replace(known, pinned=vehicle, since_ns=now_ns, reason=reason))
+            done = f"released from {known.pinned}" if vehicle is None else f"pinned to {vehicle}"
+            told = with_reason(done, reason)
+            self._set(replace(known, pinned=vehicle, since_ns=now_ns, reason=told))
 
     def expire(self, now_ns: int) -> None:
         """Callers' open orders whose windows have closed have failed."""
@@ -205,12 +208,14 @@ class OrderBook:
         """
         (self._disputed.add if lasts else self._disputed.discard)(order)
 
-    def settle(self, order: str, now_ns: int, *, served: bool) -> None:
+    def settle(self, order: str, now_ns: int, *, served: bool, reason: str | None) -> None:
         """Somebody who knows says whether an order was served; if not it is open again."""
         if served:
-            self._move(self._orders[order], "served", now_ns, "an operator says so")
+            told = with_reason("an operator says so", reason)
+            self._move(self._orders[order], "served", now_ns, told)
         else:
-            self._open(self._orders[order], now_ns, "an operator says that it was not served")
+            told = with_reason("an operator says that it was not served", reason)
+            self._open(self._orders[order], now_ns, told)
 
     def _may_open(self, order: OrderRecord) -> bool:
         return order.state != "under_way" or order.order not in self._disputed
@@ -267,7 +272,7 @@ class OrderBook:
             # Nobody asks for it any more.
             gone = "no longer in the fleet's file"
             if order.request is not None:
-                gone = "cancelled by its caller"
+                gone = CANCELLED
             self._move(self._orders[order.order], "cancelled", now_ns, gone)
 
     def counts(self) -> dict[OrderState, int]:

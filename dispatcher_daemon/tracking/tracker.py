@@ -309,9 +309,9 @@ class FleetTracker:
         tours = open_tours(fleet, vehicles, self._available, self.book, cycle, now_ns, reference_ns)
         return list(tours) if stops else [], stops
 
-    def settle(self, order: str, now_ns: int, *, served: bool) -> None:
+    def settle(self, order: str, now_ns: int, *, served: bool, reason: str | None = None) -> None:
         """Somebody who knows says whether an order was served: what vehicles said of it is past."""
-        self.book.settle(order, now_ns, served=served)
+        self.book.settle(order, now_ns, served=served, reason=reason)
         self.claims.forget(order)
         for vehicle in self._vehicles.values():
             vehicle.given.pop(order, None)

@@ -41,13 +41,13 @@ class Conventions:
         async def followed() -> Message:
             # Nobody reads on: parts that would follow need not be made.
             if not answered.is_set():
-                tasks = {asyncio.ensure_future(receive()), asyncio.ensure_future(answered.wait())}
-                done, waiting = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-                for task in waiting:
-                    task.cancel()
-                found = next((t.result() for t in done if not isinstance(t.result(), bool)), None)
-                if found is not None and not answered.is_set():
-                    return found
+                asked = asyncio.ensure_future(receive())
+                over = asyncio.ensure_future(answered.wait())
+                await asyncio.wait((asked, over), return_when=asyncio.FIRST_COMPLETED)
+                over.cancel()
+                if asked.done():
+                    return asked.result()
+                asked.cancel()
             return {"type": "http.disconnect"}
 
         await self._app({**scope, "method": "GET"}, followed, head)

@@ -63,6 +63,7 @@ from slipstream.messages.orders import (
     OrderRequest,
     OrderStatus,
     OrderStep,
+    Reason,
     RefusalKind,
     order_key,
 )
@@ -193,6 +194,7 @@ __all__ = [
     "PlatoonControl",
     "PlatoonManagement",
     "PlatoonMode",
+    "Reason",
     "RefusalKind",
     "RequestStatus",
     "RsuHealth",

@@ -31,22 +31,26 @@ def _as_ns(value: Any) -> Any:
     if not isinstance(value, str):
         return value
     parts = _RFC_3339.fullmatch(value)
-    mend = "write it like 2026-11-23T08:00:00Z, with its zone, or as UTC nanoseconds"
+    mend = "write it like 2026-11-23T08:00:00Z or 2026-11-23T09:00:00+01:00"
     if parts is None:
-        raise ValueError(f"not a time of RFC 3339: {mend}")
+        raise ValueError(f"no time with its date and zone; {mend}")
     try:
         zone = parts[3].upper().replace("Z", "+00:00")
         whole = read_datetime(parts[1].upper() + zone)
         seconds = round(whole.timestamp())
     except (ValueError, OverflowError):
-        raise ValueError(f"no such time: {mend}") from None
+        raise ValueError(f"no such time; {mend}") from None
     return seconds * 10**9 + int((parts[2] or "0").ljust(9, "0"))
 
 
 def _plain(name: str) -> str:
     if _CONTROL.search(name):
-        raise ValueError("a name must not have control characters")
+        raise ValueError("it has control characters; write it in one line")
     return name
+
+
+def _in_one_line(text: str) -> str:
+    return " ".join(_CONTROL.sub(" ", text).split())
 
 
 def _sorted(names: tuple[str, ...]) -> tuple[str, ...]:
@@ -69,6 +73,11 @@ Moment = Annotated[
 """UTC nanoseconds; an RFC 3339 text with its zone is read too."""
 
 Name = Annotated[Identifier, AfterValidator(_plain)]
+
+Reason = Annotated[
+    str, AfterValidator(_in_one_line), Field(max_length=500, description="In words; null: none.")
+]
+"""Why somebody does something to an order or to the dispatcher: for its history and the log."""
 
 
 class OrderRequest(Message):
@@ -112,9 +121,10 @@ class OrderRequest(Message):
     @model_validator(mode="after")
     def _has_one_place(self) -> Self:
         if (self.lat is None) != (self.lon is None):
-            raise ValueError("give lat and lon, or neither")
+            raise ValueError("one of lat and lon is missing; give both, or neither")
         if (self.node is None) == (self.lat is None):
-            raise ValueError("give a node, or lat and lon")
+            lacks = "it has no place" if self.node is None else "it has two places"
+            raise ValueError(f"{lacks}; give a junction as node, or lat and lon")
         return self
 
     @field_validator("latest")
@@ -122,7 +132,7 @@ class OrderRequest(Message):
     def _window_is_open(cls, latest: int | None, info: ValidationInfo) -> int | None:
         earliest = info.data.get("earliest")
         if latest is not None and earliest is not None and latest < earliest:
-            raise ValueError(f"latest ({latest}) must not be below earliest ({earliest})")
+            raise ValueError("its window ends before it begins; give a latest after earliest")
         return latest
 
 

@@ -62,9 +62,9 @@ def roads_of(
             kind = kind_of(path) if path.absolute() != fleet.absolute() else None
         except InputError:
             continue
-        owner = part_of(path, kind) if kind in ("dispatcher", "dashboard") else None
-        if owner is not None and _names(owner, fleet) and hasattr(owner.content, "network"):
-            return _beside(path, owner.content.network)
+        beside = part_of(path, kind) if kind in ("dispatcher", "dashboard") else None
+        if beside is not None and _names(beside, fleet) and hasattr(beside.content, "network"):
+            return _beside(path, beside.content.network)
     return None
 
 

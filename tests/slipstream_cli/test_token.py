@@ -49,7 +49,7 @@ def test_the_file_stays_its_owners(tmp_path: Path) -> None:
     ("arguments", "said"),
     [
         (["first", "--scopes", "read"], "a token 'first' is there"),
-        (["other", "--scopes", "read,all"], "scopes.1: input should be 'read', 'orders'"),
+        (["other", "--scopes", "read,all"], "scopes.1: 'all' is none of 'read', 'orders'"),
         (["", "--scopes", "read"], "name: "),
         (["other", "--scopes", "read", "--file", "/nowhere/tokens.toml"], "/nowhere/tokens.toml"),
     ],

@@ -119,3 +119,40 @@ def test_what_cannot_be_acknowledged(serve: Serve) -> None:
     (alarm,) = api.get("/v1/alarms", "reader").json["alarms"]
     wrong = api.ask("POST", f"/v1/alarms/{alarm['id']}/acknowledge", "controller", {"by": ""})
     assert (wrong.status, wrong.json["field"]) == (422, "by")
+
+
+def test_a_reason_is_in_the_history_of_the_order_and_in_the_log(serve: Callable[..., Api]) -> None:
+    """Of what is cancelled, pinned or released; in one line; and of a pause."""
+    api = serve(tokens=True)
+    order = {"id": "a/1", "node": "c1"}
+    assert api.ask("POST", "/v1/orders", "orderer", order).status == 201
+    at = "/v1/orders/a%2F1"
+    assert api.ask("POST", f"{at}/pin", "controller", {"vehicle": "van-b", "reason": "asked for"})
+    assert (
+        api.ask("POST", f"{at}/release", "controller", {"reason": "van-b is\nlate"}).status == 200
+    )
+    gone = api.ask("DELETE", at, "orderer", {"reason": "the customer is away"})
+    assert (gone.status, gone.json["reason"]) == (200, "cancelled: the customer is away")
+    assert api.ask("POST", "/v1/control/pause", "controller", {"reason": "snow"}).status == 200
+    steps = [step["reason"] for step in api.get(at, "reader").json["history"]]
+    assert steps == [
+        "submitted",
+        "pinned to van-b: asked for",
+        "released from van-b: van-b is late",
+        "cancelled: the customer is away",
+    ]
+    said = [entry["text"] for entry in api.get("/v1/log", "reader").json["entries"]]
+    assert [text.partition(": ")[2] for text in said] == [
+        *("snow", "the customer is away", "van-b is late", "asked for"),
+    ]
+
+
+def test_a_reason_that_is_none_is_refused(serve: Callable[..., Api]) -> None:
+    """Nothing is done; without a reason all is as ever."""
+    api = serve(tokens=True)
+    assert api.ask("POST", "/v1/orders", "orderer", {"id": "o", "node": "c1"}).status == 201
+    for body in ({"reason": 7}, {"reason": 501 * "x"}, {"why": "so"}):
+        answer = api.ask("DELETE", "/v1/orders/o", "orderer", body)
+        assert (answer.status, answer.json["field"]) == (422, next(iter(body)))
+    assert api.get("/v1/orders/o", "reader").json["state"] == "open"
+    assert api.ask("DELETE", "/v1/orders/o", "orderer").json["reason"] == "cancelled by its caller"

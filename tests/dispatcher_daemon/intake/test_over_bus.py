@@ -61,12 +61,13 @@ def test_an_order_is_submitted_shown_and_cancelled_over_the_bus(
             known = refusal(ask(caller, order_key(name, "submit"), {**asked, "demand": 1}))
             assert (known.kind, known.key) == ("conflict", "id")
             assert ask(caller, order_key(name, "pin"), {"vehicle": "van-1"})[0]
-            assert ask(caller, order_key(name, "release"))[0]
+            why = {"reason": "its driver asked"}
+            assert ask(caller, order_key(name, "release"), why)[0]
             shown = decode(OrderHistory, ask(caller, order_key(name, "show"))[1], "answer")
             assert [step.reason for step in shown.history] == [
                 "submitted",
                 "pinned to van-1",
-                "released from van-1",
+                "released from van-1: its driver asked",
             ]
             assert ask(caller, order_key(name, "cancel"))[0]
             assert desk.state(name) == "cancelled"

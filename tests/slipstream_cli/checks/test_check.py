@@ -324,6 +324,6 @@ def test_two_prices_of_a_kilowatt_hour_are_told(
     status, _, err = checked(capsys, site)
     assert status == 2
     assert err == [
-        f"slipstream: {site['dashboard']}: price_per_kwh: 0.35 in {site['dispatcher']}, where it is "
-        "prices.energy_kwh; give both the same"
+        f"slipstream: {site['dashboard']}: price_per_kwh: 0.35 in {site['dispatcher']}, "
+        "where it is prices.energy_kwh; give both the same"
     ]

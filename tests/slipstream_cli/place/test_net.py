@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
 import simulation
+from slipstream.projection import Projection
+from slipstream.roads import RoadNetwork
 from slipstream_cli.main import main
 from slipstream_cli.place.net import compass
+from slipstream_cli.place.streets import place_of
 
 TROY = str(Path(simulation.__file__).parent / "scenarios/data/troy/troy.net.xml.gz")
 
@@ -168,3 +172,12 @@ def test_the_summary_counts_what_the_net_has(capsys: pytest.CaptureFixture[str])
 def test_directions_are_told_as_on_a_map(dx: float, dy: float, word: str) -> None:
     """x is east, y is north."""
     assert compass(dx, dy) == word
+
+
+def test_longitudes_go_on_over_the_date_line() -> None:
+    """180.002 east is 179.998 west; south is below 0."""
+    network = SimpleNamespace(projection=Projection("+proj=utm +zone=1 +south", (0.0, 0.0)))
+    east = place_of("-16.846,180.002", cast(RoadNetwork, network))
+    west = place_of("-16.846,-179.998", cast(RoadNetwork, network))
+    assert east is not None
+    assert east == pytest.approx(west, abs=1e-3)
