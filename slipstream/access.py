@@ -44,8 +44,8 @@ _NO_LIMIT: Final = re.compile(
 )
 """What OpenStreetMap has where no limit is signed."""
 _AXLE_SHARE: Final = 0.7
-"""Of a vehicle's permitted mass, taken to be the most on one axle: an assumption about two-axle vans
-and lorries, whose axle loads a fleet does not tell."""
+"""Of a vehicle's permitted mass, taken to be the most on one axle: an assumption about vans and
+lorries of two axles, whose axle loads a fleet does not tell."""
 _HIGHEST_AXLE_KG: Final = 11_500.0
 """Permitted on a driven axle in the European Union (96/53/EC): a higher limit is none."""
 _STRICTEST: Final = {"maxheight": 2.0, "maxwidth": 2.0, "maxlength": 5.0, "maxweight": 2500.0}
