@@ -68,8 +68,8 @@ class CityRun:
         greedy_kwh: objective of route-then-schedule.
         base_driven_kwh: physical energy of the VRP without platooning, every vehicle alone.
         saved_distance_kwh, saved_drag_kwh, saved_acceleration_kwh: physical energy saved on it.
-        saved_stops_kwh: expected energy of stops at signals and junctions saved on it; no part of
-            the others.
+        saved_stops_kwh: expected energy of stops at signals and junctions saved on it; it is in the
+            acceleration too.
         driving_h, base_driving_h: time on the road.
         unserved: stops left out.
         sweeps: of all blocks.

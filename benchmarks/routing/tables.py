@@ -120,8 +120,8 @@ def rival_tables(runs: Sequence[CityRun]) -> list[str]:
         )
     lines += [
         "",
-        "Physical energy saved on the VRP without platooning, in % of its energy; expected stops "
-        "at signals and junctions are no part of it and stand beside it.",
+        "Physical energy saved on the VRP without platooning, in % of its energy; what expected "
+        "stops at signals and junctions add is in the acceleration, and stands beside it.",
         "",
         "| seed | objective, kWh | without platooning | chance meetings counted | greedy "
         "| PyVRP's own | took, s "

@@ -159,6 +159,7 @@ def _solve(options: argparse.Namespace) -> int:
     report = Report(
         instance=instance.name,
         form=form.name,
+        minimises=instance.problem.objective,
         encoding=options.encoding if form.name == "arc" else None,
         choices=form.problem.choices,
         variables=len(model.variables),

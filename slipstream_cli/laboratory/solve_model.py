@@ -68,7 +68,7 @@ def _solve_milp(options: argparse.Namespace, names: Sequence[str], model: MilpMo
         mend = "take exact, or write the model as a QUBO with penalties"
         raise InputError("solve", problem, mend, key="--solver")
     answer = solve_milp_model(model, options.deadline, options.seed)
-    lp = model.lp
+    lp, warnings = model.lp, [*model.warnings, *answer.warnings]
     head = {
         "model": str(options.model),
         "kind": "milp",
@@ -76,7 +76,7 @@ def _solve_milp(options: argparse.Namespace, names: Sequence[str], model: MilpMo
         "integers": model.integers,
         "constraints": lp.num_row_,
         "sense": "maximise" if model.maximised else "minimise",
-        "warnings": [*model.warnings, *answer.warnings],
+        "warnings": warnings,
     }
     if options.json:
         row = {key: value for key, value in vars(answer).items() if key != "warnings"}
@@ -86,7 +86,7 @@ def _solve_milp(options: argparse.Namespace, names: Sequence[str], model: MilpMo
             f"{options.model}: MILP, {lp.num_col_} variables, {model.integers} of them integer, "
             f"{lp.num_row_} constraints, {'maximised' if model.maximised else 'minimised'}"
         )
-        print("".join(f"warning: {warning}\n" for warning in head["warnings"]), end="")
+        print("".join(f"warning: {warning}\n" for warning in warnings), end="")
         print("\n".join(_milp_lines(answer)))
     return 0 if answer.objective is not None else 1
 

@@ -78,7 +78,7 @@ def _geo(at: Floats) -> Floats:
     q2 = np.cos(latitude[:, None] - latitude[None])
     q3 = np.cos(latitude[:, None] + latitude[None])
     angle = np.arccos(np.clip(0.5 * ((1.0 + q1) * q2 - (1.0 - q1) * q3), -1.0, 1.0))
-    return np.floor(_EARTH_KM * angle + 1.0)
+    return np.asarray(np.floor(_EARTH_KM * angle + 1.0))
 
 
 def _upper(size: int, diagonal: int) -> tuple[np.ndarray, np.ndarray]:
