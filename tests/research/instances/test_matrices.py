@@ -46,6 +46,7 @@ DEPOT_SECTION
 -1
 EOF
 """
+LIMITED = f"DISTANCE : 90\nSERVICE_TIME : 3\n{VRP}".replace("EUC_2D", "GEO")
 SOLOMON = """corners
 
 VEHICLE
@@ -362,7 +363,7 @@ def test_a_huge_file_of_a_set_is_refused_before_it_is_read(tmp_path: Path) -> No
 
 
 @settings(max_examples=150, deadline=None)
-@given(st.sampled_from((VRP, SOLOMON)), st.data())
+@given(st.sampled_from((VRP, LIMITED, SOLOMON)), st.data())
 def test_no_text_ends_in_anything_but_an_instance_or_one_line(
     text: str, data: st.DataObject
 ) -> None:
@@ -377,9 +378,10 @@ def test_no_text_ends_in_anything_but_an_instance_or_one_line(
         lines[at : at + 1] = data.draw(st.sampled_from(([changed], ["", changed], [lines[at]] * 2)))
     with tempfile.TemporaryDirectory() as folder:
         path = written(Path(folder), "any.vrp", "\n".join(lines))
+        written(Path(folder), "any.sol", data.draw(st.sampled_from((ROUTES, ""))) + "Cost 60\n")
         told = ""
         try:
-            read_published(path, "vrplib" if text == VRP else "solomon")
+            read_published(path, "solomon" if text == SOLOMON else "vrplib")
         except InputError as error:
             told = str(error)
     assert len(told.splitlines()) <= 1

@@ -302,6 +302,11 @@ def test_no_bytes_end_in_anything_but_a_model_or_one_line(tmp_path: Path) -> Non
     seeds: dict[str, bytes] = {
         "a.qs": QS.encode(),
         "a.coo": b"# vartype=BINARY offset=9\n0 0 -6\n1 1 -5\n0 1 4\n",
+        "a.qubo": b"p qubo 0 2 2 1\n0 0 -6\n1 1 -5\n0 1 4\n",
+        "a.sparse": b"# x\n2 3\n1 1 -6\n2 2 -5\n1 2 2\n",
+        "a.mc": b"3 3\n1 2 4\n2 3 1\n1 3 2\n",
+        "a.lp": MILP.encode(),
+        "a.mps": b"ROWS\n N c\n L r\nCOLUMNS\n x c 1 r 1\nRHS\n b r 4\nBOUNDS\n UP d x 3\nENDATA\n",
         "a.bqm": as_bytes(as_dimod()),
         "a.json": json.dumps(as_dimod().to_serializable()).encode(),
     }
