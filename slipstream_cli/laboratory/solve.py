@@ -123,8 +123,9 @@ def run(options: argparse.Namespace) -> int:
             raise InputError(f"--{name.replace('_', '-')}", "only for --vroom", "leave it out")
     if options.model is not None:
         return solve_model.solve_model(options)
-    if options.vartype is not None:
-        raise InputError("--vartype", "only for --model", "leave it out")
+    for name in ("format", "vartype"):
+        if getattr(options, name) is not None:
+            raise InputError(f"--{name}", "only for --model", "leave it out")
     if options.instance is None:
         raise InputError(
             "solve", "no instance", "give --instance, see --list for names, or --model"
