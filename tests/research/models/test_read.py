@@ -253,8 +253,16 @@ def test_unbounded_is_not_infeasible(tmp_path: Path) -> None:
         ("a.coo", "0 0\n", "line 1: not 'i j value'"),
         ("a.coo", "# vartype=SPIN\n", "no variable"),
         ("a.coo", "0 0 1\n# vartype=SPIN\n# vartype=BINARY\n", "of type BINARY, and SPIN before"),
-        ("a.coo", "# vartype=BINARY\n0 0 1\n".encode("utf-16"), "a.coo: UTF-16"),
-        ("a.coo", "# vartype=BINARY\n# Gr\u00f6\u00dfe\n".encode("latin-1"), "line 2: not UTF-8"),
+        (
+            "a.coo",
+            "# vartype=BINARY\n0 0 1\n".encode("utf-16"),
+            "a.coo: not text: encoded in UTF-16",
+        ),
+        (
+            "a.coo",
+            "# vartype=BINARY\n# Gr\u00f6\u00dfe\n".encode("latin-1"),
+            "line 2: not text: not UTF-8",
+        ),
         ("a.sparse", "1\n2 1\n1 1 3\n", "as in OR-Library, where they are maximised"),
         ("a.mc", "2 1\n1 1 3\n", "line 2: an edge from a vertex to itself"),
         ("a.mc", "2 2\n1 2 3\n2 1 3\n", "line 3: entry 2 1 twice"),
