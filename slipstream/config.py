@@ -173,7 +173,7 @@ def read_toml(path: Path) -> dict[str, object]:
     Raises:
         InputError: the file is missing, not readable or not TOML.
     """
-    return _parsed(read_text(path, MAX_TOML_BYTES), _parse_toml, "TOML", path)
+    return _parsed(read_text(path, MAX_TOML_BYTES, "TOML"), _parse_toml, "TOML", path)
 
 
 def read_data(path: Path) -> object:
@@ -191,7 +191,7 @@ def read_json(path: Path) -> object:
     Raises:
         InputError: as `read_data`.
     """
-    return _parsed(read_text(path, MAX_JSON_BYTES), _parse_json, "JSON", path)
+    return _parsed(read_text(path, MAX_JSON_BYTES, "JSON"), _parse_json, "JSON", path)
 
 
 def parse_json(data: bytes, source: str | Path) -> object:
@@ -200,7 +200,7 @@ def parse_json(data: bytes, source: str | Path) -> object:
     Raises:
         InputError: as `read_data`.
     """
-    return _parsed(text_of(data, source), _parse_json, "JSON", source)
+    return _parsed(text_of(data, source, "JSON"), _parse_json, "JSON", source)
 
 
 def _parsed(text: str, parse: Callable[[str], T], form: str, source: str | Path) -> T:

@@ -67,22 +67,23 @@ def read_file(path: Path, max_bytes: int, mend: str = "check the path") -> bytes
     return data
 
 
-def read_text(path: Path, max_bytes: int, mend: str = "check the path") -> str:
-    """Read a regular text file of bounded size, see `text_of`; arguments as for `check_file`.
+def read_text(path: Path, max_bytes: int, form: str = "text") -> str:
+    """Read a regular text file of bounded size; arguments as for `check_file` and `text_of`.
 
     Raises:
         InputError: as `read_file` and `text_of`.
     """
-    return text_of(read_file(path, max_bytes, mend), path)
+    return text_of(read_file(path, max_bytes), path, form)
 
 
-def text_of(data: bytes, source: str | Path) -> str:
+def text_of(data: bytes, source: str | Path, form: str = "text") -> str:
     """Text as editors of all systems write it: UTF-8, a byte order mark is left out, and lines,
     whether they end in LF, CRLF or CR, end in LF.
 
     Args:
         data: the bytes.
         source: the file, or the name of what did not come as a file; for errors.
+        form: what it has to be; for errors.
 
     Raises:
         InputError: it is in another encoding.
@@ -90,12 +91,12 @@ def text_of(data: bytes, source: str | Path) -> str:
     mend = "save it as UTF-8" if isinstance(source, Path) else "send UTF-8"
     # Without its mark UTF-16 is valid UTF-8, with a NUL beside each letter.
     if data.startswith(_UTF_16) or b"\0" in data[:4]:
-        raise InputError(source, "UTF-16 or UTF-32 text", mend)
+        raise InputError(source, f"not {form}: encoded in UTF-16 or UTF-32", mend)
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
-        raise InputError(source, "not UTF-8", mend, key=f"line {line}") from None
+        raise InputError(source, f"not {form}: not UTF-8", mend, key=f"line {line}") from None
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 

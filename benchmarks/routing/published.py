@@ -33,8 +33,10 @@ def measure(path: Path, settings: SearchSettings, seed: int) -> str:
     total, best = plan.sums["distance"], instance.file.best_known
     text = f"{path.stem}, seed {seed}: {total:.1f}, {len(plan.unserved)} unserved"
     text += "".join(f", {fault}" for fault in plan.faults)
+    gap = instance.gap(total)
     if best is not None:
-        text += f", {100 * (total / best.cost - 1):.2f} % above {best.cost:g}"
+        above = "not comparable with" if gap is None else f"{100 * gap:.2f} % above"
+        text += f", {above} {best.cost:g}"
     return f"{text}; {_cpu_s() - used:.1f} CPU s in {plan.wall_s:.1f} s"
 
 

@@ -3,10 +3,10 @@
 from research.models.coordinates import Vartype
 from research.models.milp import MilpAnswer, MilpModel, solve_milp_model
 from research.models.qubo import QuboFile
-from research.models.read import ENDINGS, read_model
+from research.models.read import FORMATS, read_model
 
 __all__ = [
-    "ENDINGS",
+    "FORMATS",
     "MilpAnswer",
     "MilpModel",
     "QuboFile",

@@ -42,10 +42,13 @@ _PACKED: Final[dict[str, Callable[[Any], Any]]] = {
 }
 
 
-def read_model(path: Path, vartype: Vartype | None = None) -> QuboFile | MilpModel:
+def read_model(
+    path: Path, vartype: Vartype | None = None, form: str | None = None
+) -> QuboFile | MilpModel:
     """Read a model; one of binary variables without constraints is a QUBO.
 
     Args:
+        form: its format, one of `FORMATS`; None: the file's ending says it.
         vartype: of the variables of a ``.coo`` that does not say it.
 
     Raises:
@@ -57,8 +60,9 @@ def read_model(path: Path, vartype: Vartype | None = None) -> QuboFile | MilpMod
     if ending in _PACKED:
         data = _unpacked(data, ending, path)
         ending = ending_of(Path(path.stem))
+    ending = ending if form is None else f".{form}"
     if ending not in _READERS:
-        mend = f"end its name in {', '.join(ENDINGS)}, packed with {', '.join(_PACKED)} or not"
+        mend = f"end its name in {', '.join(_READERS)}, packed or not, or give --format"
         raise InputError(path, "no such kind of model file", mend)
     read = _READERS[ending]
     if vartype is not None:
@@ -172,5 +176,5 @@ _READERS: Final[dict[str, _Reader]] = {
     ".json": _text(_json),
     ".bqm": _bqm,
 }
-ENDINGS: Final = tuple(_READERS)
-"""Of the files' names, in small letters."""
+FORMATS: Final = tuple(ending.removeprefix(".") for ending in _READERS)
+"""As files' names end in, in small letters."""

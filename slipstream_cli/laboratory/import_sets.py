@@ -53,6 +53,7 @@ def run(options: argparse.Namespace) -> int:
     for target, instance in read.items():
         write_matrix_instance(instance, target)
         fleet, best = instance.fleet, instance.file.best_known
-        known = "" if best is None else f", best known {best.cost:g}"
+        known = "" if best is None else f", best known {best.cost:.10g}"
+        known += f" ({best.note})" if best is not None and best.note else ""
         print(f"{target}: {len(fleet.stops)} stops, {len(fleet.vehicles)} vehicles{known}")
     return 0

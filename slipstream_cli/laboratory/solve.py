@@ -116,6 +116,9 @@ def run(options: argparse.Namespace) -> int:
         rows = _published()
         print(json.dumps({"instances": rows}) if options.json else list_as_text(rows))
         return 0
+    for name in ("format", "vartype"):
+        if options.model is None and getattr(options, name) is not None:
+            raise InputError(f"--{name}", "only for --model", "leave it out")
     if options.vroom is not None:
         return solve_vroom.answer(options)
     for name in solve_vroom.ONLY_FOR_IT:
@@ -123,8 +126,6 @@ def run(options: argparse.Namespace) -> int:
             raise InputError(f"--{name.replace('_', '-')}", "only for --vroom", "leave it out")
     if options.model is not None:
         return solve_model.solve_model(options)
-    if options.vartype is not None:
-        raise InputError("--vartype", "only for --model", "leave it out")
     if options.instance is None:
         raise InputError(
             "solve", "no instance", "give --instance, see --list for names, or --model"
@@ -159,6 +160,7 @@ def _solve(options: argparse.Namespace) -> int:
     report = Report(
         instance=instance.name,
         form=form.name,
+        minimises=instance.problem.objective,
         encoding=options.encoding if form.name == "arc" else None,
         choices=form.problem.choices,
         variables=len(model.variables),

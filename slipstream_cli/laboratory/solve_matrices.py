@@ -39,10 +39,9 @@ def solve_matrices(options: argparse.Namespace, instance: MatrixInstance) -> int
 
 def _gap(instance: MatrixInstance, plan: MatrixPlan) -> float | None:
     """By what share the cost is above the best known; None where either is no answer."""
-    best = instance.file.best_known
-    if best is None or plan.unserved or plan.faults:
+    if plan.unserved or plan.faults:
         return None
-    return plan.sums[instance.minimise] / best.cost - 1
+    return instance.gap(plan.sums[instance.minimise])
 
 
 def _as_json(instance: MatrixInstance, plan: MatrixPlan) -> dict[str, Any]:
@@ -53,6 +52,8 @@ def _as_json(instance: MatrixInstance, plan: MatrixPlan) -> dict[str, Any]:
         "cost": plan.sums[instance.minimise],
         "unit": instance.unit,
         "best_known": None if best is None else best.cost,
+        "best_known_comparable": best is not None and best.comparable,
+        "best_known_note": "" if best is None else best.note,
         "gap": _gap(instance, plan),
         "sums": dict(plan.sums),
         "straight_m": plan.straight_m,
@@ -77,8 +78,11 @@ def _lines(instance: MatrixInstance, plan: MatrixPlan) -> Iterator[str]:
         f"{driving} vehicles, {len(plan.unserved)} unserved, {plan.wall_s:.1f} s"
     )
     if best is not None:
-        above = "not comparable" if gap is None else f"{100 * gap:.2f} % above it"
-        yield f"best known: {best.cost:.10g} ({best.source}), {above}"
+        above = "not comparable"
+        if gap is not None:
+            above = f"{100 * abs(gap):.2f} % {'above' if gap >= 0 else 'below'} it"
+        note = f"; {best.note}" if best.note else ""
+        yield f"best known: {best.cost:.10g} ({best.source}), {above}{note}"
     for name, value in plan.sums.items():
         if name != instance.minimise and value > 0:
             yield f"  {name}: {value:.10g} {_UNITS[name]}"

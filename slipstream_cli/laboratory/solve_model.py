@@ -37,6 +37,12 @@ def add_options(command: argparse.ArgumentParser) -> None:
         "also packed (.xz, .gz, .bz2)",
     )
     command.add_argument(
+        "--format",
+        metavar="ENDING",
+        help="of a model whose name does not end in it, such as mc for the Biq Mac library's "
+        "g05_60.0",
+    )
+    command.add_argument(
         "--vartype",
         choices=("BINARY", "SPIN"),
         type=str.upper,
@@ -46,14 +52,17 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 def solve_model(options: argparse.Namespace) -> int:
     """Read the model, solve it, report; exit status 1 if no solver found an answer."""
-    from research.models import MilpModel, read_model
+    from research.models import FORMATS, MilpModel, read_model
 
     for name in _NOT_FOR_IT:
         if getattr(options, name):
             raise InputError(f"--{name}", "not for --model", "leave one of them out")
     names = tuple(dict.fromkeys(options.solver or ["exact"]))
     check_options(options, names)
-    model = read_model(options.model, options.vartype)
+    form = None if options.format is None else options.format.lower().removeprefix(".")
+    if form is not None and form not in FORMATS:
+        raise InputError("--format", f"no format {form!r}", f"take one of {', '.join(FORMATS)}")
+    model = read_model(options.model, options.vartype, form)
     if isinstance(model, MilpModel):
         return _solve_milp(options, names, model)
     return _solve_qubo(options, names, model)
@@ -68,7 +77,7 @@ def _solve_milp(options: argparse.Namespace, names: Sequence[str], model: MilpMo
         mend = "take exact, or write the model as a QUBO with penalties"
         raise InputError("solve", problem, mend, key="--solver")
     answer = solve_milp_model(model, options.deadline, options.seed)
-    lp = model.lp
+    lp, warnings = model.lp, [*model.warnings, *answer.warnings]
     head = {
         "model": str(options.model),
         "kind": "milp",
@@ -76,7 +85,7 @@ def _solve_milp(options: argparse.Namespace, names: Sequence[str], model: MilpMo
         "integers": model.integers,
         "constraints": lp.num_row_,
         "sense": "maximise" if model.maximised else "minimise",
-        "warnings": [*model.warnings, *answer.warnings],
+        "warnings": warnings,
     }
     if options.json:
         row = {key: value for key, value in vars(answer).items() if key != "warnings"}
@@ -86,7 +95,7 @@ def _solve_milp(options: argparse.Namespace, names: Sequence[str], model: MilpMo
             f"{options.model}: MILP, {lp.num_col_} variables, {model.integers} of them integer, "
             f"{lp.num_row_} constraints, {'maximised' if model.maximised else 'minimised'}"
         )
-        print("".join(f"warning: {warning}\n" for warning in head["warnings"]), end="")
+        print("".join(f"warning: {warning}\n" for warning in warnings), end="")
         print("\n".join(_milp_lines(answer)))
     return 0 if answer.objective is not None else 1
 

@@ -24,6 +24,7 @@ class Report:
     """An instance, its model, and the solvers' results.
 
     Attributes:
+        minimises: what a path costs: "energy" or "paper".
         encoding: of the arc form; None for the route form.
         choices: number of arcs or options.
         couplings: pairs of variables with a bias.
@@ -43,6 +44,7 @@ class Report:
 
     instance: str
     form: str
+    minimises: str
     encoding: str | None
     choices: int
     variables: int
@@ -89,6 +91,7 @@ def as_json(report: Report) -> dict[str, Any]:
     return {
         "instance": report.instance,
         "form": report.form,
+        "minimises": report.minimises,
         "encoding": report.encoding,
         "choices": report.choices,
         "variables": report.variables,
@@ -187,7 +190,8 @@ def _lines(report: Report) -> Iterator[str]:
     encoding = "" if report.encoding is None else f", {report.encoding} encoding"
     gamma = "computed" if report.gamma_computed else "given"
     yield (
-        f"{report.instance}: {report.form} form{encoding}: {report.choices} choices, "
+        f"{report.instance}: {report.form} form{encoding}, objective {report.minimises}: "
+        f"{report.choices} choices, "
         f"{report.variables} variables, {report.couplings} couplings, "
         f"gamma {report.gamma_kwh:.4g} kWh ({gamma})"
     )

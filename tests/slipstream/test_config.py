@@ -118,7 +118,7 @@ def test_binary_is_not_toml(tmp_path: Path) -> None:
     """A file that is no text is refused."""
     path = tmp_path / "x.toml"
     path.write_bytes(b"\x89PNG\r\n")
-    with pytest.raises(InputError, match=r"x\.toml: line 1: not UTF-8"):
+    with pytest.raises(InputError, match=r"x\.toml: line 1: not TOML: not UTF-8"):
         load(path, Example)
 
 

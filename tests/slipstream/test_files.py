@@ -77,21 +77,21 @@ def test_every_editors_file_is_read_alike(name: str, text: str, tmp_path: Path) 
 @pytest.mark.parametrize(
     ("encoding", "problem"),
     [
-        ("utf-16", "UTF-16 or UTF-32 text"),
-        ("utf-16-le", "UTF-16 or UTF-32 text"),
-        ("utf-16-be", "UTF-16 or UTF-32 text"),
-        ("utf-32", "UTF-16 or UTF-32 text"),
-        ("latin-1", "line 2: not UTF-8"),
+        ("utf-16", "not {}: encoded in UTF-16 or UTF-32"),
+        ("utf-16-le", "not {}: encoded in UTF-16 or UTF-32"),
+        ("utf-16-be", "not {}: encoded in UTF-16 or UTF-32"),
+        ("utf-32", "not {}: encoded in UTF-16 or UTF-32"),
+        ("latin-1", "line 2: not {}: not UTF-8"),
     ],
 )
 def test_another_encoding_is_told_in_one_line(encoding: str, problem: str, tmp_path: Path) -> None:
     """With the file and the mend, whatever is in it; what is no file is named by its source."""
-    for name in ("a.toml", "a.json"):
-        path = tmp_path / name
+    for form in ("TOML", "JSON"):
+        path = tmp_path / f"a.{form}"
         path.write_bytes('# ok\nname = "Kö"\n'.encode(encoding))
         with pytest.raises(InputError) as caught:
             read_data(path)
-        assert str(caught.value) == f"{path}: {problem}; save it as UTF-8"
+        assert str(caught.value) == f"{path}: {problem.format(form)}; save it as UTF-8"
         with pytest.raises(InputError, match="save it as UTF-8"):
             read_secret(path)
     with pytest.raises(InputError, match=r"^order: .*; send UTF-8$"):

@@ -47,6 +47,11 @@ class MatrixInstance:
         """What routes minimise."""
         return self.file.matrix.minimise or self.file.matrix.known[0]
 
+    def gap(self, cost: float) -> float | None:
+        """By what share a cost is above the best known; None: there is none to compare with."""
+        best = self.file.best_known
+        return cost / best.cost - 1 if best is not None and best.comparable else None
+
     @property
     def unit(self) -> str:
         """Of what is minimised."""

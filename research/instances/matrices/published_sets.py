@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Literal
 
 from research.instances.matrices.instance import MatrixInstance, matrix_instance_from
-from research.instances.matrices.set_files import number_in, set_text
+from research.instances.matrices.set_files import set_text
 from research.instances.matrices.solomon import solomon_data
+from research.instances.matrices.solutions import with_best_known
 from research.instances.matrices.vrplib import vrplib_data
-from slipstream.errors import InputError
 
 SetFormat = Literal["vrplib", "solomon", "qoblib"]
 
@@ -36,23 +36,15 @@ def read_published(path: Path, form: SetFormat, solution: Path | None = None) ->
         data = vrplib_data(text, path, exact_vehicles=form == "qoblib")
     if solution is None:
         solution = next((p for p in _solutions(path, form) if p.exists()), None)
-    if solution is not None:
-        data["best_known"] = {"cost": _best_cost(solution), "source": solution.name[:200]}
-    return matrix_instance_from(data, path)
+    instance = matrix_instance_from(data, path)
+    return instance if solution is None else with_best_known(data, instance, solution)
 
 
 def _solutions(path: Path, form: SetFormat) -> Iterator[Path]:
     """Where a solution may lie."""
     yield path.with_suffix(".sol")
+    yield path.with_suffix(".SOL")
     if form == "qoblib":
         for folder in (path.parent, path.parent.parent / "solutions"):
             for kind in ("opt", "bst"):
                 yield folder / f"{path.stem}.{kind}.sol"
-
-
-def _best_cost(path: Path) -> float:
-    for number, line in enumerate(set_text(path).splitlines(), 1):
-        words = line.replace(":", " ").split()
-        if len(words) == 2 and words[0].lower() == "cost":
-            return number_in(words[1], path, number)
-    raise InputError(path, "no line 'Cost ...'", "give a solution file of CVRPLIB")

@@ -97,6 +97,12 @@ class BestKnown(Settings):
 
     cost: Annotated[float, Field(gt=0, allow_inf_nan=False)]
     source: _Name = Field(description="Where that is said.")
+    comparable: bool = Field(
+        default=True, description="Whether it counts the same distances as the instance."
+    )
+    note: str = Field(
+        default="", max_length=200, description="How that is known, or why it is not."
+    )
 
 
 class MatrixFile(Settings):

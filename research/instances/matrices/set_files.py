@@ -10,18 +10,14 @@ from typing import Any, Final
 from research.instances.matrices.schema import MAX_PLACES
 from research.instances.schema import FORMAT
 from slipstream.errors import InputError
-from slipstream.files import read_file
+from slipstream.files import read_text
 
 _MAX_BYTES: Final = 20_000_000
 
 
 def set_text(path: Path) -> str:
     """The text of a file of bounded size."""
-    data = read_file(path, _MAX_BYTES)
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return data.decode("latin-1")  # authors' names in comments
+    return read_text(path, _MAX_BYTES)
 
 
 def instance_data(
@@ -66,14 +62,15 @@ def instance_data(
     }
 
 
-def number_in(word: str, path: Path, line: int) -> float:
-    """A word of a line as a finite number."""
+def number_in(word: str, path: Path, line: int, key: str = "") -> float:
+    """A word of a line, or of a key, as a finite number."""
     try:
         value = float(word)
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise InputError(path, f"{word!r} is not a number", "mend it", key=f"line {line}")
+        where = key or f"line {line}"
+        raise InputError(path, f"{word!r} is not a number", "mend it", key=where)
     return value
 
 

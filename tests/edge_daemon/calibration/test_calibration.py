@@ -186,7 +186,7 @@ def test_points_come_from_csv_too(tmp_path: Path) -> None:
         path.write_bytes(written.encode())
         assert read_points(path).points[1] == CalibrationPoint(image=(7, 8), road=(5, 6))
     path.write_bytes(text.encode("utf-16"))
-    with pytest.raises(InputError, match=r"points\.CSV: UTF-16"):
+    with pytest.raises(InputError, match=r"points\.CSV: not text: encoded in UTF-16"):
         read_points(path)
     path.write_text("x,y,u,v\n1,2,3,4\n5,6,7\n")
     with pytest.raises(InputError, match="line 3: not four numbers"):

@@ -5,6 +5,7 @@ import math
 import re
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +46,7 @@ DEPOT_SECTION
 -1
 EOF
 """
+LIMITED = f"DISTANCE : 90\nSERVICE_TIME : 3\n{VRP}".replace("EUC_2D", "GEO")
 SOLOMON = """corners
 
 VEHICLE
@@ -152,6 +154,137 @@ def test_an_explicit_matrix_is_read_from_its_lower_half(tmp_path: Path) -> None:
     assert (rows == rows.T).all()
 
 
+@pytest.mark.parametrize(
+    ("form", "numbers"),
+    [
+        ("LOWER_ROW", "1 2 3 4 5 6 7 8 9 10"),
+        ("UPPER_COL", "1 2 3 4 5 6 7 8 9 10"),
+        ("UPPER_ROW", "1 2 4 7 3 5 8 6 9 10"),
+        ("LOWER_COL", "1 2 4 7 3 5 8 6 9 10"),
+        ("LOWER_DIAG_ROW", "0 1 0 2 3 0 4 5 6 0 7 8 9 10 0"),
+        ("UPPER_DIAG_COL", "0 1 0 2 3 0 4 5 6 0 7 8 9 10 0"),
+        ("UPPER_DIAG_ROW", "0 1 2 4 7 0 3 5 8 0 6 9 0 10 0"),
+        ("LOWER_DIAG_COL", "0 1 2 4 7 0 3 5 8 0 6 9 0 10 0"),
+        ("FULL_MATRIX", "99 1 2 4 7 1 99 3 5 8 2 3 99 6 9 4 5 6 99 10 7 8 9 10 99"),
+    ],
+)
+def test_every_part_of_a_matrix_is_the_whole(form: str, numbers: str, tmp_path: Path) -> None:
+    """TSPLIB's formats give the same matrix, in one line as in many."""
+    text = VRP.replace(
+        "EUC_2D", f"EXPLICIT\nEDGE_WEIGHT_FORMAT: {form}\nDISPLAY_DATA_TYPE: TWOD_DISPLAY"
+    )
+    shown = "DISPLAY_DATA_SECTION\n1 3.5 4\n"
+    text = text.replace("EOF", f"EDGE_WEIGHT_SECTION\n{numbers}\n{shown}")
+    rows = read_published(written(tmp_path, "e.vrp", text), "vrplib").measures["distance"]
+    assert rows.tolist() == [
+        [0, 1, 2, 4, 7],
+        [1, 0, 3, 5, 8],
+        [2, 3, 0, 6, 9],
+        [4, 5, 6, 0, 10],
+        [7, 8, 9, 10, 0],
+    ]
+
+
+def test_an_asymmetric_matrix_keeps_its_directions(tmp_path: Path) -> None:
+    """ACVRP: rows are from, columns to."""
+    text = VRP.replace("TYPE : CVRP", "TYPE : ACVRP")
+    text = text.replace("EUC_2D", "EXPLICIT\nEDGE_WEIGHT_FORMAT : FULL_MATRIX")
+    numbers = " ".join(str(0 if i == j else 10 * i + j) for i in range(5) for j in range(5))
+    text = text.replace("EOF", f"EDGE_WEIGHT_SECTION\n{numbers}")
+    rows = read_published(written(tmp_path, "e.vrp", text), "vrplib").measures["distance"]
+    assert (rows[1, 3], rows[3, 1]) == (13, 31)
+
+
+@pytest.mark.parametrize(
+    ("kind", "first", "second"),
+    [
+        ("CEIL_2D", 15, 15),
+        ("FLOOR_2D", 14, 14),
+        ("MAN_2D", 20, 21),
+        ("MAX_2D", 10, 11),
+        ("ATT", 5, 5),
+    ],
+)
+def test_distances_are_those_of_tsplib(kind: str, first: int, second: int, tmp_path: Path) -> None:
+    """From (0, 0) to (10, 10) and (10, 11), by each definition."""
+    path = written(tmp_path, "e.vrp", VRP.replace("EUC_2D", kind))
+    rows = read_published(path, "vrplib").measures["distance"]
+    assert rows[0].tolist() == [0, first, second, first, second]
+    assert (rows == rows.T).all()
+
+
+def test_geo_is_tsplibs_earth(tmp_path: Path) -> None:
+    """The known optimal tour of burma14 has its known length."""
+    places = (
+        *("16.47 96.10", "16.47 94.44", "20.09 92.54", "22.39 93.37", "25.23 97.24"),
+        *("22.00 96.05", "20.47 97.02", "17.20 96.29", "16.30 97.38", "14.05 98.12"),
+        *("16.53 97.38", "21.52 95.59", "19.41 97.13", "20.09 94.55"),
+    )
+    text = "NAME:burma14\nTYPE:CVRP\nDIMENSION:14\nCAPACITY:20\nEDGE_WEIGHT_TYPE:GEO\n"
+    text += "NODE_COORD_SECTION\n" + "".join(f"{i} {p}\n" for i, p in enumerate(places, 1))
+    text += "DEMAND_SECTION\n" + "".join(f"{i} {int(i > 1)}\n" for i in range(1, 15))
+    text += "DEPOT_SECTION\n1 -1\n"
+    rows = read_published(written(tmp_path, "b.vrp", text), "vrplib").measures["distance"]
+    tour = [1, 2, 14, 3, 4, 5, 6, 12, 7, 13, 8, 11, 9, 10, 1]
+    assert sum(rows[a - 1, b - 1] for a, b in pairwise(tour)) == 3323
+
+
+@pytest.mark.slow
+def test_a_limit_of_length_counts_service(tmp_path: Path) -> None:
+    """Both stops of a corner are 14 + 1 + 15 and twice the service; a shorter limit parts them."""
+    settings = SearchSettings(rounds=1)
+    for limit, vehicles in ((36, 2), (35.9, 4)):
+        text = f"DISTANCE : {limit}\nSERVICE_TIME : 3\nVEHICLES : 4\n{VRP}"
+        text = text.replace("TYPE : CVRP", "TYPE : DCVRP")
+        instance = read_published(written(tmp_path, "d.vrp", text), "vrplib")
+        with ThreadPoolExecutor(1) as executor:
+            plan = search_matrix_instance(instance, settings, executor, 1)
+        assert (plan.unserved, plan.faults) == ((), ())
+        assert sum(1 for stops in plan.routes.values() if stops) == vehicles
+    windows = "TIME_WINDOW_SECTION\n" + "".join(f"{i} 0 99\n" for i in range(1, 6))
+    path = written(tmp_path, "d.vrp", "DISTANCE : 9\n" + VRP.replace("EOF", windows))
+    with pytest.raises(InputError, match="together with time windows"):
+        read_published(path, "vrplib")
+
+
+ROUTES = "Route #1: 1 2\nRoute #2: 3 4\n"
+EXACT = 2 * (math.sqrt(200) + 1 + math.sqrt(221))
+
+
+@pytest.mark.parametrize(
+    ("form", "solution", "rounding", "note"),
+    [
+        ("vrplib", ROUTES + "Cost 60\n", "nearest", "rounded to whole numbers"),
+        ("vrplib", ROUTES + f"Cost {EXACT:.2f}\n", "none", "distances as they are"),
+        ("vrplib", "\ufeff" + ROUTES.replace("\n", "\r\n") + "Cost: 59.8\r\n", "tenths", "tenths"),
+        ("solomon", ROUTES + "Cost 59.8\n", "tenths", "cut to tenths"),
+        ("solomon", ROUTES + f"Cost {EXACT:.2f}\n", "none", "distances as they are"),
+        ("vrplib", "Cost 50\n", "nearest", "not checked"),
+        ("vrplib", ROUTES + "Cost 50\n", None, "its routes cost 60 by the instance's distances"),
+        ("vrplib", f"Cost {EXACT:.2f}\n", None, "more decimals than distances rounded to whole"),
+        ("solomon", f"Cost {EXACT:.2f}\n", None, "more decimals than distances cut to tenths"),
+    ],
+)
+def test_a_gap_compares_the_same_distances(
+    form: Any, solution: str, rounding: str | None, note: str, tmp_path: Path
+) -> None:
+    """The solution's own routes tell how it counts; where they do not fit, there is no gap."""
+    name, text = ("c.VRP", VRP) if form == "vrplib" else ("c.TXT", SOLOMON)
+    (tmp_path / "c.sol").write_bytes(solution.encode())
+    instance = read_published(written(tmp_path, name, text), form)
+    best = instance.file.best_known
+    assert best is not None
+    assert note in best.note
+    if rounding is None:
+        assert instance.gap(60.0) is None
+    else:
+        assert instance.file.matrix.euclidean == rounding
+        assert instance.gap(best.cost) == 0.0
+        assert instance.gap(2 * best.cost) == 1.0
+    write_matrix_instance(instance, tmp_path / "out.json")
+    assert load_matrix_instance(tmp_path / "out.json") == instance
+
+
 def test_qoblib_allows_no_more_vehicles_than_its_names_say(tmp_path: Path) -> None:
     """CVRPLIB's reader gives some to spare; the solution lies in a folder beside."""
     (tmp_path / "instances").mkdir()
@@ -218,8 +351,20 @@ def test_an_import_is_solved_with_the_sets_own_cost_and_the_gap(
         (VRP.replace("4 -10 -10", "4 -10 x"), "vrplib", "line 10: 'x' is not a number"),
         (VRP.replace("5 1\nDEPOT", "DEPOT"), "vrplib", "DEMAND_SECTION: 4 rows, of 5 places"),
         (VRP.replace("TYPE : CVRP", "TYPE : HCVRP"), "vrplib", "TYPE: a problem of type HCVRP"),
-        (VRP.replace("EUC_2D", "GEO"), "vrplib", "EDGE_WEIGHT_TYPE: distances of type GEO"),
-        ("DISTANCE : 200\n" + VRP, "vrplib", "line 1: DISTANCE is not supported"),
+        (VRP.replace("EUC_2D", "EUC_3D"), "vrplib", "EDGE_WEIGHT_TYPE: distances of type EUC_3D"),
+        ("DISTANCE : far\n" + VRP, "vrplib", "DISTANCE: 'far' is not a number"),
+        ("DISTANCE : 9\nDISTANCE : 8\n" + VRP, "vrplib", "line 2: DISTANCE twice"),
+        ("NODE_COORD_TYPE : THREED_COORDS\n" + VRP, "vrplib", "coordinates of type THREED_COORDS"),
+        ("EDGE_DATA_FORMAT : EDGE_LIST\n" + VRP, "vrplib", "EDGE_DATA_FORMAT is not supported"),
+        (VRP.replace("DEPOT_SECTION\n1\n-1\n", ""), "vrplib", "DEPOT_SECTION: 0 depots"),
+        (VRP.replace("DEPOT_SECTION\n1", "DEPOT_SECTION\n1\n2"), "vrplib", "2 depots"),
+        (VRP.replace("\n1 0\n2 1\n", "\n1 1\n2 1\n"), "vrplib", "the depot, has a demand"),
+        (VRP.encode("utf-16"), "vrplib", "faulty.vrp: not text: encoded in UTF-16"),
+        (
+            SOLOMON.replace("corners", "\u00e9").encode("latin-1"),
+            "solomon",
+            "line 1: not text: not UTF-8",
+        ),
         ("BACKHAUL_SECTION\n" + VRP, "vrplib", "line 1: BACKHAUL_SECTION is not supported"),
         (VRP.replace("CAPACITY : 2", "CAPACITY : 2.5"), "vrplib", "CAPACITY: 2.5 is not a whole"),
         (SOLOMON.replace("CUSTOMER", "CLIENT"), "solomon", "not Solomon's format"),
@@ -229,11 +374,13 @@ def test_an_import_is_solved_with_the_sets_own_cost_and_the_gap(
     ],
 )
 def test_a_faulty_file_of_a_set_is_one_line(
-    tmp_path: Path, text: str, form: Any, named: str
+    tmp_path: Path, text: str | bytes, form: Any, named: str
 ) -> None:
     """With the line or key, and the mend."""
+    path = tmp_path / "faulty.vrp"
+    path.write_bytes(text.encode() if isinstance(text, str) else text)
     with pytest.raises(InputError) as caught:
-        read_published(written(tmp_path, "faulty.vrp", text), form)
+        read_published(path, form)
     assert named in str(caught.value)
 
 
@@ -247,7 +394,7 @@ def test_a_huge_file_of_a_set_is_refused_before_it_is_read(tmp_path: Path) -> No
 
 
 @settings(max_examples=150, deadline=None)
-@given(st.sampled_from((VRP, SOLOMON)), st.data())
+@given(st.sampled_from((VRP, LIMITED, SOLOMON)), st.data())
 def test_no_text_ends_in_anything_but_an_instance_or_one_line(
     text: str, data: st.DataObject
 ) -> None:
@@ -262,9 +409,10 @@ def test_no_text_ends_in_anything_but_an_instance_or_one_line(
         lines[at : at + 1] = data.draw(st.sampled_from(([changed], ["", changed], [lines[at]] * 2)))
     with tempfile.TemporaryDirectory() as folder:
         path = written(Path(folder), "any.vrp", "\n".join(lines))
+        written(Path(folder), "any.sol", data.draw(st.sampled_from((ROUTES, ""))) + "Cost 60\n")
         told = ""
         try:
-            read_published(path, "vrplib" if text == VRP else "solomon")
+            read_published(path, "solomon" if text == SOLOMON else "vrplib")
         except InputError as error:
             told = str(error)
     assert len(told.splitlines()) <= 1

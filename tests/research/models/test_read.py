@@ -253,8 +253,16 @@ def test_unbounded_is_not_infeasible(tmp_path: Path) -> None:
         ("a.coo", "0 0\n", "line 1: not 'i j value'"),
         ("a.coo", "# vartype=SPIN\n", "no variable"),
         ("a.coo", "0 0 1\n# vartype=SPIN\n# vartype=BINARY\n", "of type BINARY, and SPIN before"),
-        ("a.coo", "# vartype=BINARY\n0 0 1\n".encode("utf-16"), "a.coo: UTF-16"),
-        ("a.coo", "# vartype=BINARY\n# Gr\u00f6\u00dfe\n".encode("latin-1"), "line 2: not UTF-8"),
+        (
+            "a.coo",
+            "# vartype=BINARY\n0 0 1\n".encode("utf-16"),
+            "a.coo: not text: encoded in UTF-16",
+        ),
+        (
+            "a.coo",
+            "# vartype=BINARY\n# Gr\u00f6\u00dfe\n".encode("latin-1"),
+            "line 2: not text: not UTF-8",
+        ),
         ("a.sparse", "1\n2 1\n1 1 3\n", "as in OR-Library, where they are maximised"),
         ("a.mc", "2 1\n1 1 3\n", "line 2: an edge from a vertex to itself"),
         ("a.mc", "2 2\n1 2 3\n2 1 3\n", "line 3: entry 2 1 twice"),
@@ -302,6 +310,11 @@ def test_no_bytes_end_in_anything_but_a_model_or_one_line(tmp_path: Path) -> Non
     seeds: dict[str, bytes] = {
         "a.qs": QS.encode(),
         "a.coo": b"# vartype=BINARY offset=9\n0 0 -6\n1 1 -5\n0 1 4\n",
+        "a.qubo": b"p qubo 0 2 2 1\n0 0 -6\n1 1 -5\n0 1 4\n",
+        "a.sparse": b"# x\n2 3\n1 1 -6\n2 2 -5\n1 2 2\n",
+        "a.mc": b"3 3\n1 2 4\n2 3 1\n1 3 2\n",
+        "a.lp": MILP.encode(),
+        "a.mps": b"ROWS\n N c\n L r\nCOLUMNS\n x c 1 r 1\nRHS\n b r 4\nBOUNDS\n UP d x 3\nENDATA\n",
         "a.bqm": as_bytes(as_dimod()),
         "a.json": json.dumps(as_dimod().to_serializable()).encode(),
     }

@@ -87,6 +87,21 @@ def test_spins_or_bits_are_never_guessed(
     assert "--vartype: only for --model" in capsys.readouterr().err
 
 
+def test_a_published_name_without_an_ending_has_its_format_given(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The Biq Mac library's graphs end in a number."""
+    path = tmp_path / "g05_3.0"
+    path.write_text("3 3\n1 2 1\n1 3 1\n2 3 1\n")
+    assert main(["solve", "--model", str(path)]) == 2
+    assert "or give --format" in capsys.readouterr().err
+    assert main(["solve", "--model", str(path), "--format", "MC", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert (document["sense"], document["solvers"][0]["objective"]) == ("maximise", 2.0)
+    assert main(["solve", "--model", str(path), "--format", "xls"]) == 2
+    assert "--format: no format 'xls'; take one of lp, mps" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("arguments", "problem"),
     [

@@ -82,7 +82,13 @@ def _credential(folder: str | None, name: str) -> str:
     if not folder:
         return ""
     path = Path(folder) / name
-    return read_text(path, _MAX_CREDENTIAL_BYTES).strip() if path.exists() else ""
+    if not path.exists():
+        return ""
+    try:
+        return read_text(path, _MAX_CREDENTIAL_BYTES).strip()
+    except InputError as error:
+        problem = f"cannot be read ({error.problem})"
+        raise InputError(path, problem, "check the credential") from None
 
 
 def _bound_calls() -> None:
