@@ -164,7 +164,7 @@ CARDS = {
         ".chart .threshold",
     ),
     "#rsu/rsu-5": (["Frames/s", "speeds within ±2.1\u00a0%", "decode error"], ".picture img"),
-    "#order/o-4": (["Window", "Cancel the order", "van-1", "under way", "42\u00a0kg"], ".small"),
+    "#order/o-4": (["Window", "Lock to a vehicle", "van-1", "under way", "42\u00a0kg"], ".small"),
     "#cycle/119": (["Solvers", "exact", "o-5", "time window", "drag"], ".split .drag"),
     "#alarm/a-1": (
         ["Look at its power", "Roadside unit rsu-37", "25\u00a0min", "not yet"],
