@@ -555,7 +555,10 @@ def test_a_camera_that_stopped_leaves_no_picture_that_looks_live(
     daemon, *_ = a_daemon(camera, Reel([*seen, None, None]), Still(), "real_time")  # type: ignore[list-item]
     daemon.run()
     assert {capture_time_ns(jpeg) for jpeg in viewer.pictures} == {taken_ns}
-    shown = [cv2.imdecode(np.frombuffer(jpeg, np.uint8), 1).astype(int) for jpeg in viewer.pictures]
+    shown = [
+        np.asarray(cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR), dtype=np.int64)
+        for jpeg in viewer.pictures
+    ]
     colours = [float(np.percentile(np.ptp(picture, axis=2), 90)) for picture in shown]
     # Boxed and bare: two of a frame at least, two a second without one, and two at the end.
     assert len(colours) >= 8
