@@ -31,7 +31,11 @@ _SAID: Final[Mapping[str, Callable[[Mapping[str, Any]], _Words]]] = {
         f"is longer than {c['max_length']} characters",
         "give a shorter one",
     ),
-    "too_short": lambda c: (f"has fewer than {c['min_length']} entries", "give more"),
+    "too_short": lambda c: (
+        ("is empty", "give an entry")
+        if c["min_length"] == 1
+        else (f"has fewer than {c['min_length']} entries", "give more")
+    ),
     "too_long": lambda c: (f"has more than {c['max_length']} entries", "give fewer"),
     "literal_error": lambda c: (f"is none of {c['expected']}", "give one of them"),
 }

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from slipstream.errors import InputError
-from slipstream.snapping import stopping_junctions
 from slipstream_cli.laboratory.import_sets import add_formats
 from slipstream_cli.place.maps import add_map_options, assumptions, extract_name
 
@@ -117,6 +116,8 @@ def _next_steps(name: str, net: Path, fleet: Path, out: Path) -> tuple[str, ...]
 def _first_fleet(network: RoadNetwork) -> dict[str, Any]:
     """A fleet file of one vehicle and one stop, at the two ends of the network's longest segment
     that is not a loop; of those where vehicles may stop, if there are any."""
+    from slipstream.snapping import stopping_junctions
+
     segments = [s for s in network.segments.values() if s.start != s.end]
     quiet = {*stopping_junctions(network)}
     far = max(segments, key=lambda s: ({s.start, s.end} <= quiet, s.length_m))

@@ -7,13 +7,12 @@ import math
 import re
 import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 from slipstream.errors import InputError
-from slipstream.roads import Segment
 
 if TYPE_CHECKING:
-    from slipstream.roads import RoadNetwork
+    from slipstream.roads import RoadNetwork, Segment
 
 _NEAR: Final = 0.6
 """Likeness (difflib's ratio) from which a name is meant."""
@@ -33,7 +32,7 @@ def streets_of(network: RoadNetwork) -> Mapping[str, tuple[Segment, ...]]:
     return {name: tuple(segments) for name, segments in found.items()}
 
 
-Match = tuple[tuple[str, ...], tuple[str, ...], tuple[Segment, ...]]
+Match: TypeAlias = "tuple[tuple[str, ...], tuple[str, ...], tuple[Segment, ...]]"
 """(names of the streets that are meant, junctions that are, segments; the best first each)."""
 
 

@@ -211,7 +211,9 @@ def test_fleets_and_vrooms_requests_over_the_bus(
     solved = asker.ask("control", "post", "vroom", "deadline_s=2", REQUEST).json
     assert (solved["code"], solved["summary"]["unassigned"]) == (0, 1)
     unknown = asker.ask("control", "post", "vroom", body={**REQUEST, "depots": []})
-    assert (unknown.status, unknown.json["code"]) == (422, 2)
+    assert (unknown.status, len(unknown.json["warnings"])) == (200, 1)
+    wrong = asker.ask("control", "post", "vroom", body={**REQUEST, "vehicles": []})
+    assert (wrong.status, wrong.json["code"]) == (422, 2)
 
 
 @pytest.mark.attack

@@ -56,7 +56,7 @@ def test_a_faulty_request_is_one_line_and_an_answer_with_its_code(
         "jobs": [{"id": 1, "location": [2, 48]}],
     }
     for request, options, code, named in (
-        (REQUEST | {"vehicles": []}, [], 2, "vehicles: tuple should have at least 1 item"),
+        (REQUEST | {"vehicles": []}, [], 2, "vehicles: it is empty; give an entry"),
         (places, [], 2, "give a road network"),
         (places, ["--network", "demo"], 3, "location"),
     ):
