@@ -107,7 +107,8 @@ def test_check_takes_fleets_and_instances_and_lists_what_nobody_can_serve(tmp_pa
     vans.write_text(tomli_w.dumps(fleet))
     instance = {"format": "slipstream-instance/1", "name": "morning", "fleet": fleet}
     whole.write_text(json.dumps(instance | {"network": {"sumo_net": "demo"}}))
-    result = slipstream("check", str(vans), str(whole))
+    roads = ("--network", "demo")
+    result = slipstream("check", str(vans), str(whole), *roads)
     assert result.returncode == 0
     reason = "its demand of 5 is above every capacity (nearest: 3 of 'van')"
     assert result.stdout.splitlines() == [
@@ -117,10 +118,13 @@ def test_check_takes_fleets_and_instances_and_lists_what_nobody_can_serve(tmp_pa
         f"{whole}: stop s2 cannot be served: {reason}",
     ]
     vans.write_text(tomli_w.dumps(fleet | {"stops": []}))
-    assert slipstream("check", str(vans)).stdout.splitlines() == [f"{vans}: valid fleet"]
+    alone = slipstream("check", str(vans), *roads)
+    assert alone.stdout.splitlines() == [f"{vans}: valid fleet"]
     fleet["stops"][0]["node"] = "c9"
     vans.write_text(tomli_w.dumps(fleet))
-    assert f"{vans}: stops.s1.node: unknown node 'c9'" in one_line(slipstream("check", str(vans)))
+    assert f"{vans}: stops.s1.node: unknown node 'c9'" in one_line(
+        slipstream("check", str(vans), *roads)
+    )
 
 
 @pytest.mark.slow(long=True)
