@@ -162,7 +162,7 @@ def test_no_two_labels_overlap_in_the_browser(browser, view, width):
 
     def labelled() -> bool:
         shown[:] = page.evaluate(LABELS)
-        return {"van-a", "Depot"} <= {label["text"] for label in shown}
+        return {"van-a, by plan", "Depot"} <= {label["text"] for label in shown}
 
     assert _until(labelled), shown
     # Two looks, so that what was about to move has moved.
@@ -292,10 +292,13 @@ def test_a_phone_sees_map_and_panel(browser, view, scheme):
         return _boxes(page, "canvas[data-engine], .sl .head")
 
     def apart() -> bool:
-        canvas, head = sorted(seen(), key=lambda box: box["y"])
+        boxes = sorted(seen(), key=lambda box: box["y"])
+        if len(boxes) != 2:
+            return False
+        canvas, head = boxes
         return canvas["height"] > 250 and head["y"] >= canvas["y"] + canvas["height"]
 
-    assert _until(lambda: len(seen()) == 2 and apart()), seen()
+    assert _until(apart), seen()
     (head,) = _boxes(page, ".sl .head")
     assert head["x"] < 40
     page.get_by_text("Slipstream in 3D", exact=True).click()
