@@ -106,7 +106,7 @@ KINDS: Final[Mapping[str, AlarmKind]] = {
         "ask its driver; what it says is the reason",
         0.0,
         0.0,
-        "vehicles have refused their plan",
+        "vehicles have refused their plan, or not answered it",
     ),
     "vehicle_late": AlarmKind(
         "warning", "tell the customer, or move the window", 10.0, 30.0, "vehicles are late"
