@@ -8,14 +8,14 @@ TRAIN := .venv-train
 MINUTES ?= 5
 PORT ?= 8080
 
-.PHONY: setup run check test test-rest test-all attack coverage mutants lint format soak bench-perception train train-venv clean bench-accuracy allowances bench-routing bench-quantum bench-world bench-agents bench-service bench-dashboard bench-storage bench-coordination bench-real
+.PHONY: setup run check test test-lab test-rest test-all attack coverage mutants lint format soak bench-perception train train-venv clean bench-accuracy allowances bench-routing bench-quantum bench-world bench-agents bench-service bench-dashboard bench-storage bench-coordination bench-real
 
 setup: $(VENV)/.ready
 
-$(VENV)/.ready: pyproject.toml
+$(VENV)/.ready: pyproject.toml lab/pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or later is needed") if sys.version_info < (3, 11) else None'
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]' -e ./lab
 	touch $@
 
 run: setup
@@ -27,13 +27,17 @@ PYTEST := -m pytest -n $(JOBS) --dist worksteal
 
 # Two minutes on two cores: what starts no process and computes for a few seconds at most.
 check: lint
-	$(BIN)/python $(PYTEST) -m "not process and not slow"
+	$(BIN)/python $(PYTEST) tests -m "not process and not slow"
 
-# The real processes and the browser too.
+# The product: real processes and the browser too.
 test: lint
-	$(BIN)/python $(PYTEST) -m "not slow(long=True)"
+	$(BIN)/python $(PYTEST) tests -m "not slow(long=True)"
 
-# What `make test` leaves out; the whole product (tests/e2e) beside no other test.
+# The laboratory: whenever it changes, or what it uses of the product.
+test-lab: lint
+	$(BIN)/python $(PYTEST) lab/tests -m "not slow(long=True)"
+
+# What both leave out; the whole product (tests/e2e) beside no other test.
 test-rest: setup
 	$(BIN)/python $(PYTEST) -m "slow(long=True) and not alone"
 	$(BIN)/python -m pytest tests/e2e -m "alone"
@@ -42,7 +46,7 @@ test-rest: setup
 attack: setup
 	ATTACK_FULL_SIZE=1 $(BIN)/python -m pytest -m attack
 
-test-all: test
+test-all: test test-lab
 	$(MAKE) test-rest
 
 # Lines that all tests run, processes that they start included, in per cent of each package.
@@ -90,7 +94,7 @@ fuzz: setup
 
 # The same processes on recorded video for MINUTES, sampled each second; fails on growth.
 soak: setup
-	$(BIN)/python -m benchmarks.soak --minutes $(MINUTES)
+	$(BIN)/python -m slipstream_lab.benchmarks.soak --minutes $(MINUTES)
 
 # Speed of the edge beside Ultralytics, two cameras live for MINUTES, memory for MEMORY_MINUTES; all
 # on an idle machine. PEER is a Python that has Ultralytics; without it its rows are left out.
@@ -98,71 +102,71 @@ PEER ?= $(TRAIN)/bin/python
 MEMORY_MINUTES ?= 30
 bench-perception: MINUTES = 10
 bench-perception: setup
-	$(BIN)/python -m benchmarks.perception --minutes $(MINUTES) --memory-minutes $(MEMORY_MINUTES) --peer $(PEER)
+	$(BIN)/python -m slipstream_lab.benchmarks.perception --minutes $(MINUTES) --memory-minutes $(MEMORY_MINUTES) --peer $(PEER)
 
 # Speeds, accelerations, flags and identities against the truth of clips that training never saw;
 # then the flags in weather, at night and with bad pictures.
 bench-accuracy: setup
-	$(BIN)/python -m benchmarks.accuracy --json .slipstream/accuracy.json
-	$(BIN)/python -m benchmarks.accuracy.weather
+	$(BIN)/python -m slipstream_lab.benchmarks.accuracy --json .slipstream/accuracy.json
+	$(BIN)/python -m slipstream_lab.benchmarks.accuracy.weather
 
 # What vehicles that nobody saw do to the features: estimated anew on clips that judge nothing; the
 # table goes into edge_daemon/features/occlusion.py.
 allowances: setup
-	$(BIN)/python -m benchmarks.accuracy.allowances
+	$(BIN)/python -m slipstream_lab.benchmarks.accuracy.allowances
 
 # Real roads: DATA is a folder with BrnoCompSpeed's truth and positions in brno/, and clips that labels
-# of benchmarks/real were drawn on; MODEL is scored on them beside the shipped one.
+# of lab/slipstream_lab/benchmarks/real were drawn on; MODEL is scored on them beside the shipped one.
 bench-real: setup
-	$(BIN)/python -m benchmarks.real --data "$(DATA)" $(if $(MODEL),--model "$(MODEL)")
+	$(BIN)/python -m slipstream_lab.benchmarks.real --data "$(DATA)" $(if $(MODEL),--model "$(MODEL)")
 
 # The routing core: named instances, cities, fleet sizes, rivals; an hour and a half on an idle
 # machine. `SHORT=1` takes small cities and minutes, and leaves the plots in docs as they are.
 bench-routing: setup
-	$(BIN)/python -m benchmarks.routing $(if $(SHORT),--short,--plots docs)
+	$(BIN)/python -m slipstream_lab.benchmarks.routing $(if $(SHORT),--short,--plots docs)
 
 # The quantum solvers: depth, simulation, training, variants, the paper's tables, large blocks, a
 # device that fails; about an hour on an idle machine, of which `SHORT=1` takes minutes.
 bench-quantum: setup
-	$(BIN)/python -m benchmarks.quantum $(if $(SHORT),--short)
+	$(BIN)/python -m slipstream_lab.benchmarks.quantum $(if $(SHORT),--short)
 
 # The worlds: a day's background, an arm of the closed loop, the same seed twice, what is saved on
 # three seeds; hours on an idle machine, and gone on with if interrupted. `SHORT=1`: minutes.
 bench-world: setup
-	$(BIN)/python -m benchmarks.world $(if $(SHORT),--short)
+	$(BIN)/python -m slipstream_lab.benchmarks.world $(if $(SHORT),--short)
 
 # The real process with one agent and with a hundred, their vehicles driven over the bus.
 bench-agents: setup
-	$(BIN)/python -m benchmarks.agents $(if $(SHORT),--short)
+	$(BIN)/python -m slipstream_lab.benchmarks.agents $(if $(SHORT),--short)
 
 # 10,000 segment states a second into the real dispatcher, then more until some are lost or late;
 # orders between and during cycles; a cycle on a cluster with 0, 1 and 2 workers. `ONLY=orders`: one.
 bench-service: setup
-	$(BIN)/python -m benchmarks.service $(if $(SHORT),--short) $(if $(ONLY),--only $(ONLY))
+	$(BIN)/python -m slipstream_lab.benchmarks.service $(if $(SHORT),--short) $(if $(ONLY),--only $(ONLY))
 
 # The operator's page: 1,000 roads with two browsers for an hour, then 10,000. `SHORT=1`: 20 s.
 bench-dashboard: setup
-	$(BIN)/python -m benchmarks.dashboard $(if $(SHORT),--short)
+	$(BIN)/python -m slipstream_lab.benchmarks.dashboard $(if $(SHORT),--short)
 
 # Coordination of platoons by density, window and carriers, planned only: rivals, upper bound;
 # hours, gone on with if interrupted. `SHORT=1`: a minute or two.
 bench-coordination: setup
-	$(BIN)/python -m benchmarks.coordination $(if $(SHORT),--short --out .slipstream/bench-coordination-short)
+	$(BIN)/python -m slipstream_lab.benchmarks.coordination $(if $(SHORT),--short --out .slipstream/bench-coordination-short)
 
 # Thirty days of 1,000 watched segments in SQLite and in a PostgreSQL server of its own: size,
 # queries, deletion; an hour. `SHORT=1`: one day.
 bench-storage: setup
-	$(BIN)/python -m benchmarks.storage $(if $(SHORT),--short)
+	$(BIN)/python -m slipstream_lab.benchmarks.storage $(if $(SHORT),--short)
 
 # From rendered scenes to the shipped detector; needs torch, so in an environment of its own.
 train: train-venv
-	$(TRAIN)/bin/python -m simulation.training --out .slipstream/training
+	$(TRAIN)/bin/python -m slipstream_lab.simulation.training --out .slipstream/training
 
 train-venv: $(TRAIN)/bin/yolo
 
 $(TRAIN)/bin/yolo:
 	$(PYTHON) -m venv $(TRAIN)
-	$(TRAIN)/bin/python -m pip install --quiet -e '.[train,sim]'
+	$(TRAIN)/bin/python -m pip install --quiet -e '.[edge,dispatcher,dashboard]' -e './lab[train]'
 
 clean:
 	rm -rf $(VENV) $(TRAIN) .slipstream mutants .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache build dist *.egg-info

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final
 from slipstream.errors import InputError
 from slipstream.iso_time import read_datetime
 from slipstream_cli.export_files import FORMATS, TableFile
-from slipstream_cli.laboratory import export_instances
+from slipstream_cli.laboratory import part
 
 if TYPE_CHECKING:
     from storage import Tables
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 _DEFAULT: Final = "sqlite:///slipstream.db"
 _ALL: Final = "all"
 _INSTANCE: Final = "instance"
+_OF_INSTANCES: Final = ("qoblib", "lp", "mps", "qs")
+"""Formats of instances, which the laboratory writes."""
 
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -44,7 +46,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     )
     command.add_argument(
         "--format",
-        choices=(*FORMATS, *export_instances.FORMATS),
+        choices=(*FORMATS, *_OF_INSTANCES),
         help="of tables: csv or parquet (default: csv); of instances: qoblib, with solutions, "
         "models and a checker, or one model file each (default: qoblib)",
     )
@@ -57,7 +59,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
 def run(options: argparse.Namespace) -> int:
     """Write the files; each table's appears once it is whole."""
     if options.table == _INSTANCE:
-        return export_instances.run(options)
+        return int(part("export-instance", "slipstream export instance")(options))
     if options.names:
         raise InputError("export", f"{options.names[0]!r} after a table", "name one table, or all")
     options.format = options.format or FORMATS[0]

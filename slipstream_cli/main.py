@@ -15,12 +15,11 @@ from slipstream import __version__
 from slipstream.errors import InputError
 from slipstream.logs import complain
 from slipstream.service import follow_supervisor
+from slipstream_cli import laboratory
 from slipstream_cli.parser import EXIT_BAD_INPUT, Parser
 
 GROUPS: Final[Mapping[str, Mapping[str, str]]] = {
     "daemons": {
-        "run": "daemons.run",
-        "world": "daemons.world",
         "router": "daemons.router",
         "edge": "daemons.edge",
         "dispatcher": "daemons.dispatcher",
@@ -31,9 +30,10 @@ GROUPS: Final[Mapping[str, Mapping[str, str]]] = {
     },
     "your place": {
         "init": "place.init",
-        "import": "laboratory.imports",
+        "import": "place.imports",
         "net": "place.net",
         "calibrate": "calibrate",
+        "track": "track",
         "check": "check",
         "status": "status",
         "token": "token",
@@ -47,70 +47,71 @@ GROUPS: Final[Mapping[str, Mapping[str, str]]] = {
         "replay": "replay",
         "db": "db",
     },
-    "laboratory": {
-        "track": "track",
-        "clip": "laboratory.clip",
-        "model": "laboratory.model",
-        "robustness": "laboratory.robustness",
-        "solve": "laboratory.solve",
-        "bench": "laboratory.bench",
-        "evaluate": "laboratory.evaluate",
-        "verify": "laboratory.verify",
-        "resources": "laboratory.resources",
-    },
 }
-"""Module by sub-command, in the groups and the order of the help."""
+"""Module by sub-command, in the groups and the order of the help; the laboratory's come after."""
 
 COMMANDS: Final = {name: module for group in GROUPS.values() for name, module in group.items()}
 
 _EXIT_INTERRUPTED: Final = 130
 _STDOUT, _STDERR = 1, 2
 _STDOUT_NAMES: Final = ("/dev/stdout", "/dev/fd/1", "/proc/self/fd/1")
-_EXTRA_OF: Final = {
-    "alembic": "dispatcher",
-    "apscheduler": "dispatcher",
-    "cplex": "cplex",
-    "cv2": "edge",
-    "dimod": "dispatcher",
-    "distributed": "cluster",
-    "dwave": "dispatcher",
-    "fastapi": "dispatcher",
-    "highspy": "dispatcher",
-    "jinja2": "dashboard",
-    "libsumo": "sim",
-    "matplotlib": "sim",
-    "nncf": "train",
-    "openvino": "edge",
-    "osmium": "osm",
-    "pebble": "dispatcher",
-    "pyarrow": "parquet",
-    "pyproj": "dispatcher",
-    "qiskit": "dispatcher",
-    "qiskit_aer": "dispatcher",
-    "qiskit_ibm_catalog": "iskay",
-    "qiskit_ibm_runtime": "dispatcher",
-    "scipy": "edge",
-    "sqlalchemy": "dispatcher",
-    "torch": "train",
-    "ultralytics": "train",
-    "uvicorn": "dispatcher",
-    "viser": "dashboard",
-    "yaml": "train",
+_PACKAGE_OF: Final = {
+    "alembic": "slipstream[dispatcher]",
+    "apscheduler": "slipstream[dispatcher]",
+    "cplex": "slipstream[cplex]",
+    "cv2": "slipstream[edge]",
+    "dimod": "slipstream[dispatcher]",
+    "distributed": "slipstream[cluster]",
+    "dwave": "slipstream[dispatcher]",
+    "fastapi": "slipstream[dispatcher]",
+    "highspy": "slipstream[dispatcher]",
+    "jinja2": "slipstream[dashboard]",
+    "libsumo": "slipstream-lab",
+    "matplotlib": "slipstream-lab",
+    "nncf": "slipstream-lab[train]",
+    "openvino": "slipstream[edge]",
+    "osmium": "slipstream[osm]",
+    "pebble": "slipstream[dispatcher]",
+    "pyarrow": "slipstream[parquet]",
+    "pyproj": "slipstream[dispatcher]",
+    "qiskit": "slipstream[dispatcher]",
+    "qiskit_aer": "slipstream[dispatcher]",
+    "qiskit_ibm_catalog": "slipstream[iskay]",
+    "qiskit_ibm_runtime": "slipstream[dispatcher]",
+    "scipy": "slipstream[edge]",
+    "sqlalchemy": "slipstream[dispatcher]",
+    "torch": "slipstream-lab[train]",
+    "ultralytics": "slipstream-lab[train]",
+    "uvicorn": "slipstream[dispatcher]",
+    "viser": "slipstream[dashboard]",
+    "yaml": "slipstream-lab[train]",
 }
 
 
 def parser() -> argparse.ArgumentParser:
     """The whole command line; sub-commands load their daemons only when they run."""
+    groups = {title: tuple(commands) for title, commands in GROUPS.items()}
     top = Parser(
         prog="slipstream",
         description="Platoons where traffic is calm: roadside perception, cooperative routing.",
         epilog="Exit status: 0 on success, 2 on bad input, 1 on other faults.",
-        groups={title: tuple(commands) for title, commands in GROUPS.items()},
+        groups=groups,
+        more="" if laboratory.commands() else f"; more come with the laboratory: {laboratory.MEND}",
     )
     top.add_argument("--version", action="version", version=f"slipstream {__version__}")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for module in COMMANDS.values():
         import_module(f"slipstream_cli.{module}").add_to(commands)
+    added = []
+    for name, point in laboratory.commands().items():
+        try:
+            point.load()(commands)
+        except Exception as error:  # a broken package must not keep a daemon from its start
+            complain(f"slipstream {name}: {point.value} cannot be loaded: {error}")
+        else:
+            added.append(name)
+    if added:
+        groups["laboratory"] = tuple(added)
     return top
 
 
@@ -156,14 +157,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         complain(f"slipstream: {error}")
         return EXIT_BAD_INPUT
     except ModuleNotFoundError as error:
-        missing = (error.name or "").split(".")[0]
-        if missing == "research":
-            complain("slipstream: this needs `research`: run it in a source checkout")
-            return EXIT_BAD_INPUT
-        extra = _EXTRA_OF.get(missing)
-        if extra is None:
+        package = _PACKAGE_OF.get((error.name or "").split(".")[0])
+        if package is None:
             raise
-        complain(f"slipstream: {error.name} is not installed; pip install 'slipstream[{extra}]'")
+        complain(f"slipstream: {error.name} is not installed; pip install '{package}'")
         return EXIT_BAD_INPUT
     except KeyboardInterrupt:
         return _EXIT_INTERRUPTED

@@ -60,15 +60,20 @@ class Parser(argparse.ArgumentParser):
 
     Args:
         groups: sub-commands by heading, for a help that lists them so; None: argparse's help.
+        more: what is said of further sub-commands where one is not known.
     """
 
     def __init__(
-        self, *args: Any, groups: Mapping[str, Sequence[str]] | None = None, **options: Any
+        self,
+        *args: Any,
+        groups: Mapping[str, Sequence[str]] | None = None,
+        more: str = "",
+        **options: Any,
     ) -> None:
         options.setdefault("formatter_class", _Formatter)
         super().__init__(*args, **options)
         self.register("action", "parsers", _Commands)
-        self._groups = groups
+        self._groups, self._more = groups, more
 
     def error(self, message: str) -> NoReturn:
         """End with the fault in one line."""
@@ -125,7 +130,9 @@ class Parser(argparse.ArgumentParser):
         if isinstance(action, _Commands):
             message = f"no such command: {value}{nearest(str(value), known)}"
             self.error(
-                message if "did you" in message else f"{message}; there are {', '.join(known)}"
+                message
+                if "did you" in message
+                else f"{message}; there are {', '.join(known)}{self._more}"
             )
         raise argparse.ArgumentError(
             action, f"{value!r} is none of {', '.join(known)}{nearest(str(value), known)}"

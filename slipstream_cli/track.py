@@ -5,21 +5,20 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
-from edge_daemon.settings import DetectorSettings, StabilitySettings, TrackSettings
+from edge_daemon.settings import DetectorSettings, TrackSettings
 from slipstream.config import check
 from slipstream.errors import InputError
 from slipstream_cli.clip_options import add_config, add_fps, settings_of
+from slipstream_cli.laboratory import part
 from slipstream_cli.progress import Progress
 
 if TYPE_CHECKING:
-    from edge_daemon.camera import Camera
-    from edge_daemon.offline import Recorder
+    pass
 
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -68,7 +67,7 @@ def run(options: argparse.Namespace) -> int:
     from edge_daemon.offline import frame_times_ms, track
 
     camera = load_camera(options.camera)
-    scores = _scores_against(options.truth, camera) if options.truth else None
+    scores = part("score", "--truth")(options.truth, camera) if options.truth else None
     settings = _settings(options)
     if options.bare:
         settings = settings.model_copy(update={"stability": settings.stability.bare()})
@@ -130,25 +129,6 @@ def _settings(options: argparse.Namespace) -> TrackSettings:
 
 def _without_none(values: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in values.items() if value is not None}
-
-
-def _scores_against(
-    path: Path, camera: Camera
-) -> Callable[[Recorder, StabilitySettings], dict[str, Any]]:
-    """What scores a recording against the truth in a file, which is read at once.
-
-    Raises:
-        InputError: the file cannot be used.
-    """
-    from research.perception import compare, score
-    from simulation.ground_truth import load_truth
-
-    truth = load_truth(path)
-
-    def scores(recorder: Recorder, rule: StabilitySettings) -> dict[str, Any]:
-        return asdict(score([compare(recorder, truth, camera, rule)]))
-
-    return scores
 
 
 @contextmanager

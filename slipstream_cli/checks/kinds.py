@@ -16,6 +16,7 @@ from pydantic import create_model
 from slipstream.config import check, load, read_data
 from slipstream.errors import InputError
 from slipstream_cli.checks.clocks import clock_notes
+from slipstream_cli.laboratory import part
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -277,17 +278,7 @@ def _fleet(path: Path, roads: RoadNetwork | None) -> Checked:
 
 
 def _check_instance(path: Path, _: str | None) -> Checked:
-    from dispatcher_daemon.planning import unservable
-    from research.instances.instance import instance_from
-    from research.instances.matrices import has_matrices, matrix_instance_from
-
-    data = read_data(path)
-    if has_matrices(data):
-        matrix_instance_from(data, path)
-        return Checked(path, "instance")
-    instance = instance_from(data, path)
-    unserved = unservable(instance.problem, instance.snapshot)
-    return Checked(path, "instance", unserved=unserved)
+    return Checked(path, "instance", unserved=part("check-instance", f"{path}: an instance")(path))
 
 
 CHECKS: Final[dict[str, Callable[[Path, str | None], Checked]]] = {

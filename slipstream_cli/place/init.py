@@ -92,8 +92,8 @@ def _check_options(options: argparse.Namespace, folder: Path) -> None:
 
 def _write(options: argparse.Namespace, folder: Path, net: str, made: Path | None) -> int:
     """Write the files for a net, and the net too if it was made."""
-    from simulation.scenarios.networks import largest_part
     from slipstream.config import check
+    from slipstream.osm import largest_part
     from slipstream.sumo_net import load_network
     from slipstream_cli.place.files import Site, files_of
     from slipstream_cli.place.layout import lay_out
@@ -172,7 +172,7 @@ def _check_empty(folder: Path) -> None:
 
 def _imported(options: argparse.Namespace, folder: Path) -> Path:
     """The net of an OpenStreetMap extract, in the folder; what it had to assume is told."""
-    from simulation.scenarios.networks import import_osm
+    from slipstream.osm import import_osm
 
     extract: Path = options.osm
     net = folder / f"{extract_name(extract)}.net.xml.gz"

@@ -3,6 +3,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -395,7 +396,9 @@ def test_the_arc_form_is_of_one_carrier() -> None:
     assert "'c1' is of another carrier" in str(arc_form_obstacle(others))
 
 
-TROY = Path(__file__).parents[2] / "simulation" / "scenarios" / "data" / "troy" / "troy.net.xml.gz"
+TROY = Path(
+    str(resources.files("slipstream_lab.simulation.scenarios") / "data/troy/troy.net.xml.gz")
+)
 
 
 @pytest.fixture(scope="module")

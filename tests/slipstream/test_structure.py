@@ -40,7 +40,7 @@ def test_the_extras_that_the_design_names_exist() -> None:
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"][
         "optional-dependencies"
     ]
-    wanted = {"edge", "dispatcher", "dashboard", "sim", "train", "iskay", "cplex", "cluster"}
+    wanted = {"edge", "dispatcher", "dashboard", "iskay", "cplex", "cluster"}
     assert wanted | {"postgres", "parquet", "osm", "tracing", "dev"} == set(extras)
     assert not any("torch" in d or "ultralytics" in d for d in extras["edge"])
 
@@ -54,7 +54,7 @@ def test_an_rsu_needs_no_dispatcher() -> None:
         "class Absent:\n"
         "    def find_spec(self, name, path=None, target=None):\n"
         "        if name.split('.')[0] in {'torch', 'ultralytics', 'qiskit', 'sqlalchemy', 'viser',"
-        " 'apscheduler', 'dimod', 'storage', 'dispatcher_daemon', 'dashboard', 'research'}:\n"
+        " 'apscheduler', 'dimod', 'storage', 'dispatcher_daemon', 'dashboard', 'slipstream_lab'}:\n"
         "            raise ModuleNotFoundError(name)\n"
         "sys.meta_path.insert(0, Absent())\n"
         "import edge_daemon.daemon, edge_daemon.sources.camera, edge_daemon.sources.clip\n"

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from tests.conftest import CHROMIUM_ARGUMENTS
+from conftest import CHROMIUM_ARGUMENTS
 from tests.dashboard.web import city, map_data
 from tests.dashboard.web.browser import SIZES, TABS, geometry_faults, open_page, until
 from tests.dashboard.web.fake import STATIC, TOKEN, FakePage

@@ -12,7 +12,6 @@ from typing import Any, cast
 import psutil
 import pytest
 
-from benchmarks.quantum.faulty_service import FaultyServiceFactory, ServiceRecords
 from dispatcher_daemon.cycle import run_cycle
 from dispatcher_daemon.hardware.ledger import MonotonicUtcClock
 from dispatcher_daemon.hardware.manager import (
@@ -32,6 +31,7 @@ from dispatcher_daemon.solvers.execution.pool import Job, Solve, solve_in_proces
 from dispatcher_daemon.solvers.protocol import Execution, Outcome
 from dispatcher_daemon.traffic import take_snapshot
 from slipstream.errors import InputError
+from slipstream_lab.benchmarks.quantum.faulty_service import FaultyServiceFactory, ServiceRecords
 from storage import Database, QuantumJob, open_database
 
 from .light_builder import LightBuilder

@@ -19,7 +19,7 @@ from dispatcher_daemon.roads.routes import Leg, lateness_s, timed
 from dispatcher_daemon.roads.travel import Travel
 from dispatcher_daemon.settings import SearchSettings
 from dispatcher_daemon.traffic import TrafficSnapshot
-from research.cities.generator import CityShape, generate_city
+from slipstream_lab.research.cities.generator import CityShape, generate_city
 
 Town = Callable[..., tuple[RoutingProblem, TrafficSnapshot]]
 Routes = Mapping[str, Sequence[str]]

@@ -30,9 +30,9 @@ from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchS
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.execution.pool import solve_in_process
 from dispatcher_daemon.traffic import TrafficSnapshot
-from research.cities.generator import CityShape, generate_city, with_carriers
 from slipstream.energy import drag_saving_kwh
 from slipstream.messages import VehiclePlan
+from slipstream_lab.research.cities.generator import CityShape, generate_city, with_carriers
 
 Town = Callable[..., tuple[RoutingProblem, TrafficSnapshot]]
 AMPLE_S = 250.0

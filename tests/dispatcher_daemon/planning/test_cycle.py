@@ -14,8 +14,8 @@ from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.execution.pool import solve_in_process
 from dispatcher_daemon.solvers.protocol import Outcome, Solver
 from dispatcher_daemon.traffic import TrafficSnapshot
-from research.cities.generator import CityShape, generate_city
 from slipstream.errors import InputError
+from slipstream_lab.research.cities.generator import CityShape, generate_city
 
 Town = Callable[..., tuple[RoutingProblem, TrafficSnapshot]]
 SETTINGS = DispatcherSettings(

@@ -32,7 +32,7 @@ from dispatcher_daemon.settings import (
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.execution.pool import solve_in_process
 from dispatcher_daemon.traffic import TrafficSnapshot
-from research.cities.generator import CityShape, generate_city
+from slipstream_lab.research.cities.generator import CityShape, generate_city
 
 Town = Callable[..., tuple[RoutingProblem, TrafficSnapshot]]
 QUICK = CitySettings(

@@ -12,8 +12,8 @@ from dispatcher_daemon.planning.sweeps import choice_of
 from dispatcher_daemon.plans.candidates import Candidate, Refusal
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
-from research.cities.generator import CityShape, generate_city
-from research.instances.forms import instance_cycle
+from slipstream_lab.research.cities.generator import CityShape, generate_city
+from slipstream_lab.research.instances.forms import instance_cycle
 
 SETTINGS = CitySettings(
     search=SearchSettings(rounds=2, iterations_per_stop=5, workers=1), options=4

@@ -24,7 +24,7 @@ from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.execution.pool import solve_in_process
 from dispatcher_daemon.solvers.protocol import Outcome, Solver
 from dispatcher_daemon.traffic import TrafficSnapshot
-from research.cities.generator import CityShape, generate_city
+from slipstream_lab.research.cities.generator import CityShape, generate_city
 
 Town = Callable[..., tuple[RoutingProblem, TrafficSnapshot]]
 SETTINGS = CitySettings(max_sweeps=6, block_variables=16, options=4, wave=2)

@@ -12,9 +12,9 @@ from dispatcher_daemon.platooning.vehicles_on_road import RoadUser, on_road
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.execution.pool import solve_in_process
-from research.cities.generator import CityShape, generate_city
-from research.instances.instance import Instance
 from slipstream.messages import VehiclePlan
+from slipstream_lab.research.cities.generator import CityShape, generate_city
+from slipstream_lab.research.instances.instance import Instance
 
 SETTINGS = DispatcherSettings(
     form="route",

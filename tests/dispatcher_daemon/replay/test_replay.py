@@ -39,7 +39,6 @@ from dispatcher_daemon.solvers.execution.pool import Solve, solve_in_process
 from dispatcher_daemon.solvers.protocol import Outcome, Solver
 from dispatcher_daemon.solvers.registry import configured_solvers
 from dispatcher_daemon.traffic import Expectations, TrafficSnapshot
-from research.cities.generator import CityShape, generate_city
 from slipstream.access import Access
 from slipstream.messages import (
     Message,
@@ -52,6 +51,7 @@ from slipstream.messages import (
 )
 from slipstream.projection import Projection
 from slipstream.roads import Crossing, RoadNetwork
+from slipstream_lab.research.cities.generator import CityShape, generate_city
 from storage import CycleInputs, Part, StoredCycle, open_database, open_reader
 
 State = Callable[..., SegmentState]

@@ -16,9 +16,9 @@ from dispatcher_daemon.plans import Cycle
 from dispatcher_daemon.replay import InputEncoder, Trace
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.traffic import Expectations, take_snapshot
-from research.cities.generator import generate_city
 from slipstream.explain import VehicleAccount
 from slipstream.messages import SegmentState
+from slipstream_lab.research.cities.generator import generate_city
 from storage import open_database
 
 

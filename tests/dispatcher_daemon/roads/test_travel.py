@@ -12,7 +12,7 @@ from dispatcher_daemon.problem import RoutingProblem
 from dispatcher_daemon.roads.arrays import Roads, roads_of
 from dispatcher_daemon.roads.travel import Travel, leg_along
 from dispatcher_daemon.traffic import TrafficSnapshot
-from research.cities.generator import small_city
+from slipstream_lab.research.cities.generator import small_city
 
 Town = Callable[..., tuple[RoutingProblem, TrafficSnapshot]]
 PLACES = ("11", "33", "20", "33", "02", "q")

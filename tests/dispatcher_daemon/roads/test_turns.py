@@ -21,8 +21,8 @@ from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchS
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.execution.pool import solve_in_process
 from dispatcher_daemon.traffic import Expectations, TrafficSnapshot
-from research.cities.generator import small_city
 from slipstream.energy import PAPER_CAR, drive_energies, stop_energy_kwh
+from slipstream_lab.research.cities.generator import small_city
 
 Town = Callable[..., tuple[RoutingProblem, TrafficSnapshot]]
 PLACES = ("11", "33", "20", "02")

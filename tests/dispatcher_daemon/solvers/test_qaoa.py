@@ -12,7 +12,7 @@ from dispatcher_daemon.problem import ArcProblem, RouteProblem
 from dispatcher_daemon.settings import QaoaSettings
 from dispatcher_daemon.solvers.qaoa import QaoaSolver
 from dispatcher_daemon.solvers.quantum.statevector.training import Training, train
-from research.instances import open_instance
+from slipstream_lab.research.instances import open_instance
 
 Routes = Callable[[int, Sequence[int], int], RouteProblem]
 

@@ -22,7 +22,7 @@ from dispatcher_daemon.solvers.insertion import InsertionSolver, cheapest_option
 from dispatcher_daemon.solvers.protocol import Solver
 from dispatcher_daemon.solvers.registry import make_solver
 from dispatcher_daemon.solvers.sampling import answer, one_option_each
-from research.instances import open_instance
+from slipstream_lab.research.instances import open_instance
 
 Demo = Callable[..., ArcProblem]
 Routes = Callable[..., RouteProblem]

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import json
 import math
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import pytest
 import tomli_w
 
-import simulation
 from slipstream.config import read_toml
 from slipstream.sumo_net import load_network
 from slipstream_cli.main import main
 
 Site = dict[str, Path]
 
-TROY = str(Path(simulation.__file__).parent / "scenarios/data/troy/troy.net.xml.gz")
+TROY = str(resources.files("slipstream_lab.simulation.scenarios") / "data/troy/troy.net.xml.gz")
 
 
 @pytest.fixture

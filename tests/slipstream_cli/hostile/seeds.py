@@ -15,9 +15,9 @@ import numpy as np
 import tomli_w
 
 import storage
-from research.instances import open_instance
-from research.instances.instance import write_instance
 from slipstream.messages import Estimate, KinematicFeatures, SegmentState
+from slipstream_lab.research.instances import open_instance
+from slipstream_lab.research.instances.instance import write_instance
 
 REPOSITORY = Path(__file__).parents[3]
 DEPLOY = REPOSITORY / "deploy" / "config"
@@ -92,7 +92,7 @@ def make_kinds(folder: Path) -> list[Kind]:
     (folder / "states.jsonl").write_text("".join(_state(i) for i in range(8)))
     (folder / "routes.rou.xml").write_text(_ROUTES)
     weights = REPOSITORY / "edge_daemon" / "weights" / "yolo11n-streetdrive.xml"
-    scenarios = REPOSITORY / "simulation" / "scenarios" / "data"
+    scenarios = REPOSITORY / "lab/slipstream_lab/simulation/scenarios/data"
     town = scenarios / "corridor" / "corridor.net.xml.gz"
     world = f"evaluate --out out --stored --scenario mine --net {town} --begin 0 --hours 1"
     calibrate = "calibrate --out out.toml --overlay grid.png"

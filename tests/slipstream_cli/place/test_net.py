@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import json
+from importlib import resources
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
 
-import simulation
 from slipstream.projection import Projection
 from slipstream.roads import RoadNetwork
 from slipstream_cli.main import main
 from slipstream_cli.place.net import compass
 from slipstream_cli.place.streets import place_of
 
-TROY = str(Path(simulation.__file__).parent / "scenarios/data/troy/troy.net.xml.gz")
+TROY = str(resources.files("slipstream_lab.simulation.scenarios") / "data/troy/troy.net.xml.gz")
 
 
 def found(capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, Any]:

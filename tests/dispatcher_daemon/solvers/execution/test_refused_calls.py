@@ -22,8 +22,8 @@ from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.execution.pool import Job, SolverPool
 from dispatcher_daemon.solvers.execution.processes import WorkerExecutor
-from research.instances import open_instance
-from research.instances.forms import arc_form_of
+from slipstream_lab.research.instances import open_instance
+from slipstream_lab.research.instances.forms import arc_form_of
 
 REQUEST = {
     "vehicles": [{"id": 1, "start_index": 0}],

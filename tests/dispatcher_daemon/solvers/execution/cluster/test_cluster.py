@@ -41,8 +41,8 @@ from dispatcher_daemon.solvers.execution.pool import (
 )
 from dispatcher_daemon.solvers.execution.processes import WorkerExecutor
 from dispatcher_daemon.solvers.protocol import Outcome
-from research.cities.generator import CityShape, generate_city
-from research.instances.forms import instance_cycle
+from slipstream_lab.research.cities.generator import CityShape, generate_city
+from slipstream_lab.research.instances.forms import instance_cycle
 
 from .conftest import READY_S, Members, wait_until
 

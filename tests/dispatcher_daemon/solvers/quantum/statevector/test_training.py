@@ -13,8 +13,8 @@ from dispatcher_daemon.solvers.quantum.statevector.diagonal import cost_diagonal
 from dispatcher_daemon.solvers.quantum.statevector.exact_state import Schedule
 from dispatcher_daemon.solvers.quantum.statevector.training import Objective, train
 from dispatcher_daemon.solvers.quantum.statevector.transverse import StateVector
-from research.instances import open_instance
-from research.quantum.ideal import dense_qaoa_figures, valid_selections_of
+from slipstream_lab.research.instances import open_instance
+from slipstream_lab.research.quantum.ideal import dense_qaoa_figures, valid_selections_of
 
 
 def published(name: str) -> QuboModel:

@@ -1,0 +1,1 @@
+"""Sub-commands that the laboratory adds to `slipstream`; lab/pyproject.toml names them."""

@@ -1,0 +1,1 @@
+"""`slipstream bench`: quantum solvers on named instances, devices and published sets."""

@@ -1,0 +1,1 @@
+"""Commands that run everything on one machine: the demo and the live world."""

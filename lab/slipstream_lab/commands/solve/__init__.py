@@ -1,0 +1,1 @@
+"""`slipstream solve`: one instance, one solver, by each form and format."""

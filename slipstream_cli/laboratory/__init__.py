@@ -1,1 +1,0 @@
-"""Commands of a researcher: instances, solvers, clips, models, simulated days, tables."""
