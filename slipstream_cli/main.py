@@ -81,7 +81,7 @@ _PACKAGE_OF: Final = {
     "scipy": "slipstream[edge]",
     "sqlalchemy": "slipstream[dispatcher]",
     "torch": "slipstream-lab[train]",
-    "ultralytics": "slipstream-lab[train]",
+    "ultralytics": "ultralytics-opencv-headless",
     "uvicorn": "slipstream[dispatcher]",
     "viser": "slipstream[dashboard]",
     "yaml": "slipstream-lab[train]",

@@ -28,7 +28,7 @@ class UltralyticsDetector:
             raise InputError(
                 path,
                 "needs Ultralytics, which is not installed",
-                "install slipstream[train], or give an OpenVINO .xml",
+                "pip install ultralytics-opencv-headless, or give an OpenVINO .xml",
             ) from None
         try:
             self._model: Any = YOLO(str(path), task="detect")

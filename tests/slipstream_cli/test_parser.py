@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from slipstream_cli import laboratory
 from slipstream_cli.main import COMMANDS, GROUPS, main, parser
 
 
@@ -52,11 +53,12 @@ def test_the_help_of_all_fits_one_screen(capsys: pytest.CaptureFixture[str]) -> 
         main(["--help"])
     assert ended.value.code == 0
     lines = capsys.readouterr().out.splitlines()
+    groups = [*GROUPS, "laboratory"]
     assert len(lines) <= 48
     assert max(map(len, lines)) <= 79
-    assert [line.rstrip(":") for line in lines if line.rstrip(":") in GROUPS] == [*GROUPS]
+    assert [line.rstrip(":") for line in lines if line.rstrip(":") in groups] == groups
     listed = [line.split()[0] for line in lines if line.startswith("  ")]
-    assert listed == [*COMMANDS]
+    assert listed == [*COMMANDS, *laboratory.commands()]
     assert not [line for line in lines[1:] if line.endswith("...")]
 
 

@@ -317,7 +317,7 @@ def test_without_libsumo_the_line_says_what_to_install(
 
     monkeypatch.setattr(world, "run_arm", missing)
     assert main(["evaluate", *MORNING, "--out", str(tmp_path), "--arms", "B"]) == 2
-    assert "libsumo is not installed; pip install 'slipstream[sim]'" in capsys.readouterr().err
+    assert "libsumo is not installed; pip install 'slipstream-lab'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

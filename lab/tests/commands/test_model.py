@@ -57,7 +57,7 @@ def test_a_missing_extra_is_one_line(
 ) -> None:
     """It says what to install."""
     assert main(["model", *arguments]) == 2
-    assert "pip install 'slipstream[train]'" in capsys.readouterr().err
+    assert "pip install 'slipstream-lab[train]'" in capsys.readouterr().err
 
 
 def test_the_report_shows_accuracy_before_and_after() -> None:

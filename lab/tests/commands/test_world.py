@@ -102,7 +102,7 @@ def test_a_missing_simulator_is_told_with_its_extra(
         lambda name: None if name == "libsumo" else find_spec(name),
     )
     line = _refused(tmp_path, capsys)
-    assert line == "slipstream: libsumo is not installed; pip install 'slipstream[sim]'"
+    assert line == "slipstream: libsumo is not installed; pip install 'slipstream-lab'"
 
 
 @pytest.mark.parametrize(("text", "seconds"), [("07:30", 27000.0), ("7:30", 27000.0), ("0:00", 0)])

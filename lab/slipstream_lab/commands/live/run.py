@@ -130,7 +130,7 @@ def _open_town(
         stack.enter_context(process)
         process.open(stopping.is_set, lambda share: None)
     except ModuleNotFoundError as error:
-        supervisor.say("town", f"no vans drive: {error.name} is not installed (slipstream[sim])")
+        supervisor.say("town", f"no vans drive: {error.name} is not installed (slipstream-lab)")
         return None
     except (InputError, ChildProcessError) as error:
         supervisor.say("town", f"no vans drive: {error}")

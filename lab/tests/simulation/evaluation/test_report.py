@@ -229,7 +229,7 @@ def test_without_matplotlib_all_the_rest_is_written(
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     missing = write_results(tmp_path, read(tmp_path))
     assert missing is not None
-    assert "slipstream[sim]" in missing
+    assert "slipstream-lab" in missing
     assert missing in (tmp_path / "report.md").read_text()
     assert (tmp_path / "hourly.csv").stat().st_size > 0
     assert not (tmp_path / "hourly.png").exists()

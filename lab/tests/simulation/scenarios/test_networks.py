@@ -15,10 +15,11 @@ from xml.etree import ElementTree
 import pytest
 
 from slipstream.errors import InputError
-from slipstream.osm import largest_part, scenario_network
+from slipstream.osm import largest_part
 from slipstream.osm.importing import import_osm
-from slipstream.osm.netconvert import build_net, find_netconvert
+from slipstream.osm.netconvert import find_netconvert
 from slipstream.roads import RoadNetwork, Segment, build_network
+from slipstream_lab.simulation.scenarios.networks.build import build_net
 from slipstream_lab.simulation.scenarios.networks.corridor import (
     CorridorSettings,
     corridor_plan,
@@ -26,6 +27,7 @@ from slipstream_lab.simulation.scenarios.networks.corridor import (
     mainline,
 )
 from slipstream_lab.simulation.scenarios.networks.fixed_time import write_fixed_time
+from slipstream_lab.simulation.scenarios.networks.network import scenario_network
 from slipstream_lab.simulation.scenarios.networks.plan import Junction, Plan, Road
 from slipstream_lab.simulation.scenarios.networks.route_files import check_routes
 from slipstream_lab.simulation.scenarios.networks.troy import troy_plan

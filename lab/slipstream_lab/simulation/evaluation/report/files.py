@@ -17,7 +17,7 @@ from slipstream_lab.simulation.evaluation.report.plots import SHOWN, draw
 from slipstream_lab.simulation.evaluation.runs import not_writable, write_atomically
 from slipstream_lab.simulation.exogenous.recorded import Watched
 
-_NO_PICTURES = "matplotlib is not installed, so no figure is drawn; pip install 'slipstream[sim]'"
+_NO_PICTURES = "matplotlib is not installed, so no figure is drawn; pip install 'slipstream-lab'"
 
 
 def write_results(

@@ -19,10 +19,11 @@ FORMAT: Final = 4
 """Of stored arms. Raise it when the same order gives another result, or means another thing."""
 
 _PACKAGES: Final = (
-    *("slipstream", "edge_daemon", "vehicle_agent", "dispatcher_daemon", "simulation"),
+    *("slipstream", "edge_daemon", "vehicle_agent", "dispatcher_daemon"),
+    "slipstream_lab.simulation",
 )
 _EXCLUDED: Final = frozenset(
-    f"lab/slipstream_lab/simulation/{part}"
+    f"slipstream_lab.simulation/{part}"
     for part in ("evaluation", "training", "streetdrive", "sumo_view", "live")
 )
 """Packages that only render, display or report."""
