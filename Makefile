@@ -86,11 +86,11 @@ openapi: setup
 
 # 10,000 calls of the HTTP API made up from its description; `make test` has a short form.
 fuzz: setup
-	FUZZ_CALLS=10000 $(BIN)/python -m pytest tests/dispatcher_daemon/api/test_fuzz.py
+	FUZZ_CALLS=10000 $(BIN)/python -m pytest tests/dispatcher_daemon/service/api/test_fuzz.py
 
 # The same processes on recorded video for MINUTES, sampled each second; fails on growth.
 soak: setup
-	$(BIN)/python -m benchmarks.soak --minutes $(MINUTES)
+	$(BIN)/python -m slipstream_lab.benchmarks.soak --minutes $(MINUTES)
 
 # Speed of the edge beside Ultralytics, two cameras live for MINUTES, memory for MEMORY_MINUTES; all
 # on an idle machine. PEER is a Python that has Ultralytics; without it its rows are left out.
@@ -98,65 +98,65 @@ PEER ?= $(TRAIN)/bin/python
 MEMORY_MINUTES ?= 30
 bench-perception: MINUTES = 10
 bench-perception: setup
-	$(BIN)/python -m benchmarks.perception --minutes $(MINUTES) --memory-minutes $(MEMORY_MINUTES) --peer $(PEER)
+	$(BIN)/python -m slipstream_lab.benchmarks.perception --minutes $(MINUTES) --memory-minutes $(MEMORY_MINUTES) --peer $(PEER)
 
 # Speeds, accelerations, flags and identities against the truth of clips that training never saw;
 # then the flags in weather, at night and with bad pictures.
 bench-accuracy: setup
-	$(BIN)/python -m benchmarks.accuracy --json .slipstream/accuracy.json
-	$(BIN)/python -m benchmarks.accuracy.weather
+	$(BIN)/python -m slipstream_lab.benchmarks.accuracy --json .slipstream/accuracy.json
+	$(BIN)/python -m slipstream_lab.benchmarks.accuracy.weather
 
 # What vehicles that nobody saw do to the features: estimated anew on clips that judge nothing; the
 # table goes into edge_daemon/features/occlusion.py.
 allowances: setup
-	$(BIN)/python -m benchmarks.accuracy.allowances
+	$(BIN)/python -m slipstream_lab.benchmarks.accuracy.allowances
 
 # Real roads: DATA is a folder with BrnoCompSpeed's truth and positions in brno/, and clips that labels
-# of benchmarks/real were drawn on; MODEL is scored on them beside the shipped one.
+# of lab/slipstream_lab/benchmarks/real were drawn on; MODEL is scored on them beside the shipped one.
 bench-real: setup
-	$(BIN)/python -m benchmarks.real --data "$(DATA)" $(if $(MODEL),--model "$(MODEL)")
+	$(BIN)/python -m slipstream_lab.benchmarks.real --data "$(DATA)" $(if $(MODEL),--model "$(MODEL)")
 
 # The routing core: named instances, cities, fleet sizes, rivals; an hour and a half on an idle
 # machine. `SHORT=1` takes small cities and minutes, and leaves the plots in docs as they are.
 bench-routing: setup
-	$(BIN)/python -m benchmarks.routing $(if $(SHORT),--short,--plots docs)
+	$(BIN)/python -m slipstream_lab.benchmarks.routing $(if $(SHORT),--short,--plots docs)
 
 # The quantum solvers: depth, simulation, training, variants, the paper's tables, large blocks, a
 # device that fails; about an hour on an idle machine, of which `SHORT=1` takes minutes.
 bench-quantum: setup
-	$(BIN)/python -m benchmarks.quantum $(if $(SHORT),--short)
+	$(BIN)/python -m slipstream_lab.benchmarks.quantum $(if $(SHORT),--short)
 
 # The worlds: a day's background, an arm of the closed loop, the same seed twice, what is saved on
 # three seeds; hours on an idle machine, and gone on with if interrupted. `SHORT=1`: minutes.
 bench-world: setup
-	$(BIN)/python -m benchmarks.world $(if $(SHORT),--short)
+	$(BIN)/python -m slipstream_lab.benchmarks.world $(if $(SHORT),--short)
 
 # The real process with one agent and with a hundred, their vehicles driven over the bus.
 bench-agents: setup
-	$(BIN)/python -m benchmarks.agents $(if $(SHORT),--short)
+	$(BIN)/python -m slipstream_lab.benchmarks.agents $(if $(SHORT),--short)
 
 # 10,000 segment states a second into the real dispatcher, then more until some are lost or late;
 # orders between and during cycles; a cycle on a cluster with 0, 1 and 2 workers. `ONLY=orders`: one.
 bench-service: setup
-	$(BIN)/python -m benchmarks.service $(if $(SHORT),--short) $(if $(ONLY),--only $(ONLY))
+	$(BIN)/python -m slipstream_lab.benchmarks.service $(if $(SHORT),--short) $(if $(ONLY),--only $(ONLY))
 
 # The operator's page: 1,000 roads with two browsers for an hour, then 10,000. `SHORT=1`: 20 s.
 bench-dashboard: setup
-	$(BIN)/python -m benchmarks.dashboard $(if $(SHORT),--short)
+	$(BIN)/python -m slipstream_lab.benchmarks.dashboard $(if $(SHORT),--short)
 
 # Coordination of platoons by density, window and carriers, planned only: rivals, upper bound;
 # hours, gone on with if interrupted. `SHORT=1`: a minute or two.
 bench-coordination: setup
-	$(BIN)/python -m benchmarks.coordination $(if $(SHORT),--short --out .slipstream/bench-coordination-short)
+	$(BIN)/python -m slipstream_lab.benchmarks.coordination $(if $(SHORT),--short --out .slipstream/bench-coordination-short)
 
 # Thirty days of 1,000 watched segments in SQLite and in a PostgreSQL server of its own: size,
 # queries, deletion; an hour. `SHORT=1`: one day.
 bench-storage: setup
-	$(BIN)/python -m benchmarks.storage $(if $(SHORT),--short)
+	$(BIN)/python -m slipstream_lab.benchmarks.storage $(if $(SHORT),--short)
 
 # From rendered scenes to the shipped detector; needs torch, so in an environment of its own.
 train: train-venv
-	$(TRAIN)/bin/python -m simulation.training --out .slipstream/training
+	$(TRAIN)/bin/python -m slipstream_lab.simulation.training --out .slipstream/training
 
 train-venv: $(TRAIN)/bin/yolo
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final
 from slipstream.errors import InputError
 from slipstream.iso_time import read_datetime
 from slipstream_cli.export_files import FORMATS, TableFile
-from slipstream_cli.laboratory import export_instances
+from slipstream_lab.commands import export_instances
 
 if TYPE_CHECKING:
     from storage import Tables

@@ -140,8 +140,8 @@ def _scores_against(
     Raises:
         InputError: the file cannot be used.
     """
-    from research.perception import compare, score
-    from simulation.ground_truth import load_truth
+    from slipstream_lab.research.perception import compare, score
+    from slipstream_lab.simulation.ground_truth import load_truth
 
     truth = load_truth(path)
 

@@ -14,9 +14,9 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, Phase, settings
 
-from benchmarks.postgres_server import PostgresServer, find_pg_ctl
 from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings
+from slipstream_lab.benchmarks.postgres_server import PostgresServer, find_pg_ctl
 
 # Shared machines are slow at times, and a suite has to say the same thing twice.
 settings.register_profile(
@@ -98,7 +98,7 @@ def street_clips(
     made_once: Callable[[str, Callable[[Path], object]], Path],
 ) -> dict[str, Path]:
     """Folders of a calm and a stop-and-go clip: 14 s at 15 frames a second, seeds of their own."""
-    from simulation.streetdrive.clip import ClipSettings, render_clip
+    from slipstream_lab.simulation.streetdrive.clip import ClipSettings, render_clip
 
     folders = {}
     for scenario, seed in (("stable", 31), ("turbulent", 32)):

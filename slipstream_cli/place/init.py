@@ -92,11 +92,11 @@ def _check_options(options: argparse.Namespace, folder: Path) -> None:
 
 def _write(options: argparse.Namespace, folder: Path, net: str, made: Path | None) -> int:
     """Write the files for a net, and the net too if it was made."""
-    from simulation.scenarios.networks import largest_part
     from slipstream.config import check
     from slipstream.sumo_net import load_network
     from slipstream_cli.place.files import Site, files_of
     from slipstream_cli.place.layout import lay_out
+    from slipstream_lab.simulation.scenarios.networks import largest_part
 
     network = load_network(net if made is None else str(made))
     part = largest_part(network, net)
@@ -172,7 +172,7 @@ def _check_empty(folder: Path) -> None:
 
 def _imported(options: argparse.Namespace, folder: Path) -> Path:
     """The net of an OpenStreetMap extract, in the folder; what it had to assume is told."""
-    from simulation.scenarios.networks import import_osm
+    from slipstream_lab.simulation.scenarios.networks import import_osm
 
     extract: Path = options.osm
     net = folder / f"{extract_name(extract)}.net.xml.gz"

@@ -44,7 +44,7 @@ def lay_out(network: RoadNetwork, at_m: tuple[float, float] | None) -> Layout:
     """Choose the places.
 
     Args:
-        network: connected; see `simulation.scenarios.networks.largest_part`.
+        network: connected; see `slipstream_lab.simulation.scenarios.networks.largest_part`.
         at_m: the depot is where an address there is served; None: the most central junction, with
             the smallest mean distance to all others.
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from simulation.scenarios.networks import Import
+    from slipstream_lab.simulation.scenarios.networks import Import
 
 _MAX_WARNINGS: Final = 10
 _MAX_CHARACTERS: Final = 200

@@ -16,9 +16,6 @@ from pathlib import Path
 import pytest
 import tomli_w
 
-from simulation.live.process import WorldProcess
-from simulation.live.town import VANS, town
-from simulation.live.world_spec import WorldCounts
 from slipstream.bus import Bus, free_port
 from slipstream.config import BusSettings
 from slipstream.messages import (
@@ -30,6 +27,9 @@ from slipstream.messages import (
     decode,
     state_key,
 )
+from slipstream_lab.simulation.live.process import WorldProcess
+from slipstream_lab.simulation.live.town import VANS, town
+from slipstream_lab.simulation.live.world_spec import WorldCounts
 
 pytestmark = [
     pytest.mark.process,

@@ -20,8 +20,6 @@ import pytest
 import tomli_w
 from prometheus_client.parser import text_string_to_metric_families
 
-from benchmarks.service.grid import write_grid
-from benchmarks.service.senders import a_state
 from slipstream.bus import Bus, free_port
 from slipstream.config import BusSettings
 from slipstream.inbox import OUTCOMES
@@ -35,6 +33,8 @@ from slipstream.messages import (
     decode,
     state_key,
 )
+from slipstream_lab.benchmarks.service.grid import write_grid
+from slipstream_lab.benchmarks.service.senders import a_state
 
 DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
 INTERVAL_S = 4.0

@@ -19,9 +19,9 @@ import psutil
 import pytest
 
 import storage
-from simulation.live.town import VANS
 from slipstream.bus import free_port
-from slipstream_cli.daemons.demo import make_clips
+from slipstream_lab.commands.live.demo import make_clips
+from slipstream_lab.simulation.live.town import VANS
 from tests.dashboard.web.browser import SIZES
 from tests.e2e.walk import Walk
 

@@ -228,7 +228,7 @@ def test_what_is_not_known_of_a_vehicle_meets_no_limit() -> None:
 
 def test_points_are_projected_as_the_net_was() -> None:
     """Troy's own corners: its net says what they are in degrees and in metres."""
-    path = Path("simulation/scenarios/data/troy/troy.net.xml.gz")
+    path = Path("lab/slipstream_lab/simulation/scenarios/data/troy/troy.net.xml.gz")
     troy = load_network(Path(__file__).parents[2] / path)
     assert troy.projection is not None
     assert troy.projection.place_m(42.689698, -73.716015) == pytest.approx((0.0, 0.0), abs=90.0)

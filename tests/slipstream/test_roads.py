@@ -120,7 +120,7 @@ def test_junctions_are_in_the_order_of_the_segments() -> None:
 
 def test_a_crossing_with_signals_names_its_groups() -> None:
     """Troy's: the signals that stand at the segment's end, and a number a lane."""
-    from simulation.scenarios.scenario import load_scenario
+    from slipstream_lab.simulation.scenarios.scenario import load_scenario
 
     network = load_scenario("troy").network
     signalled = {pair: c for pair, c in network.crossings.items() if c.intersection is not None}

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from edge_daemon.camera import load_camera
-from simulation.streetdrive.rendering.camera import Camera
 from slipstream_cli.main import main
+from slipstream_lab.simulation.streetdrive.rendering.camera import Camera
 
 SEGMENT = """
 [[segments]]

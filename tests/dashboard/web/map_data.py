@@ -11,11 +11,13 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from research.cities.streets import street_network
 from slipstream.roads import RoadNetwork
 from slipstream.sumo_net import load_network
+from slipstream_lab.research.cities.streets import street_network
 
-TROY = Path(__file__).parents[3] / "simulation/scenarios/data/troy/troy.net.xml.gz"
+TROY = (
+    Path(__file__).parents[3] / "lab/slipstream_lab/simulation/scenarios/data/troy/troy.net.xml.gz"
+)
 T_MS = 1_795_000_000_000
 FLAGS = ("stable", "turbulent", "unknown")
 

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from edge_daemon.camera import Camera
 from edge_daemon.camera.homography import Homography
 from edge_daemon.camera.pose import pose_of
-from simulation.streetdrive.rendering.camera import Camera as Pinhole
-from simulation.streetdrive.rendering.painter import Placed
-from simulation.streetdrive.vehicles.catalogue import build_vehicle
+from slipstream_lab.simulation.streetdrive.rendering.camera import Camera as Pinhole
+from slipstream_lab.simulation.streetdrive.rendering.painter import Placed
+from slipstream_lab.simulation.streetdrive.vehicles.catalogue import build_vehicle
 
 from ..conftest import FOCAL_PX, POLE_M
 

@@ -40,7 +40,7 @@ WEIGHTS = Path(str(resources.files("edge_daemon") / "weights"))
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A short clip with its truth and camera."""
-    from simulation.streetdrive.clip import ClipSettings, render_clip
+    from slipstream_lab.simulation.streetdrive.clip import ClipSettings, render_clip
 
     path = tmp_path_factory.mktemp("clip")
     render_clip(ClipSettings(seconds=0.5, fps=10, scenario="stable", seed=77), path)

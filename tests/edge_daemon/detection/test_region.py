@@ -21,7 +21,7 @@ PICTURE = (1280, 720)
 @pytest.fixture(scope="module")
 def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A second of dense traffic with its truth."""
-    from simulation.streetdrive.clip import ClipSettings, render_clip
+    from slipstream_lab.simulation.streetdrive.clip import ClipSettings, render_clip
 
     folder = tmp_path_factory.mktemp("clip")
     render_clip(ClipSettings(seconds=1.0, fps=5, scenario="turbulent", seed=5), folder)

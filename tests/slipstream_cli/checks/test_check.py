@@ -10,14 +10,14 @@ from typing import Any
 import pytest
 import tomli_w
 
-import simulation
+import slipstream_lab.simulation
 from slipstream.config import read_toml
 from slipstream.sumo_net import load_network
 from slipstream_cli.main import main
 
 Site = dict[str, Path]
 
-TROY = str(Path(simulation.__file__).parent / "scenarios/data/troy/troy.net.xml.gz")
+TROY = str(Path(slipstream_lab.simulation.__file__).parent / "scenarios/data/troy/troy.net.xml.gz")
 
 
 @pytest.fixture

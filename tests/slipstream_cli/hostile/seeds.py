@@ -15,9 +15,9 @@ import numpy as np
 import tomli_w
 
 import storage
-from research.instances import open_instance
-from research.instances.instance import write_instance
 from slipstream.messages import Estimate, KinematicFeatures, SegmentState
+from slipstream_lab.research.instances import open_instance
+from slipstream_lab.research.instances.instance import write_instance
 
 REPOSITORY = Path(__file__).parents[3]
 DEPLOY = REPOSITORY / "deploy" / "config"

@@ -21,21 +21,21 @@ from typing import Any
 import pytest
 from pydantic import BaseModel
 
-import simulation
+import slipstream_lab.simulation
 from dashboard.settings import DashboardSettings
 from dispatcher_daemon.fleet import Depot, Stop, Vehicle, load_fleet
-from simulation.scenarios.networks.netconvert import find_netconvert
 from slipstream.bus import Bus, free_port
 from slipstream.config import BusSettings
 from slipstream.messages import ALL_PLANS, VehiclePlan, decode
+from slipstream.osm.netconvert import find_netconvert
 from slipstream.sumo_net import load_network
-from slipstream_cli.daemons.local import http_status
 from slipstream_cli.main import main
 from slipstream_cli.place.commented import commented, toml
 from slipstream_cli.place.layout import lay_out
 from slipstream_cli.settings_doc import DAEMONS
+from slipstream_lab.commands.live.local import http_status
 
-TROY = Path(simulation.__file__).parent / "scenarios/data/troy/troy.net.xml.gz"
+TROY = Path(slipstream_lab.simulation.__file__).parent / "scenarios/data/troy/troy.net.xml.gz"
 DEADLINE_S = 240.0
 
 

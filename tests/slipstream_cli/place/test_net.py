@@ -9,14 +9,14 @@ from typing import Any, cast
 
 import pytest
 
-import simulation
+import slipstream_lab.simulation
 from slipstream.projection import Projection
 from slipstream.roads import RoadNetwork
 from slipstream_cli.main import main
 from slipstream_cli.place.net import compass
 from slipstream_cli.place.streets import place_of
 
-TROY = str(Path(simulation.__file__).parent / "scenarios/data/troy/troy.net.xml.gz")
+TROY = str(Path(slipstream_lab.simulation.__file__).parent / "scenarios/data/troy/troy.net.xml.gz")
 
 
 def found(capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, Any]:

@@ -5,16 +5,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dispatcher_daemon.arc_form.arcs import arc_problem_of
-from dispatcher_daemon.formulations.model import QuboModel, build_model
+from dispatcher_daemon.forms.model import QuboModel, build_model
+from dispatcher_daemon.planning.arc_form.arcs import arc_problem_of
 from dispatcher_daemon.solvers.quantum.ansatz import linear_ramp
 from dispatcher_daemon.solvers.quantum.ising import to_ising
 from dispatcher_daemon.solvers.quantum.statevector.diagonal import cost_diagonal
 from dispatcher_daemon.solvers.quantum.statevector.exact_state import Schedule
 from dispatcher_daemon.solvers.quantum.statevector.training import Objective, train
 from dispatcher_daemon.solvers.quantum.statevector.transverse import StateVector
-from research.instances import open_instance
-from research.quantum.ideal import dense_qaoa_figures, valid_selections_of
+from slipstream_lab.research.instances import open_instance
+from slipstream_lab.research.quantum.ideal import dense_qaoa_figures, valid_selections_of
 
 
 def published(name: str) -> QuboModel:

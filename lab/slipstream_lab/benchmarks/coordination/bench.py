@@ -1,0 +1,98 @@
+"""The coordination benchmark: all cells in turn, gone on with where it was interrupted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from slipstream.errors import InputError
+from slipstream_lab.benchmarks.aims import Load, measured_on
+from slipstream_lab.benchmarks.coordination import report
+from slipstream_lab.research.coordination.cells import Cell, Place, Result, found, measured
+from slipstream_lab.research.coordination.corridor import DENSITIES, WINDOWS_MIN
+from slipstream_lab.research.coordination.region import TRUCKS
+
+PRICES_KW: Final = (10, 0, 27)
+"""10: a driver's time partly used otherwise; 0: free waits; 27: what slower driving would save."""
+
+
+@dataclass(frozen=True)
+class Form:
+    """How much is planned.
+
+    Attributes:
+        vehicles: a day on the corridor.
+        windows_min: halves of the intervals of arrival.
+        prices_kw: of waiting.
+        trucks: in the region; 0: no region.
+    """
+
+    vehicles: tuple[int, ...] = DENSITIES
+    windows_min: tuple[int, ...] = WINDOWS_MIN
+    prices_kw: tuple[int, ...] = PRICES_KW
+    trucks: int = TRUCKS
+
+    def cells(self) -> Iterator[Cell]:
+        """All cells; the quick ones of a price and window first."""
+        for price_kw in self.prices_kw:
+            for window_min in sorted(self.windows_min, key=lambda w: (w != 10, -w)):
+                for vehicles in self.vehicles:
+                    places: tuple[Place, ...] = ("one", "ten")
+                    for place in places:
+                        yield Cell(place, vehicles, window_min, price_kw)
+                if self.trucks:
+                    yield Cell("region", self.trucks, window_min, price_kw)
+
+
+FULL: Final = Form()
+SHORT: Final = Form(vehicles=(20, 50), windows_min=(1, 5), prices_kw=(10, 0), trucks=60)
+
+
+@dataclass(frozen=True)
+class BenchSettings:
+    """What is planned and where it goes.
+
+    Attributes:
+        out: folder for the report and the cells; those of an earlier run are gone on with.
+        form: how much.
+    """
+
+    out: Path = Path(".slipstream/bench-coordination")
+    form: Form = FULL
+
+
+def run_bench(settings: BenchSettings, say: Callable[[str], None]) -> list[Result]:
+    """Plan all cells and write the report; it is written after each, so that none is lost.
+
+    Raises:
+        InputError: the folder cannot be used.
+        RuntimeError: a strategy above the bound: one of both is wrong.
+    """
+    folder = settings.out / "cells"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(settings.out, f"{error.strerror}", "choose another folder") from None
+    load, cells = Load(), list(settings.form.cells())
+    results: list[Result] = []
+    for number, cell in enumerate(cells, 1):
+        if found(cell, folder) is None:
+            say(f"{number} of {len(cells)}: {cell.name}")
+        results.append(measured(cell, folder, say))
+        report.write(settings.out, results, _about(settings, load))
+    return results
+
+
+def written(settings: BenchSettings) -> list[Result]:
+    """Report of what there is already; nothing is planned."""
+    folder = settings.out / "cells"
+    results = [r for cell in settings.form.cells() if (r := found(cell, folder)) is not None]
+    report.write(settings.out, results, _about(settings, Load()))
+    return results
+
+
+def _about(settings: BenchSettings, load: Load) -> dict[str, object]:
+    form = {FULL: "full", SHORT: "short: a minute or two"}
+    return measured_on(load, form=form.get(settings.form, "own"))

@@ -1,0 +1,21 @@
+"""Errors of states and tracks against ground truth, and the flag's sensitivity to noise."""
+
+from slipstream_lab.research.perception.noise import PAPER_STABLE_SHARE, NoiseTable, noise_table
+from slipstream_lab.research.perception.score import (
+    Comparison,
+    Scores,
+    compare,
+    score,
+    true_windows,
+)
+
+__all__ = [
+    "PAPER_STABLE_SHARE",
+    "Comparison",
+    "NoiseTable",
+    "Scores",
+    "compare",
+    "noise_table",
+    "score",
+    "true_windows",
+]

@@ -1,0 +1,60 @@
+"""How the fleet's dispatcher is set where its days have to be the same again, byte for byte."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
+from dispatcher_daemon.solvers.exact import ExactSolver
+from dispatcher_daemon.solvers.registry import configured_solvers
+from dispatcher_daemon.solvers.workers.pool import Solve, solve_in_process
+
+DEFAULT_TIME_WORTH_KW: Final = 10.0
+"""Value of driving time in a city at the limit; see `History.time_worth_kw`."""
+
+_AMPLE_S: Final = 250.0
+"""No cycle of a delivery fleet takes so long, however busy the machine is."""
+
+
+def evaluation_settings(
+    *, sync_window_s: float = 3.0, gap_m: float = 1.5, solver: str = "exact"
+) -> DispatcherSettings:
+    """Settings under which iterations end every search, never the clock.
+
+    Give `run_cycle` `reference_s=0` with them: a simulation does not advance during a cycle. By
+    default a fleet's times count from `settings.deadline_s` after the cycle's start.
+    """
+    search = SearchSettings(
+        rounds=3,
+        iterations_per_stop=30,
+        iterations_to_feasible=2000,
+        # A parcel too many saves a detour of some tenths of a kWh.
+        max_penalty_kwh=10.0,
+        workers=1,
+        time_limit_s=_AMPLE_S,
+    )
+    city = CitySettings(
+        search=search,
+        second_rounds=1,
+        ways=3,
+        ways_legs=100,
+        wave=1,
+        max_sweeps=6,
+        patience=2,
+        block_deadline_s=_AMPLE_S,
+        solvers=(solver,),
+    )
+    return DispatcherSettings(
+        interval_s=300.0,
+        deadline_s=_AMPLE_S,
+        sync_window_s=sync_window_s,
+        gap_m=gap_m,
+        form="route",
+        solvers=("exact",),
+        city=city,
+    )
+
+
+def evaluation_solve(settings: DispatcherSettings | None = None) -> Solve:
+    """The solvers of these settings, in this process; by default the exact one."""
+    return solve_in_process([ExactSolver()] if settings is None else configured_solvers(settings))

@@ -1,0 +1,115 @@
+"""Everything that the tables, figures and the report of an evaluation are made from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+
+from slipstream_lab.simulation.closed_loop.record import ArmResult
+from slipstream_lab.simulation.evaluation.arms import POLICIES
+from slipstream_lab.simulation.evaluation.measures.compare import Compared, Spread, compare, sound
+from slipstream_lab.simulation.evaluation.measures.figures import Measures, measure
+from slipstream_lab.simulation.evaluation.runs import Provenance, Store, StoredArm
+
+
+@dataclass(frozen=True)
+class Headline:
+    """What an arm saves for each order, at equal travel time, on the same orders.
+
+    Attributes:
+        saving: share of what the baseline needs; None: nothing may be quoted.
+        orders: served, in all seeds that are in it.
+        seeds: that are in it.
+        missing: of the others, why not.
+    """
+
+    saving: Spread | None
+    orders: int
+    seeds: tuple[int, ...]
+    missing: Mapping[int, str]
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """The arms that are there, in the order of the tables.
+
+    Attributes:
+        provenance: what they depend on.
+        seeds: that were asked for, rising.
+        arms: as stored, by name and seed.
+        runs: in figures, refused ones included.
+        compared: sound ones against the baseline, where they compare.
+        apart: elsewhere, why not.
+    """
+
+    provenance: Provenance
+    seeds: tuple[int, ...]
+    arms: Mapping[str, Mapping[int, StoredArm]]
+    runs: Mapping[str, Mapping[int, Measures]]
+    compared: Mapping[str, Mapping[int, Compared]]
+    apart: Mapping[str, Mapping[int, str]]
+
+    def __contains__(self, name: object) -> bool:
+        """Whether there is a sound arm of that name."""
+        return any(not found.faults for found in self.runs.get(str(name), {}).values())
+
+    def results(self, name: str) -> dict[int, ArmResult]:
+        """The sound arms of a name, by seed."""
+        stored = self.arms.get(name, {})
+        return {seed: stored[seed].result for seed in sound(self.runs).get(name, {})}
+
+    def figure(self, name: str, of: Callable[[Measures], float | None]) -> Spread | None:
+        """A figure of an arm over the seeds in which it is sound."""
+        return _spread(of(found) for found in sound(self.runs).get(name, {}).values())
+
+    def against(self, name: str, of: Callable[[Compared], float | None]) -> Spread | None:
+        """A figure of an arm against the baseline over the seeds in which both are sound."""
+        return _spread(of(found) for found in self.compared.get(name, {}).values())
+
+    def headline(self, name: str) -> Headline:
+        """The saving of an arm that may be quoted, or why there is none."""
+        compared = self.compared.get(name, {})
+        equal = {s: c.at_equal_time for s, c in compared.items() if c.at_equal_time is not None}
+        missing = dict(self.apart.get(name, {}))
+        missing |= {seed: c.unequal for seed, c in compared.items() if seed not in equal}
+        orders = sum(self.runs[name][seed].served for seed in equal)
+        return Headline(_spread(equal.values()), orders, tuple(equal), missing)
+
+    @property
+    def codes(self) -> list[str]:
+        """What simulated them; more than one where the code changed in between."""
+        return sorted({arm.code for of_seed in self.arms.values() for arm in of_seed.values()})
+
+    @property
+    def refused(self) -> tuple[tuple[str, int, tuple[str, ...]], ...]:
+        """Arms whose figures do not count: name, seed and why."""
+        return tuple(
+            (name, seed, found.faults)
+            for name, of_seed in self.runs.items()
+            for seed, found in of_seed.items()
+            if found.faults
+        )
+
+
+def collect(store: Store, provenance: Provenance, seeds: Iterable[int]) -> Evaluation:
+    """Everything in the store of these seeds, whether it was asked for this time or earlier.
+
+    Raises:
+        InputError: a file is damaged, or of another evaluation.
+    """
+    ordered = tuple(sorted(seeds))
+    arms = {
+        name: {seed: arm for seed in ordered if (arm := store.get(policy, seed)) is not None}
+        for name, policy in POLICIES.items()
+    }
+    arms = {name: of_seed for name, of_seed in arms.items() if of_seed}
+    runs = {
+        name: {seed: measure(arm.result) for seed, arm in of_seed.items()}
+        for name, of_seed in arms.items()
+    }
+    found = compare(runs)
+    return Evaluation(provenance, ordered, arms, runs, found.compared, found.apart)
+
+
+def _spread(values: Iterable[float | None]) -> Spread | None:
+    return Spread.over([value for value in values if value is not None])

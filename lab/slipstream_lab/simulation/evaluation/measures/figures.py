@@ -1,0 +1,196 @@
+"""One arm of one seed in figures: sums over its legs, services and cycles."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from slipstream.energy import ETA_FOLLOWER, Energy, total
+from slipstream_lab.simulation.closed_loop.record import ArmResult, Others
+from slipstream_lab.simulation.fleet.drafting import CAUSES, Cause
+from slipstream_lab.simulation.fleet.losses import Losses
+from slipstream_lab.simulation.scenarios.acceptance import clock
+
+
+@dataclass(frozen=True)
+class Measures:
+    """What an arm came to; energies in kWh.
+
+    Attributes:
+        driven: energy with the drag reductions that vehicles had.
+        alone: of the same speeds without any.
+        losses: what `alone` went into.
+        legs: driven to their end.
+        distance_km: of all of them.
+        travel_h: from when legs could begin to their arrivals, service left out.
+        driving_h: of it, on the road; the rest is waiting.
+        depot_waits_s: of each tour, from when it could begin until it came onto the road.
+        stop_waits_s: of each later leg, likewise.
+        led_km: at the front of platoons.
+        followed_km: as a follower.
+        planned_platooned_km: in platoons by the plans, what later ones replaced left out.
+        planned_drafting_kwh: what drafting saves there.
+        missed_km: driven outside a platoon where the plan in force had one, by cause.
+        stops: on the road.
+        waited_h: standing on the road.
+        orders: released.
+        served_orders: those whose service began.
+        late: orders served after their latest time, or not at all though it is over.
+        cycles: dispatch cycles that had something to plan.
+        planned_kwh: what their plans expected to need.
+        watched: segments that RSUs watch, summed over cycles, as the next three.
+        judged: those whose y_e was known.
+        open: judged ones whose gate was open.
+        open_turbulent: open gates on segments whose true traffic was turbulent.
+        disengagements: of platoons, because of truly turbulent traffic.
+        turbulent_s: time in a close gap in such traffic, leaving included.
+        others: the background's trips.
+        unfinished: tours under way at the end.
+        faults: why no figure of this arm counts; nothing if it is sound.
+    """
+
+    driven: Energy
+    alone: Energy
+    losses: Losses
+    legs: int
+    distance_km: float
+    travel_h: float
+    driving_h: float
+    depot_waits_s: tuple[float, ...]
+    stop_waits_s: tuple[float, ...]
+    led_km: float
+    followed_km: float
+    planned_platooned_km: float
+    planned_drafting_kwh: float
+    missed_km: Mapping[Cause, float]
+    stops: int
+    waited_h: float
+    orders: int
+    served_orders: frozenset[str]
+    late: int
+    cycles: int
+    planned_kwh: float
+    watched: int
+    judged: int
+    open: int
+    open_turbulent: int
+    disengagements: int
+    turbulent_s: float
+    others: Others
+    unfinished: int
+    faults: tuple[str, ...]
+
+    @property
+    def served(self) -> int:
+        """Orders whose service began."""
+        return len(self.served_orders)
+
+    @property
+    def per_order_kwh(self) -> float:
+        """Energy for each served order; a sound arm served some."""
+        return self.energy_kwh / self.served
+
+    @property
+    def per_order_s(self) -> float:
+        """Travel time for each served order."""
+        return 3600 * self.travel_h / self.served
+
+    @property
+    def energy_kwh(self) -> float:
+        """Electrical energy of the fleet."""
+        return self.driven.total_kwh
+
+    @property
+    def waits_s(self) -> tuple[float, ...]:
+        """Of all legs, before they came onto the road."""
+        return self.depot_waits_s + self.stop_waits_s
+
+    @property
+    def platooned_km(self) -> float:
+        """Driven in platoons, leaders included."""
+        return self.led_km + self.followed_km
+
+    @property
+    def drafted_kwh(self) -> float:
+        """Saved by drafting on the same drives."""
+        return self.alone.total_kwh - self.driven.total_kwh
+
+    @property
+    def ceiling_kwh(self) -> float:
+        """What drafting would save at most: everybody a follower all the way."""
+        return ETA_FOLLOWER * self.alone.drag_kwh
+
+    @property
+    def platooned_share(self) -> float:
+        """Of the distance; 0 where nothing was driven."""
+        return self.platooned_km / self.distance_km if self.distance_km else 0.0
+
+    @property
+    def open_share(self) -> float | None:
+        """Open gates of the judged ones."""
+        return self.open / self.judged if self.judged else None
+
+
+def measure(result: ArmResult) -> Measures:
+    """Sum up an arm."""
+    legs, cycles = result.legs, result.cycles
+    return Measures(
+        driven=total(leg.driven for leg in legs),
+        alone=total(leg.alone for leg in legs),
+        losses=Losses(*(sum(parts) for parts in zip(*(leg.losses for leg in legs), strict=True)))
+        if legs
+        else Losses(0.0, 0.0, 0.0, 0.0, 0.0),
+        legs=len(legs),
+        distance_km=sum(leg.distance_m for leg in legs) / 1000,
+        travel_h=sum(leg.travel_s for leg in legs) / 3600,
+        driving_h=sum(leg.arrived_s - leg.departed_s for leg in legs) / 3600,
+        depot_waits_s=tuple(leg.departed_s - leg.ready_s for leg in legs if leg.leg == 0),
+        stop_waits_s=tuple(leg.departed_s - leg.ready_s for leg in legs if leg.leg > 0),
+        led_km=sum(leg.led_m for leg in legs) / 1000,
+        followed_km=sum(leg.followed_m for leg in legs) / 1000,
+        planned_platooned_km=sum(cycle.planned_platooned_m for cycle in cycles) / 1000,
+        planned_drafting_kwh=sum(cycle.planned_drafting_kwh for cycle in cycles),
+        missed_km={
+            cause: sum(leg.missed_m.get(cause, 0.0) for leg in legs) / 1000 for cause in CAUSES
+        },
+        stops=sum(leg.stops for leg in legs),
+        waited_h=sum(leg.waited_s for leg in legs) / 3600,
+        orders=len(result.services),
+        served_orders=frozenset(s.order for s in result.services if s.begun_s is not None),
+        late=sum(
+            (max(result.end_s, result.ended_s) if service.begun_s is None else service.begun_s)
+            > service.latest_s
+            for service in result.services
+        ),
+        cycles=len(cycles),
+        planned_kwh=sum(cycle.planned_kwh for cycle in cycles),
+        watched=sum(cycle.watched for cycle in cycles),
+        judged=sum(cycle.judged for cycle in cycles),
+        open=sum(cycle.open for cycle in cycles),
+        open_turbulent=sum(cycle.open_turbulent for cycle in cycles),
+        disengagements=result.disengagements,
+        turbulent_s=sum(leg.turbulent_s for leg in legs),
+        others=result.others,
+        unfinished=result.unfinished,
+        faults=faults(result),
+    )
+
+
+def faults(result: ArmResult) -> tuple[str, ...]:
+    """Faults that make an arm invalid: gridlock, teleports, collisions, emergency stops, an order
+    that was served twice.
+    """
+    found = []
+    if result.gridlock_s is not None:
+        found.append(f"gridlock at {clock(result.gridlock_s)}")
+    for count, what in (
+        (result.teleports, "teleport"),
+        (result.collisions, "collision"),
+        (result.emergency_stops, "emergency stop"),
+        (result.served_again, "second service"),
+    ):
+        if count:
+            found.append(f"{count} {what}{'s' if count > 1 else ''}")
+    if not any(service.begun_s is not None for service in result.services) or not result.legs:
+        found.append("no order was served")
+    return tuple(found)

@@ -1,0 +1,193 @@
+"""Tables of what could be saved at best, and of how much of it each lever reaches."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from slipstream.roads import RoadNetwork
+from slipstream_lab.simulation.evaluation.arms import BASELINE, COOPERATIVE, EVERY_LEVER, only
+from slipstream_lab.simulation.evaluation.measures import (
+    Ceilings,
+    Compared,
+    Evaluation,
+    LossShares,
+    Spread,
+    compute_ceilings,
+    loss_shares,
+    share_of_ceiling,
+)
+from slipstream_lab.simulation.evaluation.report.cells import MEANS, arm_files
+from slipstream_lab.simulation.evaluation.report.formatting import NOTHING, Table, number, percent
+from slipstream_lab.simulation.evaluation.report.proximity import proximity_table
+
+_CEILINGS: Final = (
+    ("every kilometre drafted", "drafting", None),
+    (
+        "no signals or traffic, at the limit",
+        "no signals or traffic",
+        "no signals or traffic, drafting",
+    ),
+    (
+        "no signals or traffic, in the same time",
+        "the same in the same time",
+        "the same in the same time, drafting",
+    ),
+    ("no braking at all, in the same time", "no braking", "no braking, drafting"),
+)
+"""(Words, key of `Ceilings.savings` alone, key drafted)."""
+
+
+@dataclass(frozen=True)
+class _Reach:
+    """A saving and the ceiling that it is held against."""
+
+    words: str
+    arm: str
+    of: Callable[[Compared], float | None]
+    ceiling: str
+
+
+def _drag(compared: Compared) -> float:
+    return compared.shares.drag_kwh
+
+
+def _equal(compared: Compared) -> float | None:
+    return compared.at_equal_time
+
+
+_REACHES: Final = (
+    _Reach("platoons alone, by drag", only("platoons"), _drag, "drafting"),
+    _Reach("C, by drag", COOPERATIVE, _drag, "drafting"),
+    _Reach("C+, by drag", EVERY_LEVER, _drag, "drafting"),
+    _Reach("departures alone", only("departures"), _equal, "the same in the same time"),
+    _Reach("eco-approach alone", only("eco_approach"), _equal, "the same in the same time"),
+    _Reach("priority alone", only("priority"), _equal, "the same in the same time"),
+    _Reach("coasting alone", only("coasting"), _equal, "no braking"),
+    _Reach("C", COOPERATIVE, _equal, "no braking, drafting"),
+    _Reach("C+", EVERY_LEVER, _equal, "no braking, drafting"),
+)
+
+
+def ceiling_tables(evaluation: Evaluation, roads: RoadNetwork) -> tuple[Table, ...]:
+    """What the baseline's legs would cost at best, where their energy goes, and the levers' shares
+    of it; nothing where there is no sound baseline.
+
+    Args:
+        roads: of the evaluation's net.
+    """
+    fit = evaluation.results(BASELINE)
+    if not fit:
+        return ()
+    best = {seed: compute_ceilings(result, roads) for seed, result in fit.items()}
+    goes = {seed: loss_shares(result, roads) for seed, result in fit.items()}
+    lengths_m = {name: segment.length_m for name, segment in roads.segments.items()}
+    together = proximity_table(evaluation, lengths_m)
+    return (
+        _ceiling_table(evaluation, best),
+        _where_table(evaluation, goes),
+        *_reach_table(evaluation, best),
+        *(() if together is None else (together,)),
+    )
+
+
+def _ceiling_table(evaluation: Evaluation, best: Mapping[int, Ceilings]) -> Table:
+    saved = {seed: found.savings() for seed, found in best.items()}
+
+    def over(key: str | None) -> str:
+        return NOTHING if key is None else percent(Spread.over([s[key] for s in saved.values()]), 1)
+
+    slower = Spread.over([f.free.travel_s / f.driven.travel_s - 1 for f in best.values()])
+    time = {"no signals or traffic": percent(slower, 1, sign=True)}
+    rows = tuple(
+        (
+            words,
+            NOTHING if alone == "drafting" else over(alone),
+            over("drafting" if alone == "drafting" else drafted),
+            time.get(alone, percent(0.0)),
+        )
+        for words, alone, drafted in _CEILINGS
+    )
+    return Table(
+        "Ceilings: what B's legs could save at best",
+        ("", "alone", "every kilometre drafted", "travel time"),
+        rows,
+        f"{arm_files(evaluation, [BASELINE])}, by `slipstream_lab.simulation.evaluation.measures.ceilings`",
+        (
+            f"{MEANS} On the baseline's own paths. Drafted: 20 % less drag for everybody all the "
+            "way, as if nobody led. No signals or traffic: empty roads, with turns, lower limits "
+            "and deliveries. No braking: each leg at its mean speed from end to end, the least "
+            "that its distance can cost in its time; deliveries cost nothing there, so nobody "
+            "gets near it.",
+        ),
+    )
+
+
+def _where_table(evaluation: Evaluation, goes: Mapping[int, LossShares]) -> Table:
+    words = {
+        "rolling": "rolling",
+        "drag": "drag",
+        "deliveries": "braked at deliveries",
+        "turns": "braked for turns and lower limits, as on empty roads",
+        "stands": "braked to a stand on the road: signals and queues",
+        "traffic": "braked else: traffic, and signals that turned green in time",
+    }
+    rows = tuple(
+        (
+            said,
+            number(Spread.over([getattr(found, part) for found in goes.values()]), 2),
+            percent(Spread.over([getattr(f, part) / sum(vars(f).values()) for f in goes.values()])),
+        )
+        for part, said in words.items()
+    )
+    return Table(
+        "Where the baseline's energy goes",
+        ("", "kWh", "share"),
+        rows,
+        f"{arm_files(evaluation, [BASELINE])}, by `slipstream_lab.simulation.evaluation.measures.loss_shares`",
+        (MEANS,),
+    )
+
+
+def _reach_table(evaluation: Evaluation, best: Mapping[int, Ceilings]) -> tuple[Table, ...]:
+    rows, names = [], [BASELINE]
+    for reach in _REACHES:
+        found = {
+            seed: value
+            for seed, compared in evaluation.compared.get(reach.arm, {}).items()
+            if seed in best and (value := reach.of(compared)) is not None
+        }
+        if not found:
+            continue
+        limits = {seed: best[seed].savings()[reach.ceiling] for seed in found}
+        shares = [
+            share
+            for seed, saving in found.items()
+            if (share := share_of_ceiling(saving, limits[seed])) is not None
+        ]
+        names.append(reach.arm)
+        rows.append(
+            (
+                reach.words,
+                percent(Spread.over(list(found.values())), 2, sign=True),
+                reach.ceiling,
+                percent(Spread.over(list(limits.values()))),
+                percent(Spread.over(shares)),
+            )
+        )
+    if not rows:
+        return ()
+    return (
+        Table(
+            "Levers as shares of their ceilings",
+            ("lever", "saving", "ceiling", "at most", "reached"),
+            tuple(rows),
+            f"{arm_files(evaluation, names)}, and the ceilings above",
+            (
+                "Savings by drag are those of the same drives without drafting, as a share of B; "
+                'the others are at equal travel time. "The same" is no signals or traffic. '
+                "Routes have no ceiling here: it keeps the baseline's paths.",
+            ),
+        ),
+    )

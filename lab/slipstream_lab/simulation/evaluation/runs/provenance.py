@@ -1,0 +1,128 @@
+"""Provenance of an evaluation: digests of its inputs and of the simulating code."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from importlib.metadata import PackageNotFoundError, version
+from typing import Final
+
+from slipstream.sources import sources_digest
+from slipstream_lab.simulation.closed_loop.policy import AS_DRIVING, WaitingPrices
+from slipstream_lab.simulation.rsus import Rsu
+from slipstream_lab.simulation.scenarios.perception import measured_errors
+from slipstream_lab.simulation.scenarios.scenario import Scenario, SignalControl
+
+FORMAT: Final = 4
+"""Of stored arms. Raise it when the same order gives another result, or means another thing."""
+
+_PACKAGES: Final = (
+    *("slipstream", "edge_daemon", "vehicle_agent", "dispatcher_daemon", "simulation"),
+)
+_EXCLUDED: Final = frozenset(
+    f"lab/slipstream_lab/simulation/{part}"
+    for part in ("evaluation", "training", "streetdrive", "sumo_view", "live")
+)
+"""Packages that only render, display or report."""
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Inputs that all arms of a folder share; results depend on every one.
+
+    Attributes:
+        scenario: its name.
+        net: SHA-256 of the net's file.
+        demand: of the settings of the background; of its route files where these are the user's,
+            and of the user's additional files.
+        rsus: of the RSUs; empty where they are found by the traffic.
+        fleet: of the delivery business.
+        perception: of the errors that RSUs make.
+        signals: how signals are run.
+        begin_s: simulated, s since midnight.
+        end_s: simulated.
+        step_s: of the simulation.
+        format: of the results.
+        waiting_kw: price of waiting at the depot; None: that of driving time, as in arms that were
+            stored before it could be given.
+        standing_kw: price of waiting at a stop, likewise.
+    """
+
+    scenario: str
+    net: str
+    demand: str
+    rsus: str
+    fleet: str
+    perception: str
+    signals: SignalControl
+    begin_s: float
+    end_s: float
+    step_s: float
+    format: int = FORMAT
+    waiting_kw: float | None = None
+    standing_kw: float | None = None
+
+
+def provenance_of(
+    scenario: Scenario,
+    signals: SignalControl,
+    span_s: tuple[float, float],
+    step_s: float,
+    prices: WaitingPrices = AS_DRIVING,
+) -> Provenance:
+    """The provenance of a scenario's arms.
+
+    Args:
+        span_s: begin and end of the simulated time.
+        prices: of waiting for other vehicles.
+    """
+    rsus = scenario.rsus
+    background = [path.read_bytes() for path in scenario.routes]
+    background = background or [scenario.demand.digest_text().encode()]
+    return Provenance(
+        scenario.name,
+        _digest(scenario.net.read_bytes()),
+        _digest(_together([*background, *(path.read_bytes() for path in scenario.additional)])),
+        "" if rsus is None else _digest(json.dumps([_rsu_data(rsu) for rsu in rsus]).encode()),
+        _digest(scenario.fleet.digest_text().encode()),
+        _digest(measured_errors().model_dump_json().encode()),
+        signals,
+        *span_s,
+        step_s,
+        waiting_kw=prices.waiting_kw,
+        standing_kw=prices.standing_kw,
+    )
+
+
+def code_stamp() -> str:
+    """Versions, and a digest of the sources that an arm's result can depend on."""
+    return (
+        f"slipstream {_version('slipstream')}, libsumo {_version('libsumo')}, "
+        f"sources {sources_digest(_PACKAGES, _EXCLUDED)[:12]}"
+    )
+
+
+def _rsu_data(rsu: Rsu) -> dict[str, object]:
+    """An RSU's settings without defaults, so that a new setting changes no older digest.
+
+    A changed default needs a higher FORMAT.
+    """
+    return rsu.model_dump(mode="json", exclude_defaults=True)
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "?"
+
+
+def _together(parts: Sequence[bytes]) -> bytes:
+    """One part as it is; several by their digests, so that no two sets are alike."""
+    return parts[0] if len(parts) == 1 else "".join(map(_digest, parts)).encode()
+
+
+def _digest(data: bytes) -> str:
+    return sha256(data).hexdigest()

@@ -1,0 +1,126 @@
+"""Messages of a simulated fleet in one process: agents, signals, RSUs, and who else listens.
+
+What a vehicle sends within a step reaches the others within it: radio takes some milliseconds, a
+step is half a second. So those behind hear in the same step what those ahead of them announce.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Final
+
+from slipstream.messages import (
+    DriverReport,
+    Message,
+    PlatoonControl,
+    PlatoonManagement,
+    SegmentState,
+    SignalRequest,
+    VehicleAdvice,
+    VehiclePlan,
+    VehicleSensing,
+    spat_key,
+)
+from slipstream_lab.simulation.signals import SignalController
+from vehicle_agent.agent import AgentParameters
+from vehicle_agent.host import AgentHost
+
+_PLANS_KEPT: Final = 4
+
+
+class Exchange:
+    """Agents of a simulated fleet, called directly; see `slipstream_lab.simulation.fleet.world.Agents`.
+
+    Args:
+        vehicles: parameters of the agents by vehicle.
+        signals: of the running simulation.
+        intersections: ids of the signals.
+        time_s: the simulation's present time.
+        deliver: what vehicles send to the dispatcher.
+        stale_after_s: age limit of a SegmentState.
+    """
+
+    def __init__(
+        self,
+        vehicles: Mapping[str, AgentParameters],
+        signals: SignalController,
+        intersections: Iterable[str],
+        time_s: Callable[[], float],
+        deliver: Callable[[Message], None],
+        stale_after_s: float,
+    ) -> None:
+        self._host = AgentHost(vehicles, stale_after_s)
+        self._signals, self._time_s, self._deliver = signals, time_s, deliver
+        self._spat = {spat_key(name): name for name in intersections}
+        self._told: dict[str, object] = {}
+        self._plans: dict[str, dict[int, VehiclePlan]] = {name: {} for name in vehicles}
+        self._due: set[str] = set()
+
+    @property
+    def now_ns(self) -> int:
+        """The simulation's present moment, ns since midnight."""
+        return round(self._time_s() * 1e9)
+
+    def begin_step(self) -> None:
+        """Before each step: signals act on what was asked, and answer."""
+        for status in self._signals.step(self._time_s()):
+            self._host.receive(status, self.now_ns)
+
+    def send_plan(self, plan: VehiclePlan) -> None:
+        """The dispatcher sends a plan."""
+        known = self._plans.get(plan.vehicle)
+        if known is None:
+            return
+        known[plan.cycle] = plan
+        while len(known) > _PLANS_KEPT:
+            del known[min(known)]
+        self._host.receive(plan, self.now_ns)
+        self._send_all(plan.vehicle)
+        self._due.add(plan.vehicle)
+
+    def send_states(self, states: Iterable[SegmentState]) -> None:
+        """The RSUs send what they have seen."""
+        for state in states:
+            self._host.receive(state, self.now_ns)
+
+    def advise(self, sensing: VehicleSensing) -> VehicleAdvice | None:
+        """The advice of a vehicle's agent."""
+        now_s = self._time_s()
+        self._due.discard(sensing.vehicle)
+        for key in self._host.agents[sensing.vehicle].topics():
+            intersection = self._spat.get(key)
+            if intersection is not None:
+                spat = self._signals.spat(intersection, now_s)
+                if self._told.get(intersection) is not spat:
+                    self._told[intersection] = spat
+                    self._host.receive(spat, self.now_ns)
+        advice, outgoing = self._host.advise(sensing, self.now_ns)
+        for _, message in outgoing:
+            self._send(message)
+        return advice
+
+    def report(self, report: DriverReport) -> None:
+        """A driver says something."""
+        self._host.receive(report, self.now_ns)
+        self._send_all(report.vehicle)
+
+    def plan(self, vehicle: str, cycle: int) -> VehiclePlan | None:
+        """A plan that a vehicle has been sent."""
+        return self._plans[vehicle].get(cycle)
+
+    def is_due(self, vehicle: str) -> bool:
+        """Whether a vehicle has been sent a plan since it asked last."""
+        return vehicle in self._due
+
+    def _send_all(self, vehicle: str) -> None:
+        for _, message in self._host.agents[vehicle].take_outgoing():
+            self._send(message)
+
+    def _send(self, message: Message) -> None:
+        match message:
+            case PlatoonControl() | PlatoonManagement():
+                self._host.receive(message, self.now_ns)
+            case SignalRequest():
+                self._signals.receive(message, self._time_s())
+            case _:
+                self._deliver(message)

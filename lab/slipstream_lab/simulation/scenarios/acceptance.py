@@ -1,0 +1,64 @@
+"""Acceptance of a scenario's day for an evaluation, with the reasons of a refusal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from slipstream.errors import InputError
+from slipstream_lab.simulation.scenarios.record import Day
+
+
+@dataclass(frozen=True)
+class AcceptanceLimits:
+    """Limits of a day.
+
+    Attributes:
+        teleports: vehicles that SUMO had to lift out of a jam, at most.
+        depart_delay_s: mean wait to get onto the road, below.
+        left: vehicles driving or waiting at the end, below; of whole days alone.
+        emergency_stops: at most; each is a vehicle that could not brake in time.
+    """
+
+    teleports: int = 0
+    depart_delay_s: float = 5.0
+    left: int = 100
+    emergency_stops: int = 0
+
+    def faults(self, day: Day) -> tuple[str, ...]:
+        """Reasons to refuse a day; empty if it is accepted."""
+        found, faults = day.statistics, []
+        if day.gridlock_s is not None:
+            faults.append(f"gridlock at {clock(day.gridlock_s)}")
+        if found.teleports > self.teleports:
+            faults.append(f"{found.teleports} teleports (at most {self.teleports})")
+        if found.mean_depart_delay_s >= self.depart_delay_s:
+            faults.append(
+                f"departures {found.mean_depart_delay_s:.1f} s late on average "
+                f"(below {self.depart_delay_s:g} s)"
+            )
+        left = found.running + found.waiting
+        if day.end_s % 86400 == 0 and left >= self.left:
+            faults.append(f"{left} vehicles left at the end (below {self.left})")
+        if found.collisions:
+            faults.append(f"{found.collisions} collisions")
+        if found.emergency_stops > self.emergency_stops:
+            faults.append(
+                f"{found.emergency_stops} emergency stops (at most {self.emergency_stops})"
+            )
+        return tuple(faults)
+
+    def check(self, day: Day, scenario: str) -> None:
+        """Refuse a day that is not fit.
+
+        Raises:
+            InputError: naming every fault.
+        """
+        faults = self.faults(day)
+        if faults:
+            raise InputError(scenario, "; ".join(faults), "take fewer trips or another network")
+
+
+def clock(time_s: float) -> str:
+    """A time of the day as HH:MM."""
+    minutes = int(time_s // 60)
+    return f"{minutes // 60 % 24:02}:{minutes % 60:02}"

@@ -1,0 +1,258 @@
+"""A scenario: a network, its demand, its RSUs and its fleet, by name or from files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Final, Literal
+
+from slipstream.access import ALL_CLASSES
+from slipstream.config import load
+from slipstream.errors import InputError
+from slipstream.roads import RoadNetwork
+from slipstream.sumo_net import load_network
+from slipstream_lab.simulation.rsus import Rsu, load_rsus
+from slipstream_lab.simulation.scenarios.day import DaySpec
+from slipstream_lab.simulation.scenarios.demand import (
+    DemandSettings,
+    DrawnBreakdown,
+    FleetSettings,
+    Flow,
+    Routes,
+    Trips,
+    Zone,
+    draw_breakdowns,
+    draw_trips,
+    find_routes,
+    gateways,
+    write_routes,
+)
+from slipstream_lab.simulation.scenarios.networks import (
+    LeftOut,
+    check_additional,
+    check_routes,
+    count_passages,
+    cut_network,
+    has_fleet_type,
+    write_fixed_time,
+)
+from slipstream_lab.simulation.scenarios.perception import place_rsus
+from slipstream_lab.simulation.sumo import TYPES, put_file, without_output
+
+BUILT_IN: Final = ("troy", "corridor")
+
+SignalControl = Literal["actuated", "fixed"]
+
+_TRIPS_PER_KM: Final = 170
+_SHARES: Final = {"car": 0.9, "van": 0.06, "truck": 0.04}
+_ALL_DAY: Final = (
+    *(0.5, 0.3, 0.2, 0.2, 0.4, 1.2, 3.0, 6.0, 6.0, 5.0, 5.0, 5.4),
+    *(5.8, 5.6, 5.8, 6.6, 7.4, 7.2, 5.8, 4.4, 3.4, 2.6, 1.6, 0.8),
+)
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A world to evaluate in.
+
+    Attributes:
+        name: for people and files.
+        net: the SUMO net.
+        network: its roads, the largest connected part of them.
+        demand: of the background.
+        rsus: where they stand; None: on the busiest approaches of the day's background.
+        fleet: what is delivered.
+        routes: the user's own route files, instead of the demand.
+        additional: the user's further SUMO files.
+        left_out: what of the net is not in the network; None: nothing.
+    """
+
+    name: str
+    net: Path
+    network: RoadNetwork
+    demand: DemandSettings
+    rsus: tuple[Rsu, ...] | None
+    fleet: FleetSettings
+    routes: tuple[Path, ...] = ()
+    additional: tuple[Path, ...] = ()
+    left_out: LeftOut | None = None
+
+
+@dataclass(frozen=True)
+class Background:
+    """One day's background traffic, ready to be simulated.
+
+    Attributes:
+        files: SUMO's route files.
+        rsus: the scenario's, or those that were placed by this traffic.
+        trips: drawn from the seed; None where the files are the user's.
+        routes: theirs.
+        breakdowns: drawn from the seed.
+        additional: further SUMO files that belong to it.
+    """
+
+    files: tuple[Path, ...]
+    rsus: tuple[Rsu, ...]
+    trips: Trips | None = None
+    routes: Routes | None = None
+    breakdowns: tuple[DrawnBreakdown, ...] = ()
+    additional: tuple[Path, ...] = ()
+
+
+def load_scenario(
+    name: str,
+    *,
+    net: Path | None = None,
+    demand: Path | None = None,
+    rsus: Path | None = None,
+    fleet: Path | None = None,
+    routes: Sequence[Path] = (),
+    additional: Sequence[Path] = (),
+    own_routes: bool = False,
+) -> Scenario:
+    """A built-in scenario, parts of it replaced, or one of the user's own around a net.
+
+    With another net, what is not given is made up: trips between random places, RSUs on the
+    busiest approaches, a fleet of delivery rounds from random depots. Around routes of the user's,
+    which may last for an hour at any time, orders come evenly, some in each five minutes.
+
+    Args:
+        routes: SUMO route files instead of any demand.
+        additional: SUMO additional files.
+        own_routes: whether there are routes of the user's, where they are not given here.
+
+    Raises:
+        InputError: an unknown name without a net, or a file that is malformed or does not fit the
+            net.
+    """
+    if net is None and name not in BUILT_IN:
+        known = ", ".join(BUILT_IN)
+        raise InputError(name, "no such scenario", f"give a net, or built in: {known}")
+    own = net is not None
+    folder = _folder(name)
+    net = net or folder / f"{name}.net.xml.gz"
+    network, left_out = cut_network(net)
+    if routes:
+        check_routes(routes, load_network(net).segments)
+    check_additional(additional)
+    demand = demand or (None if own else folder / "demand.toml")
+    rsus = rsus or (None if own else folder / "rsus.toml")
+    return Scenario(
+        name,
+        net,
+        network,
+        default_demand(network) if demand is None else load(demand, DemandSettings),
+        None if rsus is None else load_rsus(rsus, network),
+        fleet_settings(name, fleet, own_net=own, own_routes=own_routes or bool(routes)),
+        tuple(routes),
+        tuple(additional),
+        left_out,
+    )
+
+
+def prepare(scenario: Scenario, seed: int, folder: Path) -> Background:
+    """Draw a day's background and write its route file, or take the user's own.
+
+    Args:
+        seed: the same one gives the same file, byte for byte; the user's own is the same in all.
+        folder: made if it does not exist.
+
+    Raises:
+        InputError: the demand does not fit the network.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    additional = without_output(scenario.additional, folder)
+    rsus = scenario.rsus
+    if scenario.routes:
+        if not has_fleet_type((*scenario.routes, *scenario.additional)):
+            types = folder / "fleet.add.xml"
+            text = f"<additional>\n{TYPES['cav'].xml()}\n</additional>\n"
+            put_file(types, text)
+            additional = (*additional, types)
+        if rsus is None:
+            rsus = place_rsus(scenario.network, count_passages(scenario.routes, scenario.network))
+        return Background(scenario.routes, rsus, additional=additional)
+    source = f"{scenario.name}: demand"
+    trips = draw_trips(scenario.demand, scenario.network, seed, source)
+    breakdowns = draw_breakdowns(scenario.demand.breakdowns, scenario.network, seed, source)
+    routes = find_routes(trips, scenario.network, seed)
+    file = folder / f"{scenario.name}-{seed}.rou.xml"
+    write_routes(file, trips, routes, scenario.network, breakdowns)
+    if rsus is None:
+        rsus = place_rsus(scenario.network, routes.passages())
+    return Background((file,), rsus, trips, routes, breakdowns, additional)
+
+
+def day_spec(
+    scenario: Scenario,
+    background: Background,
+    folder: Path,
+    *,
+    signals: SignalControl = "actuated",
+    begin_s: float = 0.0,
+    end_s: float = 86400.0,
+) -> DaySpec:
+    """What `slipstream_lab.simulation.scenarios.day.run_day` needs for a day of a scenario."""
+    additional = background.additional
+    if signals == "fixed":
+        path = folder / f"{scenario.name}-fixed.add.xml"
+        write_fixed_time(scenario.net, path)
+        additional = (*additional, path)  # SUMO runs the program that it has read last
+    return DaySpec(
+        scenario.net,
+        background.files,
+        tuple(scenario.network.segments),
+        additional,
+        background.rsus,
+        begin_s=begin_s,
+        end_s=end_s,
+    )
+
+
+def default_demand(network: RoadNetwork) -> DemandSettings:
+    """Light demand for a net of which nothing is known: random pairs of places, a day's curve."""
+    km = sum(segment.length_m for segment in network.segments.values()) / 1000
+    ends = dict.fromkeys(sorted(gateways(network)), 1.0)
+    return DemandSettings(
+        zones={"anywhere": Zone(base=1.0, junctions=ends)},
+        flows=(
+            Flow(
+                name="any",
+                trips=max(500, round(_TRIPS_PER_KM * km)),
+                origin="anywhere",
+                destination="anywhere",
+                hours=_ALL_DAY,
+            ),
+        ),
+        types={name: share for name, share in _SHARES.items() if _is_open(network, name)},
+    )
+
+
+def _is_open(network: RoadNetwork, kind: str) -> bool:
+    """Whether vehicles of a type may use every segment and turn, so that any route is theirs."""
+    vclass = TYPES[kind].vclass
+    classes = [segment.access.classes or ALL_CLASSES for segment in network.segments.values()]
+    return all(vclass in one for one in (*classes, *network.turn_classes.values()))
+
+
+def fleet_settings(
+    name: str, file: Path | None, *, own_net: bool, own_routes: bool
+) -> FleetSettings:
+    """The fleet of `load_scenario`: a file's, a built-in scenario's, or one that is made up.
+
+    Raises:
+        InputError: the file is missing or faulty.
+    """
+    if file is None and not own_net:
+        file = _folder(name) / "fleet.toml"
+    if file is not None:
+        return load(file, FleetSettings)
+    if own_routes:
+        return FleetSettings(hours=(1.0,) * 24, orders=1200, wave_s=300.0)
+    return FleetSettings()
+
+
+def _folder(name: str) -> Path:
+    return Path(str(resources.files("slipstream_lab.simulation.scenarios") / "data" / name))

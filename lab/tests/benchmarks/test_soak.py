@@ -1,0 +1,446 @@
+"""The soak: its criterion on series whose truth is known, and its eyes on real processes."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slipstream.bus import Bus
+from slipstream.messages import (
+    DISPATCHER_HEALTH_KEY,
+    DispatcherHealth,
+    RsuHealth,
+    SegmentState,
+    rsu_health_key,
+    state_key,
+)
+from slipstream_lab.benchmarks.soak import report
+from slipstream_lab.benchmarks.soak.__main__ import main
+from slipstream_lab.benchmarks.soak.observer import Observer, StateArrival
+from slipstream_lab.benchmarks.soak.processes import ProcessTree, Sample
+from slipstream_lab.benchmarks.soak.trend import LIMIT_MB, count_trend, memory_trend, theil_sen
+from slipstream_lab.benchmarks.soak.verdict import Window, judge
+
+# What a soak of five minutes judges: some 200 s after the warm-up, a sample a second.
+TIMES = np.arange(100.0, 300.0)
+SEEDS = range(60)
+
+
+def noise(seed: int, size_mb: float = 0.5, memory: float = 0.95) -> np.ndarray:
+    """Noise as memory has it: each second is much like the one before (AR(1))."""
+    rng = np.random.default_rng(seed)
+    shocks = rng.normal(0.0, size_mb * np.sqrt(1 - memory**2), len(TIMES))
+    values = np.empty(len(TIMES))
+    level = rng.normal(0.0, size_mb)
+    for i, shock in enumerate(shocks):
+        level = memory * level + shock
+        values[i] = level
+    return values
+
+
+def teeth(height_mb: float = 4.0) -> np.ndarray:
+    """A saw of the dispatch cycle: fills for 30 s, then falls back."""
+    return height_mb * (TIMES % 30) / 30
+
+
+def test_a_flat_series_is_green() -> None:
+    """Exactly constant memory has slope 0 and an interval of no width."""
+    trend = memory_trend(TIMES, np.full(len(TIMES), 120.0))
+    assert (trend.slope_per_h, trend.low_per_h, trend.high_per_h) == (0.0, 0.0, 0.0)
+    assert not trend.growing
+
+
+@pytest.mark.slow(long=True)
+@pytest.mark.parametrize("shape", ["noise", "teeth", "peaks", "falling"])
+def test_what_only_moves_is_green(shape: str) -> None:
+    """Correlated noise, cycle teeth, rare high peaks and a slow fall never turn it red."""
+    for seed in SEEDS:
+        mb = 250.0 + noise(seed)
+        if shape == "teeth":
+            mb += teeth()
+        elif shape == "peaks":
+            mb[np.random.default_rng(seed).integers(0, len(mb), 10)] += 60.0
+        elif shape == "falling":
+            mb -= 0.05 * (TIMES - TIMES[0])
+        assert not memory_trend(TIMES, mb).growing, (shape, seed)
+
+
+@pytest.mark.slow(long=True)
+@pytest.mark.parametrize("at", [0.1, 0.3, 0.5, 0.7, 0.9])
+def test_one_step_is_green(at: float) -> None:
+    """An allocator that takes another 20 MB once, wherever in the time judged."""
+    for seed in SEEDS:
+        mb = 120.0 + noise(seed, 0.2) + 20.0 * (np.quantile(TIMES, at) <= TIMES)
+        assert not memory_trend(TIMES, mb).growing, seed
+
+
+@pytest.mark.slow(long=True)
+@pytest.mark.parametrize("kind", ["steady", "toothed", "by the cycle"])
+def test_a_leak_is_red(kind: str) -> None:
+    """Twice the limit is found every time: drop by drop, under teeth, or a gulp each 30 s."""
+    rate = 2 * LIMIT_MB / 600
+    for seed in SEEDS:
+        leak = rate * (TIMES - TIMES[0])
+        if kind == "by the cycle":
+            leak = rate * 30 * np.floor((TIMES - TIMES[0]) / 30)
+        mb = 120.0 + noise(seed, 0.2) + leak + (teeth(2.0) if kind == "toothed" else 0.0)
+        trend = memory_trend(TIMES, mb)
+        assert trend.growing, (kind, seed)
+        assert trend.slope_per_h == pytest.approx(3600 * rate, rel=0.35)
+
+
+def test_growth_below_the_limits_is_green() -> None:
+    """Sure but small: half the limit in MB, or under 2 % of a large process."""
+    elapsed = TIMES - TIMES[0]
+    small = memory_trend(TIMES, 120.0 + 0.5 * LIMIT_MB / 600 * elapsed)
+    assert small.low_per_h is not None
+    assert small.low_per_h > 0
+    assert not small.growing
+    assert not memory_trend(TIMES, 2000.0 + 2 * LIMIT_MB / 600 * elapsed).growing
+
+
+def test_a_longer_soak_sees_a_smaller_leak() -> None:
+    """A tenth of the ten-minute limit is green for minutes and red over three hours."""
+    rate = LIMIT_MB / 600 / 10
+    hours = np.arange(0.0, 3 * 3600.0)
+    assert not memory_trend(hours[:600], 120.0 + rate * hours[:600]).growing
+    assert memory_trend(hours, 120.0 + rate * hours).growing
+
+
+@pytest.mark.slow
+def test_the_interval_covers_the_slope_about_as_often_as_it_says() -> None:
+    """Of 60 noisy leaks, the 95 % interval holds the true slope in at least 75 %.
+
+    With five blocks a bootstrap is known to be too narrow; the other conditions make up for it.
+    """
+    rate = LIMIT_MB / 600
+    hits = 0
+    for seed in SEEDS:
+        trend = memory_trend(TIMES, 120 + rate * TIMES + noise(seed, 0.3, memory=0.8), seed)
+        assert trend.low_per_h is not None
+        assert trend.high_per_h is not None
+        hits += trend.low_per_h <= 3600 * rate <= trend.high_per_h
+    assert hits >= 0.75 * len(SEEDS)
+
+
+def test_theil_sen_ignores_outliers() -> None:
+    """A quarter of wild points does not move the slope of a line."""
+    x = np.arange(40.0)
+    y = 3.0 * x
+    y[::4] += 1000.0 * np.random.default_rng(1).random(10)
+    assert theil_sen(x, y) == pytest.approx(3.0, abs=0.5)
+
+
+def test_the_same_series_gives_the_same_verdict() -> None:
+    """The bootstrap is seeded."""
+    mb = 100.0 + noise(3)
+    assert memory_trend(TIMES, mb) == memory_trend(TIMES, mb)
+
+
+def test_descriptors_are_judged_by_their_floor() -> None:
+    """Peaks and one step are green, a floor that rises from third to third is red."""
+    rng = np.random.default_rng(1)
+    peaks = 30 + 20 * (rng.random(len(TIMES)) < 0.3)
+    assert not count_trend(TIMES, peaks).growing
+    assert not count_trend(TIMES, 30 + 8 * (TIMES > 210)).growing
+    assert count_trend(TIMES, peaks + np.floor((TIMES - 100) / 30)).growing
+    assert not count_trend(TIMES[:1], [30]).growing
+
+
+def test_the_warm_up_is_a_third_or_a_minute_and_never_more_than_half() -> None:
+    """For an hour, for two minutes, and for half a minute."""
+    assert Window.of(3600.0).begin_s == 1200.0
+    assert Window.of(150.0).begin_s == 60.0
+    assert Window.of(30.0).begin_s == 15.0
+    assert Window.of(300.0, warm_up_s=10.0).begin_s == 10.0
+
+
+def rsu_health(frames: int, skipped: int) -> RsuHealth:
+    """A health message."""
+    return RsuHealth(
+        rsu="r",
+        time_ns=1,
+        started_ns=1,
+        source="clip",
+        segments=("a",),
+        status="ok",
+        frames=frames,
+        frames_skipped=skipped,
+        decode_errors=0,
+        reconnects=0,
+        states=1,
+        fps=30.0,
+        latency_ms_p50=10.0,
+        latency_ms_p95=20.0,
+        vehicles_in_view=0,
+        rss_mb=100.0,
+    )
+
+
+def dispatcher_health(bad: int = 0, failed: int = 0) -> DispatcherHealth:
+    """A health message."""
+    return DispatcherHealth(
+        time_ns=1,
+        started_ns=1,
+        cycles=4,
+        cycles_failed=failed,
+        states_received=10,
+        bad_messages=bad,
+        next_cycle_ns=None,
+        rss_mb=100.0,
+    )
+
+
+class Soak:
+    """A soak without a fault, to be spoilt."""
+
+    def __init__(self) -> None:
+        self.samples = [
+            Sample(t, name, pid, 100.0, 20, 9, 0.1)
+            for t in np.arange(0.0, 120.0)
+            for pid, name in ((1, "supervisor"), (2, "r"), (3, "dispatcher"))
+        ]
+        self.observer = Observer(clock=lambda: 0.0)
+        self.observer.states["r/a"] = [StateArrival(t, 0.1) for t in np.arange(0.5, 120.0)]
+        self.observer.rsus["r"] = [
+            (t, rsu_health(int(20 * t), int(t))) for t in np.arange(0.0, 120.0)
+        ]
+        self.observer.dispatcher = [(60.0, dispatcher_health())]
+        self.restarted = 0
+
+    def faults(self) -> tuple[str, ...]:
+        """What is found."""
+        expected = ("supervisor", "r", "dispatcher")
+        window = Window.of(119.0)
+        return judge(self.samples, self.observer, expected, ["r"], window, self.restarted).faults
+
+
+def test_a_sound_soak_is_green_and_its_figures_are_right() -> None:
+    """No fault; frames, drops and ages are those of the window."""
+    soak = Soak()
+    assert soak.faults() == ()
+    verdict = judge(soak.samples, soak.observer, (), ["r"], Window(60.0, 119.0), 0)
+    (rsu,) = verdict.rsus
+    assert (rsu.frames, rsu.frames_skipped) == (20 * 59, 59)
+    assert rsu.skipped_share == pytest.approx(1 / 21)
+    assert rsu.fps == pytest.approx(20.0)
+    assert (rsu.latency_ms_p50, rsu.latency_ms_p95) == (10.0, 20.0)
+    (segment,) = verdict.segments
+    assert segment.longest_silence_s == pytest.approx(1.0)
+    assert segment.age_s_p95 == pytest.approx(0.1)
+    assert {p.name: p.cpu_share for p in verdict.processes} == pytest.approx(
+        {"supervisor": 0.1, "r": 0.1, "dispatcher": 0.1}
+    )
+
+
+def test_each_fault_is_named() -> None:
+    """Growth, restarts, absence, silence, skipped frames, bad messages, failed cycles, an end."""
+    soak = Soak()
+    soak.samples = [
+        replace(s, rss_mb=s.rss_mb + 0.1 * s.at_s) if s.name == "r" else s for s in soak.samples
+    ]
+    assert soak.faults() == ("r: memory grows by 360.0 MB an hour",)
+
+    soak = Soak()
+    soak.samples = [replace(s, threads=9 + int(s.at_s / 10)) for s in soak.samples]
+    assert len(soak.faults()) == 3
+    assert all("threads grow" in fault for fault in soak.faults())
+
+    soak = Soak()
+    soak.samples = [
+        replace(s, pid=99) if s.name == "dispatcher" and s.at_s > 90 else s for s in soak.samples
+    ]
+    assert soak.faults() == ("dispatcher: restarted 1 times",)
+
+    soak = Soak()
+    soak.samples = [s for s in soak.samples if s.name != "r" or not 70 <= s.at_s < 73]
+    assert soak.faults() == ("r: missing in 3 of 60 samples",)
+
+    soak = Soak()
+    soak.samples = [s for s in soak.samples if s.at_s < 80]
+    assert soak.faults() == ("the run ended after 79 s",)
+
+    soak = Soak()
+    soak.observer.states["r/a"] = [s for s in soak.observer.states["r/a"] if s.at_s < 112]
+    assert soak.faults() == ("r/a: no state for 7.5 s",)
+    soak.observer.states = {}
+    assert soak.faults() == ("r: no segment state was heard",)
+
+    soak = Soak()
+    soak.observer.rsus["r"] = [(t, rsu_health(47 * t, 53 * t)) for t in range(120)]
+    assert soak.faults() == ("r: 53% of its frames were skipped",)
+
+    soak = Soak()
+    soak.observer.dispatcher = [(60.0, dispatcher_health(bad=2, failed=1))]
+    assert soak.faults() == (
+        "dispatcher: 1 cycles failed",
+        "2 messages were not what their key promises",
+    )
+
+    soak = Soak()
+    soak.restarted = 1
+    assert soak.faults() == ("the supervisor restarted 1 processes",)
+
+
+def test_the_report_tells_all(tmp_path: Path) -> None:
+    """Markdown, JSON, CSV and plot name each process; a fault makes it red."""
+    soak = Soak()
+    verdict = judge(soak.samples, soak.observer, ("gone",), ["r"], Window(60.0, 119.0), 0)
+    report.write(tmp_path, verdict, soak.samples, soak.observer, {"machine": "two cores"})
+    text = (tmp_path / "report.md").read_text()
+    assert text.startswith("# Soak: RED\n\n- **gone: missing in 60 of 60 samples**")
+    assert "| dispatcher | 100.0 | 100.0 |" in text
+    content = json.loads((tmp_path / "report.json").read_text())
+    assert content["green"] is False
+    assert content["about"] == {"machine": "two cores"}
+    assert {p["name"] for p in content["processes"]} == {"supervisor", "r", "dispatcher"}
+    assert len((tmp_path / "processes.csv").read_text().splitlines()) == 1 + 3 * 120
+    assert len((tmp_path / "rsus.csv").read_text().splitlines()) == 1 + 120
+    assert "dispatcher" in (tmp_path / "memory.svg").read_text()
+
+
+@pytest.mark.slow
+def test_the_observer_hears_the_daemons(bus: Bus) -> None:
+    """States with their age, health of both kinds, and a count of what is neither."""
+    observer = Observer(clock=lambda: 7.0)
+    observer.listen(bus)
+    state = SegmentState(
+        rsu="r",
+        segment="a",
+        sequence=1,
+        time_ns=time.time_ns() - 2 * 10**9,
+        window_s=10.0,
+        features=None,
+        y_e=None,
+        reason="no_frames",
+        vehicles=0,
+        frames=0,
+        coverage=0.0,
+    )
+    publishers = []
+    for key, message in (
+        (state_key("r", "a"), state),
+        (rsu_health_key("r"), rsu_health(1, 0)),
+        (DISPATCHER_HEALTH_KEY, dispatcher_health()),
+        (state_key("r", "b"), b"nonsense"),
+    ):
+        publisher = bus.publisher(key)
+        publishers.append(publisher)
+        publisher.put(message)
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline and not (
+        observer.states and observer.rsus and observer.dispatcher and observer.bad_messages
+    ):
+        time.sleep(0.02)
+    assert observer.bad_messages == 1
+    assert observer.dispatcher[0][0] == 7.0
+    assert list(observer.rsus) == ["r"]
+    ((name, (arrival,)),) = observer.states.items()
+    assert name == "r/a"
+    assert 2.0 <= arrival.age_s < 12.0
+
+
+_LEAKING = """
+import os, time
+kept, opened = [], []
+print("up", flush=True)
+while True:
+    kept.append(b"x" * 1_000_000)
+    opened.append(open(os.devnull))
+    time.sleep(0.02)
+"""
+
+_PARENT = """
+import subprocess, sys, time
+child = subprocess.Popen([sys.executable, "-c", sys.argv[1], "--config", "x/leaky.toml"])
+time.sleep(60)
+"""
+
+
+@pytest.mark.slow(long=True)
+@pytest.mark.process
+def test_a_real_leak_in_a_real_child_is_seen() -> None:
+    """Memory and descriptors of a child process grow, the parent's do not."""
+    parent = subprocess.Popen([sys.executable, "-c", _PARENT, _LEAKING], stdout=subprocess.PIPE)
+    assert parent.stdout is not None
+    try:
+        assert parent.stdout.readline() == b"up\n"
+        tree, began, samples = ProcessTree(parent.pid), time.monotonic(), []
+        while (at_s := time.monotonic() - began) < 4.0:
+            samples += tree.sample(at_s)
+            time.sleep(0.05)
+        for process in tree.sample(at_s):
+            if process.name == "leaky":
+                subprocess.run(["kill", str(process.pid)], check=True)
+    finally:
+        parent.kill()
+        parent.wait()
+        parent.stdout.close()
+    assert {s.name for s in samples} == {"supervisor", "leaky"}
+    grown = {}
+    for name in ("supervisor", "leaky"):
+        run = [s for s in samples if s.name == name and s.at_s > 1.0]
+        times = [s.at_s for s in run]
+        grown[name] = (
+            memory_trend(times, [s.rss_mb for s in run]).growing,
+            count_trend(times, [s.descriptors for s in run]).growing,
+        )
+    assert grown == {"supervisor": (False, False), "leaky": (True, True)}
+
+
+@pytest.mark.process
+def test_a_successor_inherits_the_name() -> None:
+    """Numbered processes keep their names; one that replaces another takes its place."""
+    spawn = "from multiprocessing import spawn_main; import time; time.sleep(60)"
+    workers = []
+    parent = (
+        "import subprocess, sys\n"
+        "for line in sys.stdin:\n"
+        f"    p = subprocess.Popen([sys.executable, '-c', {spawn!r} + '#' * 0])\n"
+        "    print(p.pid, flush=True)\n"
+    ).replace("from multiprocessing import spawn_main; ", "spawn_main = 0; ")
+    process = subprocess.Popen(
+        [sys.executable, "-c", parent], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdin is not None
+    assert process.stdout is not None
+
+    def another() -> int:
+        print("go", file=process.stdin, flush=True)
+        workers.append(int(process.stdout.readline()))
+        time.sleep(0.2)
+        return workers[-1]
+
+    try:
+        tree = ProcessTree(process.pid)
+        first, second = another(), another()
+        names = {s.pid: s.name for s in tree.sample(0.0)}
+        assert names[first] == "supervisor/worker-1"
+        assert names[second] == "supervisor/worker-2"
+        subprocess.run(["kill", "-9", str(first)], check=True)
+        time.sleep(0.2)
+        tree.sample(1.0)
+        third = another()
+        names = {s.pid: s.name for s in tree.sample(2.0)}
+        assert names[second] == "supervisor/worker-2"
+        assert names[third] == "supervisor/worker-1"
+    finally:
+        for pid in workers:
+            subprocess.run(["kill", "-9", str(pid)], check=False, capture_output=True)
+        process.kill()
+        process.wait()
+        process.stdin.close()
+        process.stdout.close()
+
+
+def test_too_short_a_soak_is_bad_input(capsys: pytest.CaptureFixture[str]) -> None:
+    """One line and status 2."""
+    assert main(["--minutes", "0"]) == 2
+    assert capsys.readouterr().err.count("\n") == 1

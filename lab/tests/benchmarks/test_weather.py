@@ -1,0 +1,68 @@
+"""The weather benchmark: what must not be is counted, and the same traffic is in all conditions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from slipstream.messages import SegmentState, UnknownReason
+from slipstream_lab.benchmarks.accuracy.clips import WEATHER
+from slipstream_lab.benchmarks.accuracy.weather import flags_of, table
+from slipstream_lab.research.perception import Comparison
+from slipstream_lab.research.perception.score import TrueBoxes
+from slipstream_lab.simulation.ground_truth import TrueWindow
+
+TRUE = TrueWindow(15.0, 0.0, 0.05, 1.0, 0.2, 20.0, 6, 1, False)
+
+
+def window(
+    y_e: Literal[0, 1] | None, true: Literal[0, 1], reason: UnknownReason | None = None
+) -> tuple[SegmentState, TrueWindow]:
+    """A flag beside the true one."""
+    state = SegmentState(
+        rsu="rsu",
+        segment="approach",
+        sequence=1,
+        time_ns=1,
+        window_s=10.0,
+        features=None,
+        y_e=None,
+        reason=reason or "blind",
+        vehicles=0,
+        frames=300,
+        coverage=1.0,
+    )
+    # Features are of no account here, and a flag without them is no valid message.
+    given = {} if y_e is None else {"y_e": y_e, "reason": None}
+    return state.model_copy(update=given), replace(TRUE, y_e=true)
+
+
+def test_flags_are_counted_against_the_truth() -> None:
+    """Two windows are unknown; one of four flags is stable in turbulence, and one the reverse."""
+    boxes = TrueBoxes(np.arange(4), np.zeros(4, dtype=np.int64), np.array([1, 1, 1, 0], dtype=bool))
+    none = np.zeros(0)
+    clip = Comparison([], boxes, none, none.astype(bool), none.astype(np.int64), [])
+    windows = [
+        *(window(1, 1), window(0, 0), window(1, 0), window(0, 1)),
+        *(window(None, 1), window(None, 0, "too_few_vehicles")),
+    ]
+    flags = flags_of(windows, [clip])
+    assert (flags.windows, flags.known, flags.right, flags.wrongly_stable) == (6, 4, 2, 1)
+    assert flags.unknown == {"blind": 1, "too_few_vehicles": 1}
+    assert flags.followed == 0.75
+    row = table({"night": flags}).splitlines()[-1]
+    cells = ["night", "75.0%", "6", "67%", "50%", "1", "blind 1, too_few_vehicles 1"]
+    assert [cell.strip() for cell in row.strip("|").split("|")] == cells
+
+
+def test_all_conditions_have_the_same_traffic_and_folders_of_their_own() -> None:
+    """Only so are their rows comparable."""
+    clips = [clip for of_one in WEATHER.values() for clip in of_one]
+    assert len({clip.name for clip in clips}) == len(clips)
+    seeds = {tuple(clip.seed for clip in of_one) for of_one in WEATHER.values()}
+    assert len(seeds) == 1
+    assert {(clip.world, clip.traffic, clip.seconds) for clip in clips} == {
+        ("streetdrive", "mixed", 20)
+    }

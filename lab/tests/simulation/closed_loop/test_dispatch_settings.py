@@ -1,0 +1,107 @@
+"""The dispatcher as it is set in the closed loop."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import pytest
+
+from dispatcher_daemon.planning.cycle.cycle import run_cycle
+from dispatcher_daemon.planning.plans.candidates import Cycle
+from slipstream_lab.research.cities.generator import CityShape, generate_city
+from slipstream_lab.simulation.closed_loop import dispatching
+from slipstream_lab.simulation.closed_loop.dispatch_settings import (
+    DEFAULT_TIME_WORTH_KW,
+    evaluation_settings,
+    evaluation_solve,
+)
+from slipstream_lab.simulation.closed_loop.gates import Roadside
+from slipstream_lab.simulation.closed_loop.policy import AS_DRIVING, Policy, WaitingPrices
+from slipstream_lab.simulation.scenarios.demand import draw_deliveries
+from slipstream_lab.simulation.scenarios.scenario import load_scenario
+
+
+def test_cycles_are_the_same_again_and_leave_at_once() -> None:
+    """Two runs of a cycle give the same plans, made by what the settings name; vehicles leave from
+    the moment that the fleet's times count from, however long the searches may take.
+    """
+    shape = CityShape(depots=1, ready_within_s=0.0)
+    city = generate_city(4, vehicles=4, stops=10, segments=120, shape=shape)
+    results = []
+    for _ in range(2):
+        with ThreadPoolExecutor(1) as executor:
+            results.append(
+                run_cycle(
+                    Cycle(
+                        city.problem,
+                        replace(city.snapshot, now_ns=10**9),
+                        evaluation_settings(),
+                        3,
+                        10**9,
+                        5,
+                        reference_delay_s=0.0,
+                    ),
+                    evaluation_solve(),
+                    executor,
+                )
+            )
+    one, other = results
+    assert one.report.status == "ok"
+    assert one.plans
+    assert one.plans == other.plans
+    assert one.report.objective_kwh == other.report.objective_kwh
+    assert {report.solver for report in one.report.solvers} == {"exact"}
+    assert all(plan.depart_ns >= 10**9 for plan in one.plans)
+    assert min(plan.depart_ns for plan in one.plans) < 200 * 10**9
+    latest = {v.id: v.depart_by_s or 0.0 for v in city.problem.fleet.vehicles}
+    assert all(1e-9 * plan.depart_ns - 1 <= latest[plan.vehicle] + 1e-3 for plan in one.plans)
+
+
+class _Asked(Exception):
+    """Ends a cycle that has been asked for."""
+
+
+@pytest.mark.parametrize(
+    ("prices", "waiting_kw", "standing_kw"),
+    [
+        (AS_DRIVING, DEFAULT_TIME_WORTH_KW, DEFAULT_TIME_WORTH_KW),
+        (WaitingPrices(waiting_kw=0.0), 0.0, 0.0),
+        (WaitingPrices(waiting_kw=0.0, standing_kw=2.0), 0.0, 2.0),
+        (WaitingPrices(standing_kw=0.0), DEFAULT_TIME_WORTH_KW, 0.0),
+    ],
+)
+def test_what_waiting_costs_reaches_the_dispatcher(
+    monkeypatch: pytest.MonkeyPatch, prices: WaitingPrices, waiting_kw: float, standing_kw: float
+) -> None:
+    """At the depot and at stops; the value of time by which agents choose a second to leave at is
+    another thing. Without a history driving time has no value, and waiting has that of a city.
+    """
+    asked: list[Cycle] = []
+
+    def ask(cycle: Cycle, *_: object) -> None:
+        asked.append(cycle)
+        raise _Asked
+
+    monkeypatch.setattr(dispatching, "run_cycle", ask)
+    scenario = load_scenario("corridor")
+    deliveries = draw_deliveries(scenario.fleet, scenario.network, 1)
+    with ThreadPoolExecutor(1) as executor:
+        dispatcher = dispatching.Dispatching(
+            deliveries, scenario.network, Policy("C"), 1, executor, lambda _: None, prices=prices
+        )
+        with pytest.raises(_Asked):
+            dispatcher.cycle(12 * 3600.0, (), Roadside((), 1, 0.0, "rsu"))
+    (cycle,) = asked
+    assert cycle.problem.price_of_waiting_kw == waiting_kw
+    assert cycle.problem.price_of_standing_kw == standing_kw
+    assert cycle.settings.advice is not None
+    assert cycle.settings.advice.value_of_time_kw == DEFAULT_TIME_WORTH_KW
+
+
+@pytest.mark.parametrize("wrong", [-1.0, float("nan"), float("inf")])
+def test_a_price_of_waiting_is_a_number_from_0_on(wrong: float) -> None:
+    """Whatever made it."""
+    for prices in ({"waiting_kw": wrong}, {"standing_kw": wrong}):
+        with pytest.raises(ValueError, match="must be >= 0"):
+            WaitingPrices(**prices)

@@ -1,0 +1,57 @@
+"""The plan of arms."""
+
+from __future__ import annotations
+
+import pytest
+
+from slipstream.errors import InputError
+from slipstream_lab.simulation.closed_loop.policy import LEVERS
+from slipstream_lab.simulation.evaluation.arms import (
+    POLICIES,
+    QUANTUM,
+    SELECTIONS,
+    choose,
+    only,
+    without,
+)
+
+
+def test_each_lever_is_there_alone_and_left_out() -> None:
+    """One lever on top of the baseline; every lever but it, which without priority is C."""
+    for lever in LEVERS:
+        assert POLICIES[only(lever)].levers == {lever}
+        assert POLICIES[without(lever)].levers == set(LEVERS) - {lever}
+    assert without("priority") == "C"
+
+
+def test_arms_that_are_compared_differ_in_one_thing_only() -> None:
+    """Paces are the baseline's, gating and noise the cooperative arm's; A searches by time."""
+    base, cooperative = POLICIES["B"], POLICIES["C"]
+    assert (base.levers, base.search, base.pace) == (frozenset(), "energy", 1.0)
+    assert POLICIES["A"].search == "time"
+    for name, policy in POLICIES.items():
+        assert policy.name == name
+        if name.startswith("C-"):
+            assert policy.levers == cooperative.levers
+            changes = (policy.gating != "rsu", policy.noise > 0, policy.solver != "exact")
+            assert changes.count(True) == 1
+        if policy.pace != 1:
+            assert (policy.levers, policy.search) == (base.levers, base.search)
+
+
+def test_selections_and_names_mix_in_the_order_of_the_tables() -> None:
+    """Each arm once, the baseline always, names before or after selections alike."""
+    assert [p.name for p in choose("C+,A,C+")] == ["A", "B", "C+"]
+    assert {p.name for p in choose("noise,A")} == {*SELECTIONS["noise"], "A"}
+    assert [p.name for p in choose("all")] == [name for name in POLICIES if name != QUANTUM]
+    assert [p.name for p in choose(QUANTUM)] == ["B", QUANTUM]
+    assert {p.name for p in choose("main")} == {"A", "B", "B-0.88", "B-0.94", "B-1.06", "C", "C+"}
+
+
+@pytest.mark.parametrize(("asked", "said"), [("main,D", "no arm 'D'"), (" , ", "no arm named")])
+def test_an_unknown_arm_is_one_line_that_names_those_there_are(asked: str, said: str) -> None:
+    """The line names the option, the fault and the choice."""
+    with pytest.raises(InputError, match=said) as caught:
+        choose(asked)
+    assert "--arms" in str(caught.value)
+    assert "levers" in str(caught.value)
