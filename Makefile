@@ -90,7 +90,7 @@ openapi: setup
 
 # 10,000 calls of the HTTP API made up from its description; `make test` has a short form.
 fuzz: setup
-	FUZZ_CALLS=10000 $(BIN)/python -m pytest tests/dispatcher_daemon/api/test_fuzz.py
+	FUZZ_CALLS=10000 $(BIN)/python -m pytest tests/dispatcher_daemon/service/api/test_fuzz.py
 
 # The same processes on recorded video for MINUTES, sampled each second; fails on growth.
 soak: setup

@@ -172,7 +172,7 @@ class MovementSum:
         following: next segment.
         hour: of the day, UTC.
         count: passages.
-        loss_kwh: see `dispatcher_daemon.traffic.Expectations`.
+        loss_kwh: see `dispatcher_daemon.traffic.snapshot.Expectations`.
         seconds: likewise.
         stops: times that vehicles came to a stand.
     """

@@ -39,7 +39,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
 
 def run(options: argparse.Namespace) -> int:
     """Write the documents of the time at which the cycle began."""
-    from dispatcher_daemon import feeds
+    from dispatcher_daemon.service import feeds
     from dispatcher_daemon.settings import DispatcherSettings
     from slipstream.admission import check_rsus
     from slipstream.sumo_net import load_network

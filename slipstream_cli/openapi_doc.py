@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import sys
 
-from dispatcher_daemon.api import create_app
+from dispatcher_daemon.service.api import create_app
 
 
 def document() -> str:

@@ -108,7 +108,7 @@ def check_fleet(
     fleet: Fleet, network: RoadNetwork | None, source: str | Path, prefix: str = ""
 ) -> None:
     """Check what a fleet refers to. Stops that cannot be served are no fault of the file's:
-    `dispatcher_daemon.planning.servability.unservable` names them.
+    `dispatcher_daemon.planning.routes.servability.unservable` names them.
 
     Args:
         source: what errors name.

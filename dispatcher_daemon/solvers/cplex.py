@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dispatcher_daemon.problem import Problem
+from dispatcher_daemon.forms.problem import Problem
 from dispatcher_daemon.solvers.protocol import Outcome, Status
 
 _OPTIMAL = (101, 102)  # within the gap of 1e-9 kWh that is asked for
@@ -38,7 +38,7 @@ class CplexSolver:
         """See `Solver.solve`."""
         import cplex
 
-        from dispatcher_daemon.formulations.files import write_milp
+        from dispatcher_daemon.forms.files import write_milp
 
         began = time.perf_counter()
         with tempfile.TemporaryDirectory(prefix="slipstream-") as folder:

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from dispatcher_daemon.problem import BinaryProblem, Problem
+from dispatcher_daemon.forms.problem import BinaryProblem, Problem
 from dispatcher_daemon.solvers.protocol import Outcome
 
 _ENUMERATED: Final = 22
@@ -25,11 +25,11 @@ class ExactSolver:
 
     def warm_up(self) -> None:
         """Import HiGHS."""
-        from dispatcher_daemon.formulations import milp  # noqa: F401
+        from dispatcher_daemon.forms import milp  # noqa: F401
 
     def solve(self, problem: Problem, deadline_s: float, seed: int) -> Outcome:
         """See `Solver.solve`."""
-        from dispatcher_daemon.formulations.milp import solve_milp
+        from dispatcher_daemon.forms.milp import solve_milp
 
         began = time.perf_counter()
         if isinstance(problem, BinaryProblem) and problem.choices <= _ENUMERATED:
@@ -50,7 +50,7 @@ class ExactSolver:
 
 
 def _least_state(problem: BinaryProblem) -> frozenset[int]:
-    from dispatcher_daemon.formulations.enumerate import energies_of
+    from dispatcher_daemon.forms.enumerate import energies_of
 
     coupling = np.zeros((problem.choices, problem.choices))
     for (first, second), saving in problem.pair_savings.items():

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from dispatcher_daemon.formulations import Encoding, QuboModel
-from dispatcher_daemon.problem import Problem
+from dispatcher_daemon.forms import Encoding, QuboModel
+from dispatcher_daemon.forms.problem import Problem
 from dispatcher_daemon.solvers.protocol import Outcome
 from dispatcher_daemon.solvers.sampling import Bits, SampledBits, in_order, solve_by_sampling
 

@@ -10,15 +10,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from dispatcher_daemon.formulations import Encoding
+from dispatcher_daemon.forms import Encoding
 from dispatcher_daemon.settings import SOLVER_ENTRY_POINTS, DispatcherSettings
 from dispatcher_daemon.solvers.cplex import CplexSolver
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.heuristics import AnnealingSolver, TabuSolver
 from dispatcher_daemon.solvers.insertion import InsertionSolver
-from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver
 from dispatcher_daemon.solvers.protocol import Solver
-from dispatcher_daemon.solvers.qaoa import QaoaSolver
+from dispatcher_daemon.solvers.quantum.lc_qaoa import LcQaoaSolver
+from dispatcher_daemon.solvers.quantum.qaoa import QaoaSolver
 from slipstream.plugins import find_plugin
 
 BASELINE_SOLVER: Final = "exact"

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from dispatcher_daemon.formulations import Encoding, QuboModel, build_model, violations
-from dispatcher_daemon.problem import BinaryProblem, Problem, RouteProblem
+from dispatcher_daemon.forms import Encoding, QuboModel, build_model, violations
+from dispatcher_daemon.forms.problem import BinaryProblem, Problem, RouteProblem
 from dispatcher_daemon.solvers.arc_repair import follow_arcs
 from dispatcher_daemon.solvers.distribution import BitDistribution
 from dispatcher_daemon.solvers.protocol import Execution, Histogram, Outcome, Samples

@@ -15,7 +15,7 @@ from edge_daemon.settings import DetectorSettings, TrackerSettings
 from edge_daemon.tracking import Sightings, Tracker, to_road_points
 
 _MIN_SIGHTINGS: Final = 10
-_MIN_MOVED_M: Final = 8.0
+_MINM: Final = 8.0
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ def follow(
     for track in np.unique(seen.track):
         of_one = seen.take(seen.track == track)
         moved = float(np.hypot(*np.ptp(of_one.point_m, axis=0)))
-        if len(of_one) < _MIN_SIGHTINGS or moved < _MIN_MOVED_M:
+        if len(of_one) < _MIN_SIGHTINGS or moved < _MINM:
             continue
         certainty = 1 / np.sqrt(np.trace(of_one.covariance_m2, axis1=1, axis2=2))
         velocity = np.polyfit(of_one.time_s - of_one.time_s[0], of_one.point_m, 1, w=certainty)[0]

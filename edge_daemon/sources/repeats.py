@@ -23,8 +23,8 @@ _MEMORY_FRAMES: Final = 90
 _MIN_FRAMES: Final = 10
 _USUAL_PERCENTILE: Final = 90.0
 _MAX_OF_USUAL: Final = 0.25
-_MOVED_LEVELS: Final = 12
-_MAX_MOVED_SHARE: Final = 1.5e-4
+LEVELS: Final = 12
+_MAXSHARE: Final = 1.5e-4
 """Two of the sampled pixels of 720p: what moves crosses more of them, be it a single car."""
 _MAX_GAP_S: Final = 0.45
 """Between frames that count as new: traffic may stand. Below what the pipeline takes for a hole."""
@@ -57,12 +57,12 @@ class RepeatFinder:
         if last is not None and last.shape == sample.shape:
             change = cv2.absdiff(sample, last)
             level = float(change.mean())
-            moved = np.count_nonzero(change > _MOVED_LEVELS)
+            moved = np.count_nonzero(change > LEVELS)
             repeats = bool(
                 len(self._changes) >= _MIN_FRAMES
                 # The next one would come too late to be the next new one.
                 and now_s - self._new_s + step_s <= _MAX_GAP_S
-                and moved <= _MAX_MOVED_SHARE * change.size
+                and moved <= _MAXSHARE * change.size
                 and level < _MAX_OF_USUAL * np.percentile(self._changes, _USUAL_PERCENTILE)
             )
             self._changes.append(level)

@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 _LEARN_S: Final = 4.0
 _LEARN_FRAMES: Final = 9
 _MIN_TILES: Final = 6
-_MOVED_SHARE: Final = 0.5
+SHARE: Final = 0.5
 _LOST_SHARE: Final = 0.7
 _RECENT_S: Final = 300.0
 _FOUND_AGAIN_SHARE: Final = 0.3
@@ -166,9 +166,7 @@ class ViewShift:
         shifts = self._calibrated.shifts(view)
         # Two limits, so that the sets do not take turns.
         uses_recent = bool(self._shifts) and self._shifts[-1][1] is self._recent
-        if self._recent is None or _lost(shifts) <= (
-            _FOUND_AGAIN_SHARE if uses_recent else _MOVED_SHARE
-        ):
+        if self._recent is None or _lost(shifts) <= (_FOUND_AGAIN_SHARE if uses_recent else SHARE):
             return self._calibrated, shifts
         later = self._recent.shifts(view) + self._recent_shift
         if uses_recent or _lost(later) < _lost(shifts):
@@ -189,7 +187,7 @@ class ViewShift:
         return bool(moved > self._max_px or np.median(shakes) > _SHAKE_TO_SHIFT * self._max_px)
 
     def _renew(self, time_s: float, view: Floats, shifts: Array) -> None:
-        if _lost(shifts) > _MOVED_SHARE:
+        if _lost(shifts) > SHARE:
             return
         tiles = self._choose(view)
         if len(tiles) >= _MIN_TILES:

@@ -20,8 +20,8 @@ from edge_daemon.watch.sample import Mask, Sample
 from slipstream.messages import CameraFault
 
 _STILL_LEVELS: Final = 0.12
-_MOVED_LEVELS: Final = 12
-_MOVED_SHARE: Final = 0.002
+LEVELS: Final = 12
+SHARE: Final = 0.002
 _MIN_STILL_SHARE: Final = 0.75
 _MIN_ROAD_SHARE: Final = 0.03
 _MIN_FRAMES: Final = 4
@@ -78,7 +78,7 @@ class FrozenJudge:
         if last is None:
             return False
         change = np.abs(pixels - last)
-        if np.count_nonzero(change > _MOVED_LEVELS) > _MOVED_SHARE * change.size:
+        if np.count_nonzero(change > LEVELS) > SHARE * change.size:
             self._still.clear()
             return False
         self._still.append((time_s, bool(change.mean() < _STILL_LEVELS)))

@@ -139,8 +139,8 @@ def part_of(path: Path, kind: str) -> Checked | None:
 
 
 def _models() -> Mapping[str, type[BaseModel]]:
-    from dispatcher_daemon.api.auth import TokenList
     from dispatcher_daemon.fleet import Fleet
+    from dispatcher_daemon.service.api.auth import TokenList
     from edge_daemon.settings import CameraSettings
     from slipstream_cli.settings_doc import DAEMONS
 
@@ -239,7 +239,7 @@ def _check_worker(path: Path, _: str | None) -> Checked:
 
 
 def _check_tokens(path: Path, _: str | None) -> Checked:
-    from dispatcher_daemon.api.auth import TokenList
+    from dispatcher_daemon.service.api.auth import TokenList
 
     return Checked(path, "tokens", load(path, TokenList))
 
@@ -250,10 +250,10 @@ def _check_fleet(path: Path, network: str | None) -> Checked:
 
 def _fleet(path: Path, roads: RoadNetwork | None) -> Checked:
     from dispatcher_daemon.fleet import served
-    from dispatcher_daemon.fleet_file import FleetFile
+    from dispatcher_daemon.fleet.file import FleetFile
+    from dispatcher_daemon.forms.problem import RoutingProblem
     from dispatcher_daemon.planning import unservable
-    from dispatcher_daemon.problem import RoutingProblem
-    from dispatcher_daemon.traffic import take_snapshot
+    from dispatcher_daemon.traffic.snapshot import take_snapshot
     from slipstream.freshness import STALE_AFTER_S
     from slipstream.snapping import NO_CLASSES, lacks_classes
 

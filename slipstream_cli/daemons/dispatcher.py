@@ -29,7 +29,7 @@ def run(options: argparse.Namespace) -> int:
     if not options.standby:
         # A second dispatcher ends before it loads the solvers, which takes seconds.
         check_free(settings.database_url)
-    from dispatcher_daemon.daemon import run_dispatcher
+    from dispatcher_daemon.service.daemon import run_dispatcher
 
     run_dispatcher(settings, standby=options.standby)
     return 0

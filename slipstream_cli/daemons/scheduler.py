@@ -20,7 +20,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
 def run(options: argparse.Namespace) -> int:
     """Run the scheduler until it is stopped."""
     from dispatcher_daemon.settings import SchedulerSettings
-    from dispatcher_daemon.solvers.execution.cluster.members import run_scheduler
+    from dispatcher_daemon.solvers.cluster.members import run_scheduler
 
     run_scheduler(load(options.config, SchedulerSettings))
     return 0

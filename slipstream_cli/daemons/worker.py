@@ -18,7 +18,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
 def run(options: argparse.Namespace) -> int:
     """Run the worker until it is stopped."""
     from dispatcher_daemon.settings import WorkerSettings
-    from dispatcher_daemon.solvers.execution.cluster.members import run_worker
+    from dispatcher_daemon.solvers.cluster.members import run_worker
 
     run_worker(load(options.config, WorkerSettings))
     return 0

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from dispatcher_daemon.fleet_file import FleetFile
+from dispatcher_daemon.fleet.file import FleetFile
 from slipstream.sumo_net import load_network
 from slipstream_cli.main import main
 

@@ -7,13 +7,13 @@ from typing import Any
 
 import pytest
 
-from dispatcher_daemon.arc_form.arcs import arc_problem
 from dispatcher_daemon.fleet import fleet_from, load_fleet
-from dispatcher_daemon.platooning.rewards import judge_pairs
-from dispatcher_daemon.problem import ArcProblem, RouteOption, RouteProblem, RoutingProblem
-from dispatcher_daemon.roads.routes import candidate_arcs
-from dispatcher_daemon.roads.travel import least_energy_legs
-from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot, take_snapshot
+from dispatcher_daemon.forms.problem import ArcProblem, RouteOption, RouteProblem, RoutingProblem
+from dispatcher_daemon.planning.arc_form.arcs import arc_problem
+from dispatcher_daemon.planning.platooning.rewards import judge_pairs
+from dispatcher_daemon.planning.roads.routes import candidate_arcs
+from dispatcher_daemon.planning.roads.travel import least_energy_legs
+from dispatcher_daemon.traffic.snapshot import SegmentTraffic, TrafficSnapshot, take_snapshot
 from slipstream.messages import Estimate, KinematicFeatures, SegmentState
 from slipstream.roads import Segment, build_network
 from slipstream.sumo_net import load_network
@@ -110,7 +110,7 @@ def random_arcs() -> Callable[..., ArcProblem]:
     """Factory of random arc problems: sparse, some infeasible, some rewards above their costs."""
     import numpy as np
 
-    from dispatcher_daemon.problem import ArcReward, CandidateArc
+    from dispatcher_daemon.forms.problem import ArcReward, CandidateArc
 
     def make(seed: int, customers: int, vehicles: int, max_arcs: int) -> ArcProblem:
         rng = np.random.default_rng(seed)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from dispatcher_daemon.alarms import KINDS
+from dispatcher_daemon.service.alarms import KINDS
 
 PAGE = (Path(__file__).parents[2] / "docs" / "operations.md").read_text()
 

@@ -11,7 +11,7 @@ from lxml import etree
 
 from slipstream_cli.main import main
 from storage import open_database
-from tests.dispatcher_daemon.feeds.conftest import TROY
+from tests.dispatcher_daemon.service.feeds.conftest import TROY
 from tests.storage.conftest import _cycle
 
 ROA = "{http://datex2.eu/schema/3/roadTrafficData}"

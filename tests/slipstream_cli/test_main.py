@@ -238,7 +238,7 @@ def test_a_missing_extra_is_named() -> None:
 
 NOISY = """
 import ctypes, os, subprocess, sys
-from dispatcher_daemon import vroom
+from dispatcher_daemon.service import vroom
 from slipstream_cli.main import main
 
 sound = vroom.solve_vroom

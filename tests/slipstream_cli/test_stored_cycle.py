@@ -12,12 +12,12 @@ from pathlib import Path
 
 import pytest
 
-from dispatcher_daemon.dispatcher import Dispatcher
-from dispatcher_daemon.dispatcher.reports import failed_report
 from dispatcher_daemon.fleet import load_fleet
+from dispatcher_daemon.service.dispatcher import Dispatcher
+from dispatcher_daemon.service.dispatcher.reports import failed_report
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.execution.pool import solve_in_process
+from dispatcher_daemon.solvers.workers.pool import solve_in_process
 from slipstream.messages import Message
 from slipstream.sumo_net import load_network
 from slipstream_cli.main import main

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from starlette.datastructures import Headers
 
-from dispatcher_daemon.api.auth import TokenFile, identify
+from dispatcher_daemon.service.api.auth import TokenFile, identify
 from slipstream_cli.main import main
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import storage
-from dispatcher_daemon import store
+from dispatcher_daemon.service import store
 from slipstream.messages import Estimate
 from storage import RollUpBuffer, upkeep
 from storage.traffic import rollup_table

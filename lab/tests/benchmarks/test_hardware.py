@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.execution.pool import Job, solve_in_process
 from dispatcher_daemon.solvers.protocol import Execution, Outcome
+from dispatcher_daemon.solvers.workers.pool import Job, solve_in_process
 from slipstream_lab.benchmarks.quantum import hardware
 from slipstream_lab.benchmarks.quantum.faulty_service import FaultyServiceFactory, ServiceRecords
 from slipstream_lab.benchmarks.quantum.hardware_checks import Run, check_run

@@ -9,7 +9,7 @@ import networkx as nx
 import numpy as np
 import pytest
 
-from dispatcher_daemon.problem import RouteOption, RouteProblem
+from dispatcher_daemon.forms.problem import RouteOption, RouteProblem
 from dispatcher_daemon.solvers.exact import ExactSolver
 from slipstream_lab.benchmarks.quantum import __main__ as whole
 from slipstream_lab.benchmarks.quantum import depth, large

@@ -10,8 +10,8 @@ import dimod
 import numpy as np
 import pytest
 
-from dispatcher_daemon.formulations import QuboModel
-from dispatcher_daemon.problem import RouteOption, RouteProblem
+from dispatcher_daemon.forms import QuboModel
+from dispatcher_daemon.forms.problem import RouteOption, RouteProblem
 from dispatcher_daemon.solvers.quantum.ising import to_ising
 from dispatcher_daemon.solvers.quantum.statevector.diagonal import cost_diagonal
 from dispatcher_daemon.solvers.quantum.statevector.transverse import StateVector

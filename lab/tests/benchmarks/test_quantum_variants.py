@@ -4,9 +4,9 @@ import math
 
 import pytest
 
-from dispatcher_daemon.problem import RouteOption, RouteProblem
+from dispatcher_daemon.forms.problem import RouteOption, RouteProblem
 from dispatcher_daemon.settings import LcQaoaSettings
-from dispatcher_daemon.solvers.lc_qaoa import prepare_model
+from dispatcher_daemon.solvers.quantum.lc_qaoa import prepare_model
 from slipstream_lab.benchmarks.quantum.variants import case_of, score, survival
 
 

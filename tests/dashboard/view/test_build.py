@@ -13,7 +13,7 @@ from dashboard.live import Snapshot
 from dashboard.view import build_view, labels
 from dashboard.view.model import LIST_FOR_S, DashboardView
 from dashboard.view.progress import planned_part
-from dispatcher_daemon.traffic import take_snapshot
+from dispatcher_daemon.traffic.snapshot import take_snapshot
 from slipstream.messages import (
     CAMERA_FAULTS,
     DISPATCHER_HEALTH_KEY,

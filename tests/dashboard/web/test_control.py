@@ -14,7 +14,7 @@ import pytest
 
 from dashboard.web import control
 from dashboard.web.actions import Action, call_of
-from dispatcher_daemon.api import create_app
+from dispatcher_daemon.service.api import create_app
 from slipstream.http.rate import RateLimit
 
 from .conftest import Answer, Served

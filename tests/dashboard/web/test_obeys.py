@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from dispatcher_daemon.api import token_hash
+from dispatcher_daemon.service.api import token_hash
 from slipstream.bus import Router, free_port
 from tests.dashboard.web.browser import SIZES, geometry_faults
 

@@ -67,7 +67,7 @@ def test_members_need_an_address(
 def test_without_the_setting_nothing_of_it_is_loaded() -> None:
     """The dispatcher's modules do not import dask."""
     code = (
-        "import dispatcher_daemon.daemon, sys\n"
+        "import dispatcher_daemon.service.daemon, sys\n"
         "print([m for m in sys.modules if m.split('.')[0] in ('dask', 'distributed')"
         " or 'execution.cluster' in m])"
     )

@@ -5,9 +5,9 @@ from collections.abc import Callable
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dispatcher_daemon.formulations.decode import decode
-from dispatcher_daemon.formulations.milp import solve_milp
-from dispatcher_daemon.problem import ArcProblem
+from dispatcher_daemon.forms.decode import decode
+from dispatcher_daemon.forms.milp import solve_milp
+from dispatcher_daemon.forms.problem import ArcProblem
 from dispatcher_daemon.solvers.insertion import cheapest_insertion
 
 

@@ -8,7 +8,7 @@ from importlib.metadata import EntryPoint
 import pytest
 
 from dispatcher_daemon import settings as settings_module
-from dispatcher_daemon.problem import Problem
+from dispatcher_daemon.forms.problem import Problem
 from dispatcher_daemon.settings import BUILT_IN_SOLVERS, DispatcherSettings, solver_names
 from dispatcher_daemon.solvers import registry
 from dispatcher_daemon.solvers.protocol import Outcome

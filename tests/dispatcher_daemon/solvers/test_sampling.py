@@ -7,10 +7,10 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dispatcher_daemon.formulations.decode import violations
-from dispatcher_daemon.formulations.milp import solve_milp
-from dispatcher_daemon.formulations.model import build_model
-from dispatcher_daemon.problem import ArcProblem, RouteOption, RouteProblem
+from dispatcher_daemon.forms.decode import violations
+from dispatcher_daemon.forms.milp import solve_milp
+from dispatcher_daemon.forms.model import build_model
+from dispatcher_daemon.forms.problem import ArcProblem, RouteOption, RouteProblem
 from dispatcher_daemon.solvers.sampling import (
     SampledBits,
     answer,

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dispatcher_daemon.arc_form.arcs import arc_problem_of
-from dispatcher_daemon.formulations.decode import violations
-from dispatcher_daemon.formulations.milp import solve_milp
-from dispatcher_daemon.formulations.model import build_model
-from dispatcher_daemon.problem import ArcProblem, Problem, RouteOption, RouteProblem
+from dispatcher_daemon.forms.decode import violations
+from dispatcher_daemon.forms.milp import solve_milp
+from dispatcher_daemon.forms.model import build_model
+from dispatcher_daemon.forms.problem import ArcProblem, Problem, RouteOption, RouteProblem
+from dispatcher_daemon.planning.arc_form.arcs import arc_problem_of
 from dispatcher_daemon.settings import BUILT_IN_SOLVERS, DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.heuristics import AnnealingSolver, TabuSolver

@@ -8,7 +8,7 @@ from math import prod
 import numpy as np
 import numpy.typing as npt
 
-from dispatcher_daemon.formulations import energies_of
+from dispatcher_daemon.forms import energies_of
 from dispatcher_daemon.solvers.quantum.ising import Ising
 
 Diagonal = npt.NDArray[np.float32]

@@ -16,12 +16,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dispatcher_daemon.dispatcher import Dispatcher
-from dispatcher_daemon.intake import OrderIntake
+from dispatcher_daemon.service.dispatcher import Dispatcher
+from dispatcher_daemon.service.intake import OrderIntake
 from dispatcher_daemon.settings import DispatcherSettings
-from dispatcher_daemon.solvers.execution.pool import SolverPool
-from dispatcher_daemon.solvers.execution.processes import WorkerExecutor
 from dispatcher_daemon.solvers.registry import configured_solvers
+from dispatcher_daemon.solvers.workers.pool import SolverPool
+from dispatcher_daemon.solvers.workers.processes import WorkerExecutor
 from slipstream.messages import Message, OrderRequest, VehiclePlan
 from slipstream_lab.research.cities.generator import generate_city
 from storage import open_database, open_reader

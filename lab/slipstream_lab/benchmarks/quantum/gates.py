@@ -25,13 +25,13 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from dispatcher_daemon.formulations import build_model
-from dispatcher_daemon.problem import RouteProblem
+from dispatcher_daemon.forms import build_model
+from dispatcher_daemon.forms.problem import RouteProblem
 from dispatcher_daemon.settings import LcQaoaSettings, LcQaoaVariant
 from dispatcher_daemon.solvers.distribution import uniform_bits, uniform_choices
 from dispatcher_daemon.solvers.heuristics import TabuSolver
-from dispatcher_daemon.solvers.lc_qaoa import prepare_model
 from dispatcher_daemon.solvers.quantum.chain.state import ChainState
+from dispatcher_daemon.solvers.quantum.lc_qaoa import prepare_model
 from dispatcher_daemon.solvers.sampling import Bits, descend
 from slipstream_lab.benchmarks.aims import machine
 from slipstream_lab.benchmarks.quantum.gates_report import tables

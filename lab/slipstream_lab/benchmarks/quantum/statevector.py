@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from dispatcher_daemon.formulations import build_model
+from dispatcher_daemon.forms import build_model
 from dispatcher_daemon.solvers.quantum.ansatz import linear_ramp
 from dispatcher_daemon.solvers.quantum.ising import Ising, to_ising
 from dispatcher_daemon.solvers.quantum.statevector.diagonal import Diagonal, cost_diagonal

@@ -27,11 +27,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize
 
-from dispatcher_daemon.formulations import QuboModel
+from dispatcher_daemon.forms import QuboModel
 from dispatcher_daemon.settings import QaoaSettings
 from dispatcher_daemon.solvers.distribution import BitDistribution, uniform_bits
-from dispatcher_daemon.solvers.qaoa import ramp_of
 from dispatcher_daemon.solvers.quantum.ising import to_ising
+from dispatcher_daemon.solvers.quantum.qaoa import ramp_of
 from dispatcher_daemon.solvers.quantum.statevector.diagonal import Diagonal, cost_diagonal
 from dispatcher_daemon.solvers.quantum.statevector.exact_state import ExactState, Schedule
 from dispatcher_daemon.solvers.quantum.statevector.training import Objective, train

@@ -16,16 +16,16 @@ from typing import Final
 import networkx as nx
 import numpy as np
 
+from dispatcher_daemon.forms.problem import RouteOption, RouteProblem
 from dispatcher_daemon.planning import add_discounted_ways, initial_plans
-from dispatcher_daemon.planning.base_routes import base_routes
-from dispatcher_daemon.planning.blocks import build_block
-from dispatcher_daemon.planning.departures import longest_wait_s
-from dispatcher_daemon.planning.itineraries import Itinerary, Planner
-from dispatcher_daemon.planning.options import options_for
-from dispatcher_daemon.planning.partition import blocks_of, opportunity_graph
-from dispatcher_daemon.platooning import Meetings
-from dispatcher_daemon.problem import RouteOption, RouteProblem
-from dispatcher_daemon.roads import Travel, roads_of
+from dispatcher_daemon.planning.improvement.blocks import build_block
+from dispatcher_daemon.planning.improvement.departures import longest_wait_s
+from dispatcher_daemon.planning.improvement.options import options_for
+from dispatcher_daemon.planning.improvement.partition import blocks_of, opportunity_graph
+from dispatcher_daemon.planning.platooning import Meetings
+from dispatcher_daemon.planning.roads import Travel, roads_of
+from dispatcher_daemon.planning.routes.base_routes import base_routes
+from dispatcher_daemon.planning.routes.itineraries import Itinerary, Planner
 from dispatcher_daemon.settings import CitySettings, SearchSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from slipstream_lab.research.cities.generator import generate_city

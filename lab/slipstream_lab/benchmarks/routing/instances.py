@@ -6,9 +6,9 @@ import time
 from collections.abc import Iterator, Sequence
 from typing import Final
 
-from dispatcher_daemon.arc_form import arc_problem_of
-from dispatcher_daemon.formulations import build_model, violations
-from dispatcher_daemon.problem import Problem
+from dispatcher_daemon.forms import build_model, violations
+from dispatcher_daemon.forms.problem import Problem
+from dispatcher_daemon.planning.arc_form import arc_problem_of
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.heuristics import AnnealingSolver, TabuSolver
 from dispatcher_daemon.solvers.protocol import Solver

@@ -17,10 +17,10 @@ from pathlib import Path
 from typing import Final, Literal
 
 from dispatcher_daemon.planning import plan_fleet
-from dispatcher_daemon.planning.sweeps import Choice
-from dispatcher_daemon.plans import route_energy
-from dispatcher_daemon.platooning import Passage, Place, expected_drafting, form_platoons
-from dispatcher_daemon.roads import Leg, Route, leg_along, roads_of
+from dispatcher_daemon.planning.improvement.sweeps import Choice
+from dispatcher_daemon.planning.plans import route_energy
+from dispatcher_daemon.planning.platooning import Passage, Place, expected_drafting, form_platoons
+from dispatcher_daemon.planning.roads import Leg, Route, leg_along, roads_of
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings
 from slipstream_lab.benchmarks.routing.city_run import workers
 from slipstream_lab.research.cities.generator import generate_city

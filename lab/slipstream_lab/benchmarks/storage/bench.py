@@ -11,7 +11,7 @@ from statistics import median
 from typing import Final
 
 import storage
-from dispatcher_daemon.store import PRUNE_BATCH, TIDY_S, delete_old_traffic
+from dispatcher_daemon.service.store import PRUNE_BATCH, TIDY_S, delete_old_traffic
 from slipstream.messages import VehiclePlan
 from slipstream.orders import FleetRecords, PlanRecord
 from slipstream_lab.benchmarks.aims import Check, report_head, write_report

@@ -28,8 +28,8 @@ from slipstream_lab.commands.solve.quantum import (
 from slipstream_lab.commands.solve.report import Report, as_json, as_text, list_as_text
 
 if TYPE_CHECKING:
-    from dispatcher_daemon.formulations.qubo import QuboModel
-    from dispatcher_daemon.plans import Form
+    from dispatcher_daemon.forms.qubo import QuboModel
+    from dispatcher_daemon.planning.plans import Form
     from slipstream_lab.research.instances.instance import Instance
     from slipstream_lab.research.instances.matrices import MatrixInstance
 
@@ -139,7 +139,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _solve(options: argparse.Namespace) -> int:
-    from dispatcher_daemon.formulations import build_model
+    from dispatcher_daemon.forms import build_model
     from slipstream_lab.research.instances import open_instance
 
     matrices = _with_matrices(options.instance)
@@ -210,9 +210,9 @@ def _run_solvers(
     instance: Instance,
     report: Report,
 ) -> None:
-    from dispatcher_daemon.plans import Candidate, attempt
+    from dispatcher_daemon.planning.plans import Candidate, attempt
     from dispatcher_daemon.solvers.exact import ExactSolver
-    from dispatcher_daemon.solvers.execution.pool import Job, solve_in_process
+    from dispatcher_daemon.solvers.workers.pool import Job, solve_in_process
 
     solvers = make_solvers(names, options)
     for solver in solvers:
@@ -233,7 +233,7 @@ def _run_solvers(
 
 
 def _write(model: QuboModel, path: Path) -> None:
-    from dispatcher_daemon.formulations.files import WRITERS
+    from dispatcher_daemon.forms.files import WRITERS
 
     try:
         WRITERS[ending_of(path)](model, path)
@@ -245,7 +245,7 @@ def _write(model: QuboModel, path: Path) -> None:
 
 def _published() -> list[dict[str, Any]]:
     """Sizes and optima of the published instances."""
-    from dispatcher_daemon.formulations import build_model
+    from dispatcher_daemon.forms import build_model
     from slipstream_lab.research.instances import instance_names, open_instance
     from slipstream_lab.research.instances.forms import arc_form_of
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dispatcher_daemon.plans import Attempt, Form
-    from dispatcher_daemon.roads import Route, RoutedArc
+    from dispatcher_daemon.planning.plans import Attempt, Form
+    from dispatcher_daemon.planning.roads import Route, RoutedArc
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ def missed_rewards(form: Form, tried: Attempt, window_s: float) -> Missed | None
 
 def _reason(first: tuple[float, float], second: tuple[float, float], window_s: float) -> str:
     """Why two passages (entry, exit), s, are no platoon; see `form_platoons`."""
-    from dispatcher_daemon.platooning import apart_at_the_end
+    from dispatcher_daemon.planning.platooning import apart_at_the_end
 
     entries, leavings = first[0] - second[0], first[1] - second[1]
     if abs(entries) > window_s:

@@ -109,8 +109,8 @@ def _milp_lines(answer: MilpAnswer) -> Iterator[str]:
 
 
 def _solve_qubo(options: argparse.Namespace, names: Sequence[str], model: QuboFile) -> int:
-    from dispatcher_daemon.formulations import build_model
-    from dispatcher_daemon.solvers.execution.pool import Job, solve_in_process
+    from dispatcher_daemon.forms import build_model
+    from dispatcher_daemon.solvers.workers.pool import Job, solve_in_process
 
     for name in names:
         if name not in _FOR_QUBOS:

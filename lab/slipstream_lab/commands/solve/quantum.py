@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Final
 from slipstream.errors import InputError
 
 if TYPE_CHECKING:
-    from dispatcher_daemon.formulations.qubo import QuboModel
-    from dispatcher_daemon.plans import Attempt, Form
+    from dispatcher_daemon.forms.qubo import QuboModel
+    from dispatcher_daemon.planning.plans import Attempt, Form
     from dispatcher_daemon.settings import DispatcherSettings
     from dispatcher_daemon.solvers.protocol import Outcome, Solver
 
@@ -192,8 +192,8 @@ def make_solvers(names: Sequence[str], options: argparse.Namespace) -> list[Solv
 
 
 def _iskay(options: argparse.Namespace) -> Solver:
-    from dispatcher_daemon.solvers.iskay import IskaySolver
     from dispatcher_daemon.solvers.quantum.backends.ibm_account import find_access
+    from dispatcher_daemon.solvers.quantum.iskay import IskaySolver
 
     kind, _, device = (options.backend or "").partition(":")
     if kind != "ibm" or not device or device == "least-busy":

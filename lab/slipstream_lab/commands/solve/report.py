@@ -11,10 +11,10 @@ from slipstream_lab.commands.solve.missed import Missed
 from slipstream_lab.commands.solve.quantum import lines_of
 
 if TYPE_CHECKING:
-    from dispatcher_daemon.plans import Attempt, Candidate
-    from dispatcher_daemon.platooning import JudgedPair
-    from dispatcher_daemon.problem import Problem
-    from dispatcher_daemon.roads import Route, RoutedArc
+    from dispatcher_daemon.forms.problem import Problem
+    from dispatcher_daemon.planning.plans import Attempt, Candidate
+    from dispatcher_daemon.planning.platooning import JudgedPair
+    from dispatcher_daemon.planning.roads import Route, RoutedArc
     from slipstream.energy import Saving
     from slipstream_lab.research.instances.instance import Optimum
 

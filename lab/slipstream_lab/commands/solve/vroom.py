@@ -12,7 +12,7 @@ from slipstream.errors import InputError
 from slipstream.logs import complain
 
 if TYPE_CHECKING:
-    from dispatcher_daemon.vroom import RoutingEngine
+    from dispatcher_daemon.service.vroom import RoutingEngine
 
 ONLY_FOR_IT = ("network", "out", "geometry", "choose_eta")
 _NOT_FOR_IT = ("instance", "model", "solver", "form", "write")
@@ -40,7 +40,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 def answer(options: argparse.Namespace) -> int:
     """Answer the request; the exit status is 2 for bad input and 1 for an internal error."""
-    from dispatcher_daemon.vroom import INTERNAL_ERROR, solve_vroom
+    from dispatcher_daemon.service.vroom import INTERNAL_ERROR, solve_vroom
 
     for name in _NOT_FOR_IT:
         if getattr(options, name):
@@ -81,8 +81,8 @@ def _engine(options: argparse.Namespace) -> RoutingEngine | None:
             mend = "give --network, or matrices of costs in the request"
             raise InputError("--objective energy", "needs roads", mend)
         return None
-    from dispatcher_daemon.traffic import take_snapshot
-    from dispatcher_daemon.vroom import RoutingEngine
+    from dispatcher_daemon.service.vroom import RoutingEngine
+    from dispatcher_daemon.traffic.snapshot import take_snapshot
     from slipstream.freshness import STALE_AFTER_S
     from slipstream.sumo_net import load_network
 

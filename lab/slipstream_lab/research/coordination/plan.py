@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dispatcher_daemon.platooning import TimedPassage, platoons_of
+from dispatcher_daemon.planning.platooning import TimedPassage, platoons_of
 from slipstream_lab.research.coordination.case import Case, Floats, Ints
 from slipstream_lab.research.coordination.freight import MS
 

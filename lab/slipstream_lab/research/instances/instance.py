@@ -11,8 +11,8 @@ from typing import Any, Final, Literal
 import tomli_w
 
 from dispatcher_daemon.fleet import check_fleet
-from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.traffic import TrafficSnapshot
+from dispatcher_daemon.forms.problem import RoutingProblem
+from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
 from slipstream.config import check, read_data
 from slipstream.drive import DrivingStyle
 from slipstream.errors import InputError
@@ -94,7 +94,7 @@ def load_instance(path: str | Path) -> Instance:
     Raises:
         InputError: naming file, key and mend: the file is missing or malformed, has a number that
             is not finite or out of range, an id twice, or a reference to something unknown. Stops
-            that no vehicle can serve are no error: see `dispatcher_daemon.planning.servability`.
+            that no vehicle can serve are no error: see `dispatcher_daemon.planning.routes.servability`.
     """
     path = Path(path)
     return instance_from(read_data(path), path)

@@ -10,9 +10,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from dispatcher_daemon.formulations import Encoding
-from dispatcher_daemon.formulations.arc import constraint_rows
-from dispatcher_daemon.problem import (
+from dispatcher_daemon.forms import Encoding
+from dispatcher_daemon.forms.arc import constraint_rows
+from dispatcher_daemon.forms.problem import (
     ArcProblem,
     ArcReward,
     CandidateArc,

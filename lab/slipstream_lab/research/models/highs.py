@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import highspy
 
-from dispatcher_daemon.formulations.milp import QuietHighs
+from dispatcher_daemon.forms.milp import QuietHighs
 
 _PREFIX: Final = re.compile(r"(WARNING|ERROR):\s*(.*)")
 _PLACE: Final = re.compile(r"--> .*:(\d+):\d+$")

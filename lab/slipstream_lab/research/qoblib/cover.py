@@ -20,7 +20,7 @@ import dimod
 import numpy as np
 import numpy.typing as npt
 
-from dispatcher_daemon.formulations import QuboModel, build_model
+from dispatcher_daemon.forms import QuboModel, build_model
 from slipstream.errors import InputError
 from slipstream_lab.research.instances.matrices import MatrixInstance
 from slipstream_lab.research.models.qubo import MAX_VARIABLES, qubo_of

@@ -12,8 +12,8 @@ from typing import Final, Literal
 
 import numpy as np
 
-from dispatcher_daemon.formulations import QuboModel
-from dispatcher_daemon.problem import RouteProblem
+from dispatcher_daemon.forms import QuboModel
+from dispatcher_daemon.forms.problem import RouteProblem
 from dispatcher_daemon.solvers.distribution import (
     BitDistribution,
     uniform_bits,

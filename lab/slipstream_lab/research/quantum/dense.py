@@ -10,7 +10,6 @@ import time
 from typing import Any, Final
 
 from dispatcher_daemon.settings import QaoaSettings
-from dispatcher_daemon.solvers.qaoa import ramp_of
 from dispatcher_daemon.solvers.quantum.backends.aer import NoisyBackend
 from dispatcher_daemon.solvers.quantum.backends.noise import DeviceNoise, blocks_of
 from dispatcher_daemon.solvers.quantum.backends.targets import (
@@ -22,6 +21,7 @@ from dispatcher_daemon.solvers.quantum.backends.targets import (
 from dispatcher_daemon.solvers.quantum.chain.order import heavy_path
 from dispatcher_daemon.solvers.quantum.circuits import dense_qaoa_circuit, swap_network_circuit
 from dispatcher_daemon.solvers.quantum.ising import to_ising
+from dispatcher_daemon.solvers.quantum.qaoa import ramp_of
 from slipstream_lab.research.quantum.case import Case
 from slipstream_lab.research.quantum.ideal import dense_qaoa_figures
 from slipstream_lab.research.quantum.store import Record

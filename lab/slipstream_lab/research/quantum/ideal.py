@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from dispatcher_daemon.formulations import QuboModel
-from dispatcher_daemon.formulations.decode import valid_selections
+from dispatcher_daemon.forms import QuboModel
+from dispatcher_daemon.forms.decode import valid_selections
 from dispatcher_daemon.solvers.quantum.ising import to_ising
 from dispatcher_daemon.solvers.quantum.statevector.diagonal import cost_diagonal
 from dispatcher_daemon.solvers.quantum.statevector.exact_state import ExactState, Schedule

@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 from scipy.sparse import csc_array, csr_array
 
-from dispatcher_daemon.formulations.arc import (
+from dispatcher_daemon.forms.arc import (
     ArcVariable,
     OrderBit,
     PenaltyRow,
@@ -25,7 +25,7 @@ from dispatcher_daemon.formulations.arc import (
     Variable,
     constraint_rows,
 )
-from dispatcher_daemon.formulations.qubo import Encoding, QuboModel
+from dispatcher_daemon.forms.qubo import Encoding, QuboModel
 from slipstream_lab.research.resources.scaling import SIDE, ScalingCase, scaling_case
 
 _BLOCK: Final = 4096

@@ -109,7 +109,7 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
         InputError: SUMO refuses a file.
     """
     # Imported here: they need libsumo, or take a second to load.
-    from dispatcher_daemon.learning import History
+    from dispatcher_daemon.fleet.learning import History
     from slipstream_lab.simulation.closed_loop.dispatching import Dispatching
     from slipstream_lab.simulation.closed_loop.gates import WINDOW_S, Roadside
     from slipstream_lab.simulation.fleet.exchange import Exchange

@@ -7,14 +7,14 @@ from concurrent.futures import Executor
 from dataclasses import replace
 from types import MappingProxyType
 
-from dispatcher_daemon.cycle import cycle_seed, run_cycle
 from dispatcher_daemon.fleet import Fleet
-from dispatcher_daemon.learning import History
-from dispatcher_daemon.plans import Cycle
-from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.fleet.learning import History
+from dispatcher_daemon.fleet.tracking import FleetTracker
+from dispatcher_daemon.forms.problem import RoutingProblem
+from dispatcher_daemon.planning.cycle.cycle import cycle_seed, run_cycle
+from dispatcher_daemon.planning.plans import Cycle
 from dispatcher_daemon.settings import AdviceSettings, DispatcherSettings
-from dispatcher_daemon.tracking import FleetTracker
-from dispatcher_daemon.traffic import Expectations, TrafficSnapshot, take_snapshot
+from dispatcher_daemon.traffic.snapshot import Expectations, TrafficSnapshot, take_snapshot
 from slipstream.messages import (
     Message,
     PlanAcknowledgement,

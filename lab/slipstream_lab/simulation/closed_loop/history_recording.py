@@ -8,7 +8,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Final
 
-from dispatcher_daemon.learning import History, Passages, Trace
+from dispatcher_daemon.fleet.learning import History, Passages, Trace
 from slipstream.roads import RoadNetwork
 from slipstream_lab.simulation.scenarios.day import DaySpec, sumo_options
 from slipstream_lab.simulation.scenarios.gridlock import CHECK_S, GridlockWatch

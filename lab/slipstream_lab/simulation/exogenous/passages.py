@@ -8,9 +8,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from dispatcher_daemon.platooning import TimedPassage, platoons_of
-from dispatcher_daemon.roads import segment_cost_kwh
-from dispatcher_daemon.traffic import SegmentTraffic
+from dispatcher_daemon.planning.platooning import TimedPassage, platoons_of
+from dispatcher_daemon.planning.roads import segment_cost_kwh
+from dispatcher_daemon.traffic.snapshot import SegmentTraffic
 from slipstream.drive import Drive
 from slipstream.energy import (
     ETA_ALONE,
@@ -88,7 +88,7 @@ def evaluate(
     """Platoons from exact times, and energies.
 
     On a segment whose gate is open when they enter it, vehicles within the window drive as a
-    platoon (`dispatcher_daemon.platooning`). On one that is turbulent in truth, the traffic's
+    platoon (`dispatcher_daemon.planning.platooning`). On one that is turbulent in truth, the traffic's
     accelerations come on top of the drive's own (`turbulence_kwh`).
     """
     entries = _entries(legs)

@@ -5,15 +5,15 @@ from functools import cache
 
 import pytest
 
-from dispatcher_daemon.arc_form.form import ArcForm
 from dispatcher_daemon.fleet import Fleet
-from dispatcher_daemon.planning.form import RouteForm
-from dispatcher_daemon.plans.candidates import Candidate, Refusal
-from dispatcher_daemon.plans.forms import Form, attempt
-from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.forms.problem import RoutingProblem
+from dispatcher_daemon.planning.arc_form.form import ArcForm
+from dispatcher_daemon.planning.plans.candidates import Candidate, Refusal
+from dispatcher_daemon.planning.plans.forms import Form, attempt
+from dispatcher_daemon.planning.route_form.form import RouteForm
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.execution.pool import solve_in_process
 from dispatcher_daemon.solvers.protocol import Outcome
+from dispatcher_daemon.solvers.workers.pool import solve_in_process
 from slipstream.energy import split_saving
 from slipstream.errors import InputError
 from slipstream_lab.research.cities.generator import small_city

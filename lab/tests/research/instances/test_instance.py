@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dispatcher_daemon.planning.servability import unservable
-from dispatcher_daemon.problem import RoutingProblem
-from dispatcher_daemon.traffic import TrafficSnapshot
+from dispatcher_daemon.forms.problem import RoutingProblem
+from dispatcher_daemon.planning.routes.servability import unservable
+from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
 from slipstream.access import Access
 from slipstream.drive import DrivingStyle
 from slipstream.energy import VehicleParameters

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from dispatcher_daemon.arc_form.arcs import arc_problem_of
-from dispatcher_daemon.formulations.arc import ArcVariable, OrderBit, SlackBit, build_arc_model
-from dispatcher_daemon.formulations.decode import decode
-from dispatcher_daemon.formulations.milp import solve_milp
-from dispatcher_daemon.plans import Candidate, attempt
-from dispatcher_daemon.problem import ArcProblem
+from dispatcher_daemon.forms.arc import ArcVariable, OrderBit, SlackBit, build_arc_model
+from dispatcher_daemon.forms.decode import decode
+from dispatcher_daemon.forms.milp import solve_milp
+from dispatcher_daemon.forms.problem import ArcProblem
+from dispatcher_daemon.planning.arc_form.arcs import arc_problem_of
+from dispatcher_daemon.planning.plans import Candidate, attempt
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.execution.pool import Job, solve_in_process
+from dispatcher_daemon.solvers.workers.pool import Job, solve_in_process
 from slipstream.errors import InputError
 from slipstream_lab.research.instances import instance_names, open_instance
 from slipstream_lab.research.instances.catalogue import CATALOGUE

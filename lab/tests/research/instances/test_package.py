@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dispatcher_daemon.formulations import decode
-from dispatcher_daemon.problem import ArcProblem
+from dispatcher_daemon.forms import decode
+from dispatcher_daemon.forms.problem import ArcProblem
 from slipstream_lab.research.instances import open_instance
 from slipstream_lab.research.instances.catalogue import CATALOGUE
 from slipstream_lab.research.instances.check_vrpcp import (

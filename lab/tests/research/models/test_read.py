@@ -13,8 +13,8 @@ import dimod
 import numpy as np
 import pytest
 
-from dispatcher_daemon.formulations import build_model
-from dispatcher_daemon.formulations.files import WRITERS
+from dispatcher_daemon.forms import build_model
+from dispatcher_daemon.forms.files import WRITERS
 from slipstream.errors import InputError
 from slipstream_lab.research.instances import open_instance
 from slipstream_lab.research.instances.forms import arc_form_of

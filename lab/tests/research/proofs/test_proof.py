@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dispatcher_daemon.arc_form.arcs import arc_problem_of
-from dispatcher_daemon.formulations.decode import valid_selections, violations
-from dispatcher_daemon.formulations.enumerate import Exactness, enumerate_model
-from dispatcher_daemon.formulations.model import build_model
-from dispatcher_daemon.formulations.qubo import Encoding, QuboModel
-from dispatcher_daemon.problem import ArcProblem, CandidateArc, Problem
+from dispatcher_daemon.forms.decode import valid_selections, violations
+from dispatcher_daemon.forms.enumerate import Exactness, enumerate_model
+from dispatcher_daemon.forms.model import build_model
+from dispatcher_daemon.forms.problem import ArcProblem, CandidateArc, Problem
+from dispatcher_daemon.forms.qubo import Encoding, QuboModel
+from dispatcher_daemon.planning.arc_form.arcs import arc_problem_of
 from slipstream_lab.research.instances import open_instance
 from slipstream_lab.research.instances.random_problems import (
     random_arc_problem,

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from qiskit import QuantumCircuit
 
-from dispatcher_daemon.formulations.decode import valid_selections
+from dispatcher_daemon.forms.decode import valid_selections
 from dispatcher_daemon.settings import QaoaSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.lc_qaoa import counts_to_bits
 from dispatcher_daemon.solvers.quantum.backends.aer import NoisyBackend
 from dispatcher_daemon.solvers.quantum.chain.order import heavy_path
 from dispatcher_daemon.solvers.quantum.circuits import dense_qaoa_circuit
 from dispatcher_daemon.solvers.quantum.ising import to_ising
+from dispatcher_daemon.solvers.quantum.lc_qaoa import counts_to_bits
 from slipstream.errors import InputError
 from slipstream_lab.research.instances import open_instance
 from slipstream_lab.research.instances.instance import write_instance

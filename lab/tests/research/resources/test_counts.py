@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dispatcher_daemon.formulations.arc import build_arc_model
-from dispatcher_daemon.formulations.milp import build_milp
-from dispatcher_daemon.formulations.qubo import Encoding
+from dispatcher_daemon.forms.arc import build_arc_model
+from dispatcher_daemon.forms.milp import build_milp
+from dispatcher_daemon.forms.qubo import Encoding
 from slipstream_lab.research.resources import counts as resources
 from slipstream_lab.research.resources.counts import (
     milp_size,

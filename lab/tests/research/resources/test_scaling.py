@@ -5,7 +5,7 @@ from itertools import pairwise
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dispatcher_daemon.problem import RoutingProblem
+from dispatcher_daemon.forms.problem import RoutingProblem
 from slipstream.roads import RoadNetwork, Segment, build_network
 from slipstream_lab.research.resources.scaling import least_cost_paths
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import pytest
 
-from dispatcher_daemon.cycle import run_cycle
-from dispatcher_daemon.plans.candidates import Cycle
+from dispatcher_daemon.planning.cycle.cycle import run_cycle
+from dispatcher_daemon.planning.plans.candidates import Cycle
 from slipstream_lab.research.cities.generator import CityShape, generate_city
 from slipstream_lab.simulation.closed_loop import dispatching
 from slipstream_lab.simulation.closed_loop.dispatch_settings import (

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dispatcher_daemon.learning import HOURS, History
+from dispatcher_daemon.fleet.learning import HOURS, History
 from slipstream.energy import steady_energy_kwh
 from slipstream.sumo_net import load_network
 from slipstream_lab.simulation.closed_loop import history_recording as recording

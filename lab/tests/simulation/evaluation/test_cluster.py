@@ -15,7 +15,7 @@ from slipstream_lab.simulation.closed_loop.arm import ArmSpec, run_arm
 from slipstream_lab.simulation.closed_loop.policy import Policy
 from slipstream_lab.simulation.evaluation.runs.cluster import arms_on, simulate_sent
 from slipstream_lab.simulation.scenarios.scenario import load_scenario, prepare
-from tests.dispatcher_daemon.solvers.execution.cluster.conftest import Members, wait_until
+from tests.dispatcher_daemon.solvers.cluster.conftest import Members, wait_until
 
 SPAN_S = (36000.0, 36900.0)
 

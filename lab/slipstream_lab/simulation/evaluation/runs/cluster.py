@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from dispatcher_daemon.settings import ClusterSettings
-from dispatcher_daemon.solvers.execution.cluster.calls import CallFailed, ClusterLost
-from dispatcher_daemon.solvers.execution.cluster.client import Cluster
+from dispatcher_daemon.solvers.cluster.calls import CallFailed, ClusterLost
+from dispatcher_daemon.solvers.cluster.client import Cluster
 from slipstream.errors import InputError
 from slipstream_lab.simulation.closed_loop.arm import ArmSpec, run_arm, simulate_arm
 from slipstream_lab.simulation.closed_loop.record import ArmResult

@@ -6,9 +6,8 @@ from typing import Any
 import pytest
 from qiskit import QuantumCircuit
 
-from dispatcher_daemon.problem import RouteOption, RouteProblem
+from dispatcher_daemon.forms.problem import RouteOption, RouteProblem
 from dispatcher_daemon.settings import LcQaoaSettings
-from dispatcher_daemon.solvers.lc_qaoa import LcQaoaSolver
 from dispatcher_daemon.solvers.protocol import BackendKind
 from dispatcher_daemon.solvers.quantum.backends import fallback, open_backend
 from dispatcher_daemon.solvers.quantum.backends.aer import AerBackend
@@ -16,6 +15,7 @@ from dispatcher_daemon.solvers.quantum.backends.base import Sampled
 from dispatcher_daemon.solvers.quantum.backends.fallback import Opened, open_or_fall_back
 from dispatcher_daemon.solvers.quantum.backends.ibm import IbmBackend
 from dispatcher_daemon.solvers.quantum.backends.jobs import ServiceFault
+from dispatcher_daemon.solvers.quantum.lc_qaoa import LcQaoaSolver
 from slipstream.errors import InputError
 
 

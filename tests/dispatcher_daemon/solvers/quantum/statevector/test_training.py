@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dispatcher_daemon.arc_form.arcs import arc_problem_of
-from dispatcher_daemon.formulations.model import QuboModel, build_model
+from dispatcher_daemon.forms.model import QuboModel, build_model
+from dispatcher_daemon.planning.arc_form.arcs import arc_problem_of
 from dispatcher_daemon.solvers.quantum.ansatz import linear_ramp
 from dispatcher_daemon.solvers.quantum.ising import to_ising
 from dispatcher_daemon.solvers.quantum.statevector.diagonal import cost_diagonal

@@ -1,9 +1,0 @@
-"""The dispatcher's HTTP API: orders in, vehicles, plans, cycles and segments out."""
-
-from dispatcher_daemon.api.app import create_app
-from dispatcher_daemon.api.auth import SCOPES, Token, token_hash
-from dispatcher_daemon.api.server import ApiServer
-from dispatcher_daemon.api.services import Services
-from slipstream.http.rate import RateLimit
-
-__all__ = ["SCOPES", "ApiServer", "RateLimit", "Services", "Token", "create_app", "token_hash"]

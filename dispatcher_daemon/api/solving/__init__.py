@@ -1,5 +1,0 @@
-"""Fleets that callers have planned, in a process of their own."""
-
-from dispatcher_daemon.api.solving.jobs import FullError, Job, JobState, SolveJobs
-
-__all__ = ["FullError", "Job", "JobState", "SolveJobs"]

@@ -1,0 +1,34 @@
+"""The fleet as the dispatcher knows it: orders, plans and vehicles by their messages.
+
+Nothing here reads a clock, the bus or the database: the daemon and the simulation use it alike.
+"""
+
+from __future__ import annotations
+
+from dispatcher_daemon.fleet.tracking.claims import Claim
+from dispatcher_daemon.fleet.tracking.lateness import lateness_s
+from dispatcher_daemon.fleet.tracking.open_tours import OpenTour, fleet_of
+from dispatcher_daemon.fleet.tracking.order_stops import NO_PLACE, OPENS_LATER, stop_of
+from dispatcher_daemon.fleet.tracking.orders import OrderBook
+from dispatcher_daemon.fleet.tracking.risk import at_risk, lateness
+from dispatcher_daemon.fleet.tracking.situation import HIDDEN, Situation
+from dispatcher_daemon.fleet.tracking.tracker import FleetTracker
+from dispatcher_daemon.fleet.tracking.vehicle import FRESH_NS, TrackedVehicle
+
+__all__ = [
+    "FRESH_NS",
+    "HIDDEN",
+    "NO_PLACE",
+    "OPENS_LATER",
+    "Claim",
+    "FleetTracker",
+    "OpenTour",
+    "OrderBook",
+    "Situation",
+    "TrackedVehicle",
+    "at_risk",
+    "fleet_of",
+    "lateness",
+    "lateness_s",
+    "stop_of",
+]

@@ -1,9 +1,0 @@
-"""Orders that callers submit: checked, stored, then told; shown, cancelled, pinned and released."""
-
-from __future__ import annotations
-
-from dispatcher_daemon.intake.intake import MAX_AT_ONCE, OrderIntake, OrdersRefused
-from dispatcher_daemon.intake.over_bus import OrderAnswers
-from dispatcher_daemon.intake.reading import read_request
-
-__all__ = ["MAX_AT_ONCE", "OrderAnswers", "OrderIntake", "OrdersRefused", "read_request"]

@@ -1,0 +1,1 @@
+"""A cycle: the situation in, the plans of a whole fleet out."""

@@ -1,0 +1,1 @@
+"""Meetings of vehicles: options and departures of each, blocks, sweeps over blocks."""

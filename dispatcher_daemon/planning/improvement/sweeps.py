@@ -1,0 +1,350 @@
+"""Block-coordinate descent: each block is solved with the others fixed, until nothing improves."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import takewhile
+
+import numpy as np
+
+from dispatcher_daemon.forms import violations
+from dispatcher_daemon.planning.improvement.blocks import Block, build_block
+from dispatcher_daemon.planning.improvement.carriers import Accounts
+from dispatcher_daemon.planning.improvement.departures import (
+    as_planned,
+    best_departure,
+    longest_wait_s,
+    schedule_greedily,
+)
+from dispatcher_daemon.planning.improvement.exchanges import best_exchanges, exchanged
+from dispatcher_daemon.planning.improvement.offers import declined_meetings
+from dispatcher_daemon.planning.improvement.options import options_for
+from dispatcher_daemon.planning.improvement.partition import blocks_of, opportunity_graph
+from dispatcher_daemon.planning.plans import DeclinedMeeting
+from dispatcher_daemon.planning.roads import Route
+from dispatcher_daemon.planning.routes.itineraries import Itinerary, Planner
+from dispatcher_daemon.planning.routes.pyvrp_model import StopsByVehicle
+from dispatcher_daemon.settings import CitySettings
+from dispatcher_daemon.solvers.protocol import Outcome
+from dispatcher_daemon.solvers.workers.pool import Job, Solve
+from slipstream.tracing import traced
+
+_BETTER_KWH = 1e-9
+_LEAST_S = 0.05
+"""Time that is worth a block."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The itineraries of all vehicles with their cost and saving.
+
+    Attributes:
+        itineraries: by vehicle number.
+        cost_kwh: H_cost, and the cost of waiting at depots.
+        saving_kwh: H_platoon, platoons counted once.
+    """
+
+    itineraries: tuple[Itinerary, ...]
+    cost_kwh: float
+    saving_kwh: float
+
+    @property
+    def objective_kwh(self) -> float:
+        """H_cost − H_platoon."""
+        return self.cost_kwh - self.saving_kwh
+
+    @property
+    def routes(self) -> tuple[Route, ...]:
+        """Of the vehicles that drive."""
+        return tuple(i.route for i in self.itineraries if i.route is not None)
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """One sweep.
+
+    Attributes:
+        blocks: number of blocks.
+        variables: of all blocks.
+        largest: variables of the largest one.
+        accepted: number of answers that improved the plan, by solver.
+        outcomes: of all solvers.
+        objective_kwh: after it.
+        wall_s: its time.
+    """
+
+    blocks: int
+    variables: int
+    largest: int
+    accepted: Mapping[str, int]
+    outcomes: tuple[Outcome, ...]
+    objective_kwh: float
+    wall_s: float
+
+
+def choice_of(planner: Planner, itineraries: Sequence[Itinerary]) -> Choice:
+    """Cost and saving of itineraries, evaluated exactly."""
+    meetings = planner.meetings()
+    saving = math.fsum(meetings.add(itinerary.traversals) for itinerary in itineraries)
+    cost = math.fsum(itinerary.cost_kwh for itinerary in itineraries)
+    return Choice(tuple(itineraries), cost, saving)
+
+
+def scheduled(
+    planner: Planner, base: Choice, has_time: Callable[[], bool] = lambda: True
+) -> Choice:
+    """The same routes with departures chosen one vehicle after the other.
+
+    Bound vehicles begin with the waits of their present plans: the schedule is those waits, or the
+    greedy one from them on if that is better.
+
+    Args:
+        has_time: whether another vehicle may be scheduled; the others stay as they are.
+    """
+    planned = [as_planned(planner, itinerary) for itinerary in base.itineraries]
+    bound = any(a is not b for a, b in zip(planned, base.itineraries, strict=True))
+    # Vehicles that are ready last choose first: the others can wait for them, not vice versa.
+    latest_first = sorted(planned, key=lambda i: (-i.depart_s, i.number))
+    chosen = schedule_greedily(planner, takewhile(lambda _: has_time(), latest_first))
+    chosen += latest_first[len(chosen) :]
+    in_order = sorted(chosen, key=lambda i: i.number)
+    schedules = [choice_of(planner, planned) if bound else base, choice_of(planner, in_order)]
+    return min(schedules, key=lambda choice: choice.objective_kwh)
+
+
+class BlockDescent:
+    """The present choice of all vehicles, improved block by block.
+
+    Attributes:
+        present: itineraries by vehicle number.
+        declined: by pair of vehicles, the meeting of the last sweep that would have cost least.
+    """
+
+    def __init__(
+        self,
+        planner: Planner,
+        settings: CitySettings,
+        solve: Solve,
+        itineraries: Sequence[Itinerary],
+    ) -> None:
+        """Start from the given itineraries."""
+        self.planner, self.settings = planner, settings
+        self.present = list(itineraries)
+        self.declined: dict[tuple[str, str], DeclinedMeeting] = {}
+        self._solve = solve
+        self._meetings = planner.meetings()
+        saving = math.fsum(self._meetings.add(i.traversals) for i in itineraries)
+        self._objective_kwh = math.fsum(i.cost_kwh for i in itineraries) - saving
+        self._accounts: Accounts | None = None
+        self._names = {n: v.id for n, v in enumerate(planner.problem.fleet.vehicles)}
+
+    def keep_to(self, accounts: Accounts) -> None:
+        """Go on from the plan of some accounts, with changes only that they allow."""
+        self._objective_kwh += self._apply(accounts.present)
+        self._accounts = accounts
+
+    @traced("blocks")
+    def run(
+        self, seed: int, ends: float, clock: Callable[[], float]
+    ) -> tuple[tuple[Sweep, ...], bool]:
+        """Sweep until nothing improves, or for `settings.max_sweeps`.
+
+        Returns:
+            (the sweeps, whether the deadline ended them).
+        """
+        sweeps: list[Sweep] = []
+        idle = 0
+        while len(sweeps) < self.settings.max_sweeps and idle < self.settings.patience:
+            sweep = self._sweep(seed + len(sweeps), ends, clock)
+            if sweep is None:
+                return tuple(sweeps), True
+            sweeps.append(sweep)
+            idle = 0 if sweep.accepted else idle + 1
+        return tuple(sweeps), False
+
+    def _sweep(self, seed: int, ends: float, clock: Callable[[], float]) -> Sweep | None:
+        began = clock()
+        planner, max_variables = self.planner, self.settings.block_variables
+        windows = [planner.window_s(i.number) for i in self.present]
+        waits = [longest_wait_s(planner, i) for i in self.present]
+        graph = opportunity_graph(
+            self.present, windows, waits, planner.shares, planner.sync_window_s
+        )
+        size = max(2, max_variables // self.settings.options)
+        # A small fleet is one block: exchanges can tie vehicles that have no road in common yet.
+        small = 0 < len(graph) <= size
+        groups = [sorted(graph)] if small else blocks_of(graph, size, seed)
+        solved: list[tuple[Block, list[Outcome]]] = []
+        self.declined = {}
+        rng = np.random.default_rng(seed)
+        accepted: Counter[str] = Counter()
+        # In batches, solved in parallel: later ones start from what earlier ones changed.
+        shuffled = [groups[i] for i in rng.permutation(len(groups))]
+        for batch in _batches(shuffled, self.settings.wave):
+            blocks = []
+            for group in batch:
+                if ends - clock() < _LEAST_S:
+                    return None
+                blocks.append(self._block(group, max_variables, rng))
+            left_s = max(_LEAST_S, ends - clock())
+            answers = self._solve_blocks(blocks, min(left_s, self.settings.block_deadline_s), seed)
+            for block, outcomes in zip(blocks, answers, strict=True):
+                accepted.update(self._accept_best(block, outcomes))
+                self._note_declined(block)
+                solved.append((block, outcomes))
+        return Sweep(
+            len(solved),
+            sum(block.problem.choices for block, _ in solved),
+            max((block.problem.choices for block, _ in solved), default=0),
+            accepted,
+            tuple(outcome for _, outcomes in solved for outcome in outcomes),
+            self._objective_kwh,
+            clock() - began,
+        )
+
+    def adopt(
+        self, stops: StopsByVehicle, seed: int, ends: float, clock: Callable[[], float]
+    ) -> int:
+        """Adopt from other routes what improves the plan, exchange by exchange.
+
+        Returns:
+            number of exchanges adopted.
+        """
+        adopted = 0
+        for group in self._exchanges(stops):
+            if clock() > ends:
+                break
+            for number in group:
+                self._meetings.remove(self.present[number].traversals)
+            # Of a group in which time runs out, what is not known yet is taken for impossible.
+            others = [
+                self._itinerary_by(number, stops) if clock() < ends else None for number in group
+            ]
+            for number, other in zip(group, others, strict=True):
+                if other is not None:
+                    self._meetings.remove(other.traversals)
+                self._meetings.add(self.present[number].traversals)
+            found = [other for other in others if other is not None]
+            if len(found) < len(group):
+                continue
+            options = {o.number: [self.present[o.number], o] for o in found}
+            if 2 * len(group) > self.settings.block_variables:
+                change = self._apply(found)
+                if change < -_BETTER_KWH:
+                    self._objective_kwh += change
+                    adopted += 1
+                else:
+                    self._apply([of_one[0] for of_one in options.values()])
+                continue
+            block = build_block(self._names, options, self._meetings)
+            left_s = max(_LEAST_S, ends - clock())
+            answers = self._solve_blocks([block], min(left_s, self.settings.block_deadline_s), seed)
+            adopted += len(self._accept_best(block, answers[0]))
+        return adopted
+
+    def _exchanges(self, stops: StopsByVehicle) -> list[list[int]]:
+        """Smallest groups of vehicles of one carrier among which other routes serve the same stops
+        differently.
+        """
+        others = {number: stops[name] for number, name in self._names.items()}
+        vehicles = self.planner.problem.fleet.vehicles
+        return [
+            group
+            for group in exchanged(self.present, others)
+            if len({vehicles[number].carrier for number in group}) == 1
+        ]
+
+    def _itinerary_by(self, number: int, stops: StopsByVehicle) -> Itinerary | None:
+        """A vehicle's itinerary by other routes, with the paths and the departure that save most
+        with the others; its passages are added to the meetings.
+        """
+        visits = stops[self._names[number]]
+        candidates = []
+        for travel in range(len(self.planner.travels)):
+            legs = self.planner.legs(number, visits, travel)
+            candidate = self.planner.itinerary(number, visits, legs)
+            if candidate is not None:
+                candidates.append(best_departure(self.planner, candidate, self._meetings))
+        if not candidates:
+            return None
+        best = max(candidates, key=lambda c: self._meetings.gain_kwh(c.traversals) - c.cost_kwh)
+        self._meetings.add(best.traversals)
+        return best
+
+    def _block(self, group: Sequence[int], max_variables: int, rng: np.random.Generator) -> Block:
+        members = [self.present[n] for n in group]
+        # What is loaded stays where it is.
+        open_to_change = [i for i in members if i.number not in self.planner.bound]
+        exchanges = best_exchanges(self.planner, open_to_change, self._meetings, 1, rng)
+        exchange = [itinerary for pair in exchanges for itinerary in pair]
+        if 2 * len(group) + len(exchange) > max_variables:
+            exchange = []
+        each = (max_variables - len(exchange)) // len(group)
+        options = {
+            n: options_for(self.planner, self.present[n], members, self._meetings, each, rng)
+            for n in group
+        }
+        for itinerary in exchange:
+            options[itinerary.number].append(itinerary)
+        return build_block(self._names, options, self._meetings)
+
+    def _solve_blocks(
+        self, blocks: Sequence[Block], deadline_s: float, seed: int
+    ) -> list[list[Outcome]]:
+        names = self.settings.solvers
+        jobs = [Job(name, block.problem, seed) for block in blocks for name in names]
+        outcomes = self._solve(jobs, deadline_s)
+        return [outcomes[i : i + len(names)] for i in range(0, len(outcomes), len(names))]
+
+    def _accept_best(self, block: Block, outcomes: Sequence[Outcome]) -> tuple[str, ...]:
+        """Accept the answer that improves the exact objective most; its solver, or nothing."""
+        best_change, best, solver = -_BETTER_KWH, None, ""
+        seen = set()
+        for outcome in outcomes:
+            selected = outcome.selected
+            if selected is None or selected in seen or not _is_valid(block, selected):
+                continue
+            seen.add(selected)
+            chosen = block.chosen(selected)
+            change = self._apply(chosen)
+            if change < best_change and (self._accounts is None or self._accounts.allows(chosen)):
+                best_change, best, solver = change, chosen, outcome.solver
+            self._apply([block.options[i.number][0] for i in chosen])
+        if best is None:
+            return ()
+        self._objective_kwh += self._apply(best)
+        if self._accounts is not None:
+            self._accounts.change(best)
+        return (solver,)
+
+    def _note_declined(self, block: Block) -> None:
+        for one in declined_meetings(block, self.present, self._names, self.planner.sync_window_s):
+            known = self.declined.get(one.vehicles)
+            loss_kwh = one.cost_kwh - one.saving_kwh
+            if known is None or loss_kwh < known.cost_kwh - known.saving_kwh:
+                self.declined[one.vehicles] = one
+
+    def _apply(self, itineraries: Sequence[Itinerary]) -> float:
+        """Change some vehicles' itineraries; the change of the objective, kWh."""
+        change = 0.0
+        for itinerary in itineraries:
+            old = self.present[itinerary.number]
+            if old is itinerary:
+                continue
+            change += itinerary.cost_kwh - old.cost_kwh
+            change -= self._meetings.remove(old.traversals)
+            change -= self._meetings.add(itinerary.traversals)
+            self.present[itinerary.number] = itinerary
+        return change
+
+
+def _is_valid(block: Block, selected: frozenset[int]) -> bool:
+    known = all(0 <= index < block.problem.choices for index in selected)
+    return known and not violations(block.problem, selected)
+
+
+def _batches(groups: Sequence[list[int]], size: int) -> list[Sequence[list[int]]]:
+    return [groups[i : i + size] for i in range(0, len(groups), size)]

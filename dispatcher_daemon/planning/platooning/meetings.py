@@ -1,0 +1,242 @@
+"""Savings of platoons on open segments, with incremental evaluation of changes.
+
+On a segment, each vehicle of a platoon saves by its place: the leader, and behind it the follower
+of a platoon of two, or in longer ones those in the middle and the last one. By the paper's law all
+followers save the same, so that m ≥ 2 vehicles save L + (m − 1) F: the pairwise sum of the paper
+would count m(m − 1)/2 pairs (FINDINGS, "The paper", 8). What is expected of it by the vehicles'
+approaches: see `dispatcher_daemon.planning.platooning.expected`.
+"""
+
+from __future__ import annotations
+
+from array import array
+from bisect import bisect_left
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+
+from dispatcher_daemon.planning.platooning.expected import Approach, ExpectedDrafting
+from dispatcher_daemon.planning.platooning.platoons import platoons_of
+from dispatcher_daemon.planning.platooning.segment_order import Change, SegmentOrder
+from dispatcher_daemon.planning.platooning.shares import Shares
+from dispatcher_daemon.planning.platooning.stretches import Traversal
+from dispatcher_daemon.planning.roads import Leg, Route
+
+Traversals = Mapping[str, Sequence[Traversal]]
+"""One vehicle's passages of segments whose gate is open, or may be then, by segment."""
+_OpenPassage = tuple[str, float, float, tuple[Approach, ...]]
+"""(segment, entry and leaving in s after the leg's departure, approach if one counts)."""
+
+
+class OpenPassages:
+    """Passages of open segments by routes. What legs say of them is looked up once for each drive,
+    as options of a route have most legs in common.
+    """
+
+    def __init__(
+        self, shares: Mapping[str, Shares], expected: ExpectedDrafting | None = None
+    ) -> None:
+        """Start with no drive known.
+
+        Args:
+            shares: by open segment.
+            expected: of platoons; None: they are close everywhere.
+        """
+        self._shares, self._expected = shares, expected
+        # By the drive's identity, which lasts as the leg is kept with it.
+        self._known: dict[tuple[int, Approach], tuple[Leg, list[_OpenPassage]]] = {}
+
+    def of(self, number: int, route: Route) -> dict[str, tuple[Traversal, ...]]:
+        """A route's passages of open segments.
+
+        Args:
+            number: of its vehicle.
+        """
+        found: dict[str, tuple[Traversal, ...]] = {}
+        for at, (leg, visit) in enumerate(zip(route.legs, route.visits, strict=False)):
+            leaves_s = visit.departure_s
+            for segment, entry, leaving, approach in self._of_leg(route.vehicle, at, leg):
+                passage = (leaves_s + entry, leaves_s + leaving, (number, *approach))
+                known = found.get(segment)
+                found[segment] = (passage,) if known is None else (*known, passage)
+        return found
+
+    def _of_leg(self, vehicle: str, at: int, leg: Leg) -> list[_OpenPassage]:
+        expected = self._expected
+        key = id(leg.drive), -1 if expected is None else expected.start_of(vehicle, at)
+        known = self._known.get(key)
+        if known is not None and known[0].path is leg.path:
+            return known[1]
+        times = (*leg.drive.entry_s, leg.drive.duration_s)
+        approaches = () if expected is None else expected.of_leg(vehicle, at, leg)
+        found = [
+            (segment, times[n], times[n + 1], approaches[n : n + 1])
+            for n, segment in enumerate(leg.path)
+            if segment in self._shares
+        ]
+        self._known[key] = leg, found
+        return found
+
+
+def saving_kwh(
+    passages: Sequence[Traversal],
+    shares: Shares,
+    sync_window_s: float,
+    own: Mapping[int, Shares] | None = None,
+    expected: ExpectedDrafting | None = None,
+) -> float:
+    """Saving of all platoons on one segment, kWh.
+
+    Args:
+        passages: in the order of entry.
+        own: shares of vehicles that have others, by their number.
+        expected: of platoons; None: they are close everywhere.
+    """
+    return _platoons_kwh(platoons_of(passages, sync_window_s), shares, own, expected)
+
+
+def _platoons_kwh(
+    platoons: Iterable[Sequence[Traversal]],
+    shares: Shares,
+    own: Mapping[int, Shares] | None,
+    expected: ExpectedDrafting | None,
+) -> float:
+    total = 0.0
+    for group in platoons:
+        members = len(group)
+        if members < 2:
+            continue
+        if own or expected is not None:
+            close = (1.0,) * members
+            if expected is not None:
+                close = expected.shares(tuple(key[1] for _, _, key in group))
+            leader, *followers = (
+                share * (own.get(key[0], shares) if own else shares).at(place, members)
+                for place, (share, (_, _, key)) in enumerate(zip(close, group, strict=True))
+            )
+            saved = leader + sum(followers)
+        else:
+            saved = shares.platoon_kwh(len(group))
+        total += saved * shares.gate.chance(group[0][0])
+    return total
+
+
+class Meetings:
+    """Passages of open segments by all vehicles, with the sum of their platoons' savings."""
+
+    def __init__(
+        self,
+        shares: Mapping[str, Shares],
+        sync_window_s: float,
+        own_shares: Mapping[int, Mapping[str, Shares]] | None = None,
+        expected: ExpectedDrafting | None = None,
+    ) -> None:
+        """Start with empty roads.
+
+        Args:
+            shares: by segment.
+            own_shares: of vehicles that have others, by their number; of the same segments.
+            expected: of platoons, by the approaches of the passages; None: they are close
+                everywhere.
+        """
+        self.shares, self.sync_window_s = shares, sync_window_s
+        self._expected = expected
+        self._own_shares = own_shares or {}
+        self._orders: dict[str, SegmentOrder] = {}
+        self._before: dict[str, SegmentOrder] | None = None
+
+    def add(self, traversals: Traversals) -> float:
+        """Put a vehicle on the roads; the change in total savings, kWh."""
+        return sum(self._apply(segment, (), on) for segment, on in traversals.items())
+
+    def remove(self, traversals: Traversals) -> float:
+        """Take a vehicle off; the change in total savings, kWh."""
+        return sum(self._apply(segment, off, ()) for segment, off in traversals.items())
+
+    @contextmanager
+    def tried(self) -> Iterator[None]:
+        """What is changed within is as before at the end; not one within another."""
+        self._before = {}
+        try:
+            yield
+        finally:
+            self._orders |= self._before
+            self._before = None
+
+    def gain_kwh(self, traversals: Traversals) -> float:
+        """What a vehicle's passages save, those of them counted that are on the roads already."""
+        (gain,) = self.gains_kwh((traversals,))
+        return gain
+
+    def gains_kwh(self, options: Iterable[Traversals]) -> list[float]:
+        """`gain_kwh` of each of some options of one vehicle, which have passages in common."""
+        known: dict[tuple[str, tuple[Traversal, ...]], float] = {}
+        gains: list[float] = []
+        for option in options:
+            total = 0.0
+            for segment, passages in option.items():
+                key = segment, tuple(passages)
+                gain = known.get(key)
+                if gain is None:
+                    gain = known[key] = self._gain_kwh(segment, passages)
+                total += gain
+            gains.append(total)
+        return gains
+
+    def _gain_kwh(self, segment: str, passages: Sequence[Traversal]) -> float:
+        order = self._order(segment)
+        there = [p for p in passages if p in order]
+        new = [p for p in passages if p not in there] if there else passages
+        gain = 0.0
+        if len(new) == 1:
+            gain = order.gain_kwh(new[0])
+        elif new:
+            gain = order.change((), new).saving_kwh
+        return gain - order.change(there, ()).saving_kwh if there else gain
+
+    def on(self, segment: str) -> Sequence[Traversal]:
+        """Passages of a segment in the order of entry."""
+        return self._order(segment).passages
+
+    def entries_s(self, segment: str, from_s: float, before_s: float, but: int) -> array[float]:
+        """Entries into a segment from one moment on and before another, in their order.
+
+        Args:
+            but: number of the vehicle whose entries do not count.
+        """
+        order = self._order(segment)
+        begin = bisect_left(order.entries_s, from_s)
+        end = bisect_left(order.entries_s, before_s)
+        entries, numbers = order.entries_s[begin:end], order.numbers[begin:end]
+        if but not in numbers:
+            return entries
+        return array("d", [s for s, n in zip(entries, numbers, strict=True) if n != but])
+
+    def change(self, segment: str, off: Sequence[Traversal], on: Sequence[Traversal]) -> Change:
+        """What passages of a segment that go, and others that come, at least one of both, would
+        change.
+
+        Raises:
+            ValueError: one that goes is not there.
+        """
+        return self._order(segment).change(off, on)
+
+    def _apply(self, segment: str, off: Sequence[Traversal], on: Sequence[Traversal]) -> float:
+        if not off and not on:
+            return 0.0
+        order = self._order(segment)
+        if self._before is not None and segment not in self._before:
+            self._before[segment] = order.copy()
+        return order.apply(off, on)
+
+    def _order(self, segment: str) -> SegmentOrder:
+        if segment not in self._orders:
+            shares = self.shares[segment]
+            own = {n: of[segment] for n, of in self._own_shares.items()}
+
+            def kwh(platoon: Sequence[Traversal]) -> float:
+                if len(platoon) < 2:
+                    return 0.0
+                return _platoons_kwh((platoon,), shares, own, self._expected)
+
+            self._orders[segment] = SegmentOrder(self.sync_window_s, kwh)
+        return self._orders[segment]

@@ -1,0 +1,27 @@
+"""What a cycle was made from, stored with it, and the same cycle made again."""
+
+from __future__ import annotations
+
+from dispatcher_daemon.planning.replay.again import Replayed, replayed
+from dispatcher_daemon.planning.replay.inputs import (
+    CycleRecord,
+    InputEncoder,
+    cycle_record,
+    restored_cycle,
+    restored_settings,
+    versions,
+)
+from dispatcher_daemon.planning.replay.trace import Recorder, Trace
+
+__all__ = [
+    "CycleRecord",
+    "InputEncoder",
+    "Recorder",
+    "Replayed",
+    "Trace",
+    "cycle_record",
+    "replayed",
+    "restored_cycle",
+    "restored_settings",
+    "versions",
+]

@@ -1,0 +1,51 @@
+"""Costs of segments and turns, least-energy paths between the fleet's places, and timetables."""
+
+from __future__ import annotations
+
+from dispatcher_daemon.planning.roads.arrays import Roads, roads_of
+from dispatcher_daemon.planning.roads.costs import planning_speed_mps, segment_cost_kwh
+from dispatcher_daemon.planning.roads.onward import leg_from, leg_onward, unhindered_s
+from dispatcher_daemon.planning.roads.routes import (
+    Leg,
+    Route,
+    RoutedArc,
+    candidate_arcs,
+    empty_leg,
+    lateness_by_window_s,
+    lateness_s,
+    timed,
+    timetable,
+)
+from dispatcher_daemon.planning.roads.travel import (
+    Travel,
+    fleet_travel,
+    least_energy_legs,
+    leg_along,
+    searched_again,
+)
+from dispatcher_daemon.planning.roads.ways import Ways
+
+__all__ = [
+    "Leg",
+    "Roads",
+    "Route",
+    "RoutedArc",
+    "Travel",
+    "Ways",
+    "candidate_arcs",
+    "empty_leg",
+    "fleet_travel",
+    "lateness_by_window_s",
+    "lateness_s",
+    "least_energy_legs",
+    "leg_along",
+    "leg_from",
+    "leg_onward",
+    "planning_speed_mps",
+    "roads_of",
+    "searched_again",
+    "segment_cost_kwh",
+    "timed",
+    "timetable",
+    "unhindered_s",
+]

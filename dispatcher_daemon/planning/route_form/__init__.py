@@ -1,0 +1,1 @@
+"""The cycle in route form: a plan of the fleet from base routes and sweeps."""

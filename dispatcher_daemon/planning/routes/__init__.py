@@ -1,0 +1,1 @@
+"""Routes without platooning: order of stops, ways, breaks, charging (PyVRP)."""

@@ -1,0 +1,159 @@
+"""What the worker process of jobs runs: one cycle's planning of a caller's fleet."""
+
+from __future__ import annotations
+
+import hashlib
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Protocol
+
+from pydantic import BaseModel, Field
+
+from dispatcher_daemon.fleet import Fleet
+from dispatcher_daemon.forms.problem import routing_problem
+from dispatcher_daemon.planning.cycle.cycle import run_cycle
+from dispatcher_daemon.planning.plans import Cycle
+from dispatcher_daemon.service.fleet_watch import Learned
+from dispatcher_daemon.settings import DispatcherSettings
+from dispatcher_daemon.solvers.registry import configured_solvers
+from dispatcher_daemon.solvers.workers.executor import executor_solve
+from dispatcher_daemon.traffic.snapshot import Expectations, TrafficSnapshot, take_snapshot
+from slipstream.errors import InputError
+from slipstream.messages import CycleReport, SegmentState, VehiclePlan
+from slipstream.roads import RoadNetwork
+from slipstream.sumo_net import load_network
+
+
+class Task(Protocol):
+    """What a worker runs; it can be pickled."""
+
+    def run(self) -> bytes:
+        """The result, as JSON."""
+        ...
+
+
+def run_task(task: Task) -> bytes:
+    """Run a task in this process."""
+    return task.run()
+
+
+@dataclass(frozen=True)
+class SolveTask:
+    """What a worker needs; it can be pickled.
+
+    Attributes:
+        settings: of the dispatcher, with the caller's deadline.
+        roads: `fingerprint` of the dispatcher's network, which the worker reads anew.
+        fleet: to plan.
+        states: the latest ones.
+        learned: of this hour.
+        now_ns: moment that the traffic is judged for, UTC.
+        seed: of everything random.
+    """
+
+    settings: DispatcherSettings
+    roads: str
+    fleet: Fleet
+    states: tuple[SegmentState, ...]
+    learned: Learned
+    now_ns: int
+    seed: int
+
+    def run(self) -> bytes:
+        """See `plan`."""
+        return plan(self)
+
+
+class SolveResult(BaseModel):
+    """What a cycle with this fleet would report and publish."""
+
+    report: CycleReport = Field(description="Its number is 0: it is none of the dispatcher's.")
+    plans: list[VehiclePlan]
+
+
+def fingerprint(network: RoadNetwork) -> str:
+    """What tells one road network from another."""
+    digest = hashlib.sha256()
+    for name in sorted(network.segments):
+        s = network.segments[name]
+        turns = sorted(network.turns(name))
+        parts = (s.id, s.start, s.end, s.length_m, s.speed_limit_mps, turns)
+        digest.update(repr(parts).encode())
+    return digest.hexdigest()
+
+
+def picklable(learned: Learned) -> Learned:
+    """The same in plain dictionaries."""
+    found = learned.expected
+    if found is None:
+        return Learned(dict(learned.usual_mps), dict(learned.open_shares), None)
+    plain = Expectations(dict(found.loss_kwh), dict(found.seconds), dict(found.stops))
+    return Learned(dict(learned.usual_mps), dict(learned.open_shares), plain)
+
+
+def plan(task: SolveTask) -> bytes:
+    """Plan one fleet.
+
+    Returns:
+        A `SolveResult` as JSON.
+
+    Raises:
+        InputError: the network's file has changed since the dispatcher read it, or the settings
+            do not fit the fleet.
+    """
+    settings = task.settings
+    network, snapshot = traffic_on(settings, task.roads, task.states, task.learned, task.now_ns)
+    cycle = Cycle(
+        routing_problem(network, task.fleet, settings),
+        snapshot,
+        settings,
+        0,
+        task.now_ns,
+        task.seed,
+    )
+    solvers = configured_solvers(settings)
+    for solver in solvers:
+        solver.warm_up()
+    threads = ThreadPoolExecutor(len(solvers))
+    try:
+        result = run_cycle(cycle, executor_solve(threads, solvers, workers=len(solvers)))
+    finally:
+        # One that overruns its deadline is not waited for.
+        threads.shutdown(wait=False, cancel_futures=True)
+    answer = SolveResult(report=result.report, plans=list(result.plans))
+    return answer.model_dump_json().encode()
+
+
+def traffic_on(
+    settings: DispatcherSettings,
+    roads: str,
+    states: tuple[SegmentState, ...],
+    learned: Learned,
+    now_ns: int,
+) -> tuple[RoadNetwork, TrafficSnapshot]:
+    """The dispatcher's roads, and their traffic at a moment; arguments as in `SolveTask`.
+
+    Raises:
+        InputError: the network's file has changed since the dispatcher read it.
+    """
+    network, found = _network(settings.network)
+    if found != roads:
+        _network.cache_clear()
+        problem = "the file has changed since the dispatcher read it"
+        raise InputError(settings.network, problem, "restart the dispatcher")
+    snapshot = take_snapshot(
+        network,
+        states,
+        now_ns,
+        stale_after_s=settings.stale_after_s,
+        future_tolerance_s=settings.future_tolerance_s,
+        stops_at_signals=settings.stops_at_signals,
+    )
+    return network, learned.onto(snapshot)
+
+
+@lru_cache(maxsize=1)
+def _network(reference: str) -> tuple[RoadNetwork, str]:
+    network = load_network(reference)
+    return network, fingerprint(network)

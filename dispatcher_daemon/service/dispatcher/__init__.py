@@ -1,0 +1,16 @@
+"""The dispatcher between bus, cycles and database: states in, cycles run, plans out once stored."""
+
+from dispatcher_daemon.service.dispatcher.control import Control, ControlRefused
+from dispatcher_daemon.service.dispatcher.dispatcher import Dispatcher
+from dispatcher_daemon.service.dispatcher.publishing import Announce, MessageBus, announce_nothing
+from dispatcher_daemon.service.dispatcher.watching import AlarmSource
+
+__all__ = [
+    "AlarmSource",
+    "Announce",
+    "Control",
+    "ControlRefused",
+    "Dispatcher",
+    "MessageBus",
+    "announce_nothing",
+]

@@ -1,0 +1,9 @@
+"""Orders that callers submit: checked, stored, then told; shown, cancelled, pinned and released."""
+
+from __future__ import annotations
+
+from dispatcher_daemon.service.intake.intake import MAX_AT_ONCE, OrderIntake, OrdersRefused
+from dispatcher_daemon.service.intake.over_bus import OrderAnswers
+from dispatcher_daemon.service.intake.reading import read_request
+
+__all__ = ["MAX_AT_ONCE", "OrderAnswers", "OrderIntake", "OrdersRefused", "read_request"]

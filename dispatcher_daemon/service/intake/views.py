@@ -1,0 +1,80 @@
+"""Orders as callers are told of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from dispatcher_daemon.fleet import to_node_m
+from dispatcher_daemon.fleet.tracking import FleetTracker, at_risk
+from slipstream.messages import OrderReceipt, OrderRequest, OrderStatus, OrderStep
+from slipstream.orders import OrderChange, OrderRecord
+from slipstream.roads import RoadNetwork
+
+
+def receipt_of(order: OrderRecord, network: RoadNetwork) -> OrderReceipt:
+    """What its caller gets for an order, however often it is sent."""
+    assert order.received_ns is not None
+    request = request_of(order)
+    away_m = None if request is None else to_node_m(network, request.lat, request.lon, order.node)
+    return OrderReceipt(
+        order=order.order,
+        received_ns=order.received_ns,
+        node=order.node,
+        distance_m=None if away_m is None else round(away_m, 1),
+        state=order.state,
+    )
+
+
+def status_of(order: OrderRecord, tracker: FleetTracker | None, now_ns: int) -> OrderStatus:
+    """An order as it is now.
+
+    Args:
+        order: as the tracker has it.
+        tracker: None: it has forgotten the order.
+        now_ns: UTC.
+    """
+    waits = tracker is not None and order.state == "open"
+    return OrderStatus(
+        order=order.order,
+        source=order.source,
+        state=order.state,
+        since_ns=order.since_ns,
+        reason=order.reason,
+        vehicle=order.vehicle,
+        cycle=order.cycle,
+        pinned=order.pinned,
+        arrival_ns=None if tracker is None else tracker.arrival_ns(order),
+        unplanned=tracker.unplanned.get(order.order) if tracker is not None and waits else None,
+        at_risk=None if tracker is None else at_risk(order, tracker, now_ns),
+        node=order.node,
+        service_s=order.service_s,
+        demand=order.demand,
+        earliest_ns=order.earliest_ns,
+        latest_ns=order.latest_ns,
+        received_ns=order.received_ns,
+        request=request_of(order),
+    )
+
+
+def request_of(order: OrderRecord) -> OrderRequest | None:
+    """As it came; None: it is the file's."""
+    # A tuple is a list in JSON.
+    return (
+        None if order.request is None else OrderRequest.model_validate(order.request, strict=False)
+    )
+
+
+def steps_of(stored: Iterable[OrderChange], pending: Iterable[OrderChange]) -> list[OrderStep]:
+    """An order's life. What was pending may have been stored since it was looked up."""
+    known = list(stored)
+    known += [change for change in pending if change not in known]
+    return [
+        OrderStep(
+            time_ns=change.time_ns,
+            state=change.state,
+            reason=change.reason,
+            vehicle=change.vehicle,
+            cycle=change.cycle,
+        )
+        for change in known
+    ]

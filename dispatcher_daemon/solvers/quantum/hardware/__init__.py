@@ -1,0 +1,28 @@
+"""A quantum device beside the dispatch cycle: asked by a thread and a process of its own, and never
+waited for beyond the cycle's deadline.
+
+- `manager`: `JobManager`, the `Solve` that the cycle calls
+- `thread`: `JobThread`, the one thread that changes the ledger and calls the worker
+- `runner`: `JobRunner`, submits, polls and delivers jobs, step by step
+- `request`, `tracking`: a cycle's request for an answer; a job's state outside the ledger
+- `ledger`, `breaker`: stored jobs and the device-time budget; the circuit breaker
+- `service`, `circuits`: the worker process and its calls; building circuits, decoding samples
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dispatcher_daemon.solvers.quantum.hardware.manager import JobManager, open_job_manager
+
+__all__ = ["JobManager", "open_job_manager"]
+
+
+def __getattr__(name: str) -> object:
+    # Loaded on demand: the worker process imports this package too, and needs no database.
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from dispatcher_daemon.solvers.quantum.hardware import manager
+
+    return getattr(manager, name)

@@ -1,0 +1,96 @@
+"""Solvers on any `concurrent.futures.Executor`: threads, processes or a cluster."""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import CancelledError, Executor, Future, TimeoutError
+from typing import TypeVar
+
+from dispatcher_daemon.solvers.protocol import Outcome, Solver, Status
+from dispatcher_daemon.solvers.workers.pool import GRACE_S, Job, Solve, error_line, run_job
+
+log = logging.getLogger(__name__)
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+
+class TimedExecutor(Executor):
+    """An executor that is told how long a call may take, as it may have to run it once more."""
+
+    def submit_within(
+        self, within_s: float, limit_s: float, function: Callable[[T, float], R], argument: T
+    ) -> Future[R]:
+        """Run a picklable call ``function(argument, seconds)``.
+
+        Args:
+            within_s: by when the answer is needed, waiting for a worker included.
+            limit_s: for the call alone; it may be told fewer seconds.
+        """
+        raise NotImplementedError
+
+
+def executor_solve(executor: Executor, solvers: Sequence[Solver], *, workers: int = 1) -> Solve:
+    """A `Solve` that runs jobs on an executor; faults and deadlines become Outcomes.
+
+    Executors cannot stop a job: one that overruns keeps its worker until it is done. Where solvers
+    may hang, `SolverPool` is the one to use. A process pool that broke stays broken; then all jobs
+    fail with that reason.
+
+    Args:
+        executor: not closed here. Processes and clusters need picklable solvers.
+        solvers: of different names.
+        workers: how many jobs the executor runs at once; jobs that have to queue share the
+            deadline.
+
+    Raises:
+        ValueError: two solvers with one name, or no worker.
+    """
+    by_name = {solver.name: solver for solver in solvers}
+    if len(by_name) < len(solvers):
+        raise ValueError("two solvers with one name")
+    if workers < 1:
+        raise ValueError(f"{workers} workers")
+
+    def solve(jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
+        began = time.monotonic()
+        share_s = deadline_s / max(1, math.ceil(len(jobs) / workers))
+        futures = [_submit(executor, by_name, job, share_s) for job in jobs]
+        ends = began + deadline_s + GRACE_S
+        return [_collect(job, f, began, ends) for job, f in zip(jobs, futures, strict=True)]
+
+    return solve
+
+
+def _submit(
+    executor: Executor, solvers: dict[str, Solver], job: Job, deadline_s: float
+) -> Future[Outcome] | Exception:
+    try:
+        return executor.submit(run_job, solvers[job.solver], job.problem, deadline_s, job.seed)
+    except Exception as error:
+        return error
+
+
+def _collect(job: Job, future: Future[Outcome] | Exception, began: float, ends: float) -> Outcome:
+    try:
+        if isinstance(future, Exception):
+            raise future
+        outcome = future.result(timeout=max(0.0, ends - time.monotonic()))
+        if not isinstance(outcome, Outcome):
+            raise TypeError(f"answered with a {type(outcome).__name__}")
+        return outcome
+    except (TimeoutError, CancelledError):
+        if isinstance(future, Future):
+            future.cancel()
+        return _fault(job, "no answer within the deadline", began, late=True)
+    except Exception as error:
+        log.warning("solver %s failed: %s", job.solver, error_line(error))
+        return _fault(job, error_line(error), began)
+
+
+def _fault(job: Job, reason: str, began: float, *, late: bool = False) -> Outcome:
+    status: Status = "timeout" if late else "failed"
+    return Outcome(job.solver, status, None, time.monotonic() - began, reason=reason)

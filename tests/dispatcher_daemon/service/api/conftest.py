@@ -1,0 +1,184 @@
+from __future__ import annotations
+
+import http.client
+import json
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dispatcher_daemon.forms.problem import RoutingProblem
+from dispatcher_daemon.service.api import ApiServer, RateLimit, Services, token_hash
+from dispatcher_daemon.service.dispatcher import AlarmSource, Dispatcher
+from dispatcher_daemon.service.intake import OrderIntake
+from dispatcher_daemon.settings import DispatcherSettings
+from dispatcher_daemon.solvers.exact import ExactSolver
+from dispatcher_daemon.solvers.workers.pool import solve_in_process
+from slipstream.messages import Message, SegmentState, state_key
+from storage import open_database, open_reader
+
+SECRETS = {
+    "reader": ("read",),
+    "orderer": ("orders",),
+    "controller": ("control",),
+    "telematics": ("vehicles",),
+}
+"""A token of each scope; its text is its name."""
+
+
+@dataclass
+class Answer:
+    """What a request was answered with."""
+
+    status: int
+    headers: dict[str, str]
+    body: bytes
+
+    @property
+    def json(self) -> Any:
+        return json.loads(self.body)
+
+
+@dataclass
+class Api:
+    """The served API of a dispatcher whose cycles the test runs."""
+
+    port: int
+    dispatcher: Dispatcher
+    services: Services
+    watched: AlarmSource
+
+    def ask(
+        self,
+        method: str,
+        path: str,
+        token: str | None = None,
+        body: object = None,
+        headers: dict[str, str] | None = None,
+    ) -> Answer:
+        """Send one request; what is neither None nor bytes is sent as JSON."""
+        sent = dict(headers or {})
+        if token is not None:
+            sent["Authorization"] = f"Bearer {token}"
+        if body is not None and not isinstance(body, bytes):
+            body = json.dumps(body).encode()
+            sent.setdefault("Content-Type", "application/json")
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=30)
+        try:
+            connection.request(method, path, body, sent)
+            answer = connection.getresponse()
+            names = {name.lower(): value for name, value in answer.getheaders()}
+            return Answer(answer.status, names, answer.read())
+        finally:
+            connection.close()
+
+    def feed(self, state: SegmentState) -> None:
+        """Send a segment's state as the bus does."""
+        self.dispatcher.receiver.on_state(state_key(state.rsu, state.segment), state.to_bytes())
+
+    def get(self, path: str, token: str | None = None) -> Answer:
+        """Send a GET."""
+        return self.ask("GET", path, token)
+
+
+@dataclass
+class SilentBus:
+    """A bus that nobody listens to."""
+
+    sent: list[tuple[str, object]] = field(default_factory=list)
+
+    def publisher(self, key: str) -> _Outlet:
+        return _Outlet(self, key)
+
+
+@dataclass
+class _Outlet:
+    bus: SilentBus
+    key: str
+
+    def put(self, message: Message | bytes) -> None:
+        self.bus.sent.append((self.key, message))
+
+
+@pytest.fixture(scope="session")
+def empty_database(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """A database with its schema and nothing in it."""
+    path = tmp_path_factory.mktemp("database") / "d.db"
+    open_database(f"sqlite:///{path}").close()
+    return path.read_bytes()
+
+
+@pytest.fixture
+def serve(
+    demo: RoutingProblem, tmp_path: Path, empty_database: bytes
+) -> Iterator[Callable[..., Api]]:
+    """Factory of served APIs of the demo, with a database of their own.
+
+    Give `tokens=True` for the tokens of `SECRETS`, and what of `Services` is to be another.
+    """
+    with ExitStack() as stack:
+
+        def make(*, tokens: bool = False, rate: RateLimit | None = None, **others: Any) -> Api:
+            (tmp_path / "d.db").write_bytes(empty_database)
+            url = f"sqlite:///{tmp_path}/d.db"
+            settings = DispatcherSettings(solvers=("exact",), database_url=url)
+            database = stack.enter_context(open_database(url))
+            solve = solve_in_process([ExactSolver()])
+            path = tmp_path / "tokens.toml"
+            write_tokens(path)
+            server = stack.enter_context(ApiServer(0, path if tokens else None, rate))
+            dispatcher = Dispatcher(
+                settings,
+                demo.network,
+                demo.fleet,
+                SilentBus(),
+                database,
+                solve,
+                announce=server.events.publish,
+            )
+            reader = stack.enter_context(open_reader(url))
+            watch = dispatcher.fleet_watch
+            watched = AlarmSource(
+                dispatcher,
+                settings,
+                demo.network,
+                SilentBus(),
+                database,
+                server.events.publish,
+                lambda names: None,
+            )
+            values: dict[str, Any] = {
+                "settings": settings,
+                "network": demo.network,
+                "fleet": watch,
+                "orders": OrderIntake(watch, database, reader, demo.network),
+                "states": dispatcher.receiver.latest,
+                "reader": reader,
+                "alarms": watched.alarms,
+                "control": dispatcher.control,
+                "events": server.events,
+                "solve_jobs": server.solve_jobs,
+                "feeds": dispatcher.feeds,
+                "is_live": lambda: True,
+                "solver_fault": lambda: None,
+                "checks": {"database": lambda: None},
+            }
+            services = Services(**{**values, **others})
+            server.start(services)
+            return Api(server.port, dispatcher, services, watched)
+
+        yield make
+
+
+def write_tokens(path: Path) -> None:
+    """The tokens of `SECRETS` as a file."""
+    path.write_text(
+        "".join(
+            f'[[tokens]]\nname = "{name}"\nsha256 = "{token_hash(name.encode())}"\n'
+            f"scopes = {json.dumps(scopes)}\n"
+            for name, scopes in SECRETS.items()
+        )
+    )

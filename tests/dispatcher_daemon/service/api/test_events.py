@@ -1,0 +1,190 @@
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from itertools import count
+from typing import Any
+
+import pytest
+
+from dispatcher_daemon import metrics
+from dispatcher_daemon.service.api import hub
+from dispatcher_daemon.service.api.endpoints import events
+from dispatcher_daemon.service.dispatcher.reports import failed_report
+from slipstream.messages import SegmentState
+
+from .conftest import Api
+
+State = Callable[..., SegmentState]
+
+
+class Listener:
+    """A caller that reads a stream of events."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        self._connection = connection
+        self._lines = self._read()
+        self.status = int(next(self._lines).split()[1])
+        while next(self._lines):
+            pass
+        self.lines = (line for block in self._lines for line in block.split("\n") if line)
+
+    def _read(self) -> Iterator[str]:
+        rest = b""
+        while part := self._connection.recv(65536):
+            *lines, rest = (rest + part).split(b"\r\n")
+            # Chunks of the transfer end in the same way; events have line feeds alone.
+            yield from (line.decode() for line in lines)
+
+    def event(self) -> tuple[str, Any, str | None]:
+        """The next event: its kind, data and id."""
+        number, kind = None, ""
+        for line in self.lines:
+            name, _, value = line.partition(": ")
+            if name == "id":
+                number = value
+            elif name == "event":
+                kind = value
+            elif name == "data":
+                return kind, json.loads(value), number
+        raise EOFError
+
+    def rest(self) -> int:
+        """Number of events until the stream ends, however it does."""
+        for number in count():
+            try:
+                self.event()
+            except (EOFError, ConnectionResetError):
+                return number
+        raise AssertionError
+
+
+@contextmanager
+def listening(
+    api: Api, query: str = "", last_id: str | None = None, token: str | None = None
+) -> Iterator[Listener]:
+    """A caller of /v1/events, from whose answer's beginning on nothing is missed."""
+    header = "" if last_id is None else f"Last-Event-ID: {last_id}\r\n"
+    header += "" if token is None else f"Authorization: Bearer {token}\r\n"
+    with socket.create_connection(("127.0.0.1", api.port), timeout=30) as connection:
+        request = f"GET /v1/events{query} HTTP/1.1\r\nHost: localhost\r\n{header}"
+        connection.sendall(f"{request}Connection: close\r\n\r\n".encode())
+        yield Listener(connection)
+
+
+def _until(condition: Callable[[], bool]) -> bool:
+    deadline = time.monotonic() + 30
+    while not (met := condition()) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    return met
+
+
+def test_what_happens_is_told_as_it_happens(serve: Callable[..., Api], state: State) -> None:
+    """A state when it comes; orders, plans and the report once their cycle is stored."""
+    api = serve()
+    with listening(api) as all_of_it, listening(api, "?kinds=cycle") as cycles:
+        api.feed(state("avenue_east", 1, time_ns=time.time_ns()))
+        kind, value, number = all_of_it.event()
+        assert (kind, value["segment"], number) == ("state", "avenue_east", None)
+        api.dispatcher.run_cycle()
+        seen = [all_of_it.event()]
+        while seen[-1][0] != "cycle":
+            seen.append(all_of_it.event())
+        stops = len(api.dispatcher.fleet_watch.vehicles().vehicles["van-a"].offered.plan.stops)  # type: ignore[union-attr]
+        assert stops > 2
+        kinds = [kind for kind, _, _ in seen]
+        assert kinds == sorted(kinds, key=["order", "plan", "cycle"].index)
+        assert {"order", "plan"} < set(kinds)
+        assert [v["vehicle"] for k, v, _ in seen if k == "plan"] == ["van-a", "van-b"]
+        assert seen[-1][1] == api.get("/v1/cycles/1").json["report"]
+        assert cycles.event() == seen[-1]
+
+
+def test_a_caller_goes_on_where_it_stopped(serve: Callable[..., Api]) -> None:
+    """Events behind the given id come first; where they are gone, `reset` says so."""
+    api = serve()
+    with listening(api, "?kinds=cycle") as listener:
+        api.dispatcher.run_cycle()
+        _, first, number = listener.event()
+    assert first["cycle"] == 1
+    api.dispatcher.run_cycle()
+    api.dispatcher.run_cycle()
+    with listening(api, "?kinds=cycle", number) as again:
+        assert [again.event()[1]["cycle"] for _ in range(2)] == [2, 3]
+    for unknown in ("1-1", "nonsense", f"{str(number).partition('-')[0]}-99999"):
+        with listening(api, "?kinds=cycle", unknown) as lost:
+            assert lost.event()[0] == "reset"
+
+
+@pytest.mark.slow
+def test_heartbeats_keep_a_quiet_stream_open(
+    serve: Callable[..., Api], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A comment comes where nothing happens."""
+    monkeypatch.setattr(events, "HEARTBEAT_S", 0.05)
+    with listening(serve()) as listener:
+        assert sum(next(listener.lines) == ": heartbeat" for _ in range(20)) > 5
+
+
+@pytest.mark.slow
+def test_a_caller_that_does_not_read_is_dropped_and_holds_nobody_up(
+    serve: Callable[..., Api], state: State, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its stream ends, the other one gets all, and publishing never waits."""
+    monkeypatch.setattr(events, "SEND_WITHIN_S", 0.5)
+    api = serve()
+    api.dispatcher.run_cycle()
+    report = api.services.reader.latest_cycle()
+    assert report is not None
+    large = report.model_copy(update={"reason": "x" * 100_000})
+    dropped = metrics.API_STREAMS_DROPPED._value.get()
+    with listening(api, "?kinds=cycle") as slow, listening(api, "?kinds=cycle") as quick:
+        longest_s = 0.0
+        for number in range(300):
+            began = time.monotonic()
+            api.services.events.publish("cycle", large)
+            longest_s = max(longest_s, time.monotonic() - began)
+            assert quick.event()[0] == "cycle", number
+        assert longest_s < 5.0
+        assert _until(lambda: metrics.API_STREAMS_DROPPED._value.get() == dropped + 1)
+        assert metrics.API_STREAMS._value.get() == 1
+        assert slow.rest() < 300
+
+
+def test_what_waits_for_a_caller_is_bounded(state: State) -> None:
+    """States by segments and RSUs: the newest replaces the one before. Others by their number."""
+    report = failed_report(1, 0, 0.0, "a reason")
+
+    async def overwhelm() -> tuple[list[Any], list[hub.Event]]:
+        told = hub.EventHub(1)
+        stream = told.open(hub.KINDS, None)
+        assert stream is not None
+        for number in range(50):
+            told.publish("state", state("avenue_east", 1, sequence=number))
+        found = [event.value for event in await stream.take(5.0)]
+        for _ in range(hub.MAX_WAITING + 2):
+            told.publish("cycle", report)
+        assert not stream.closed
+        return found, await stream.take(5.0)
+
+    (newest,), (reset, *others) = asyncio.run(overwhelm())
+    assert newest.sequence == 49
+    assert reset.kind == "reset"
+    assert [event.id for event in others] == [f"1-{hub.MAX_WAITING + 2}"]
+
+
+def test_streams_are_bounded_and_end_with_the_dispatcher(
+    serve: Callable[..., Api], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """503 beyond the limit; at the end each stream ends by itself."""
+    monkeypatch.setattr(hub, "MAX_STREAMS", 1)
+    api = serve()
+    with listening(api) as only:
+        assert api.get("/v1/events").status == 503
+        api.services.events.close_all()
+        with pytest.raises(EOFError):
+            only.event()

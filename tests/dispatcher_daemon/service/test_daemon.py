@@ -1,0 +1,577 @@
+from __future__ import annotations
+
+import json
+import logging
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from math import inf
+from pathlib import Path
+
+import pytest
+
+from dispatcher_daemon import metrics
+from dispatcher_daemon.forms.problem import RoutingProblem
+from dispatcher_daemon.planning.cycle.cycle import cycle_seed
+from dispatcher_daemon.service.daemon import check_health
+from dispatcher_daemon.service.dispatcher import Dispatcher
+from dispatcher_daemon.service.schedule import CycleScheduler
+from dispatcher_daemon.service.store import PRUNE_BATCH
+from dispatcher_daemon.settings import DispatcherSettings
+from dispatcher_daemon.solvers.exact import ExactSolver
+from dispatcher_daemon.solvers.workers.pool import Job, Solve, solve_in_process
+from slipstream.bus import Bus, Router
+from slipstream.config import BusSettings
+from slipstream.energy_ledger import PlanEnergy
+from slipstream.messages import (
+    ALL_PLANS,
+    CYCLE_KEY,
+    DISPATCHER_HEALTH_KEY,
+    CycleReport,
+    DispatcherHealth,
+    Message,
+    RsuHealth,
+    SegmentState,
+    VehiclePlan,
+    decode,
+    rsu_health_key,
+    state_key,
+)
+from slipstream.orders import FleetRecords
+from storage import CycleInputs, Event, RollUp, Room, StorageError, open_reader
+from tests.dispatcher_daemon.service.feeds.states import health as rsu_health
+
+State = Callable[..., SegmentState]
+SETTINGS = DispatcherSettings(solvers=("exact",))
+
+
+@dataclass
+class Log:
+    """A bus and a store that write down what happens, in order."""
+
+    events: list[tuple[str, object]] = field(default_factory=list)
+    broken: bool = False
+    old: int = 0
+    pruned: list[int] = field(default_factory=list)
+    rollups: list[RollUp] = field(default_factory=list)
+    told: list[Event] = field(default_factory=list)
+
+    def publisher(self, key: str) -> _Outlet:
+        """A publisher that writes down."""
+        return _Outlet(self, key)
+
+    def record_cycle(
+        self,
+        report: CycleReport,
+        plans: Sequence[VehiclePlan],
+        states: Sequence[SegmentState],
+        records: FleetRecords | None = None,
+        made_from: CycleInputs | None = None,
+        energies: Mapping[str, PlanEnergy] | None = None,
+    ) -> None:
+        """Store, or fail as a full disk does."""
+        if self.broken:
+            raise StorageError("x.db: disk full")
+        self.events.append(("stored", (report, plans, states)))
+
+    def next_cycle_number(self) -> int:
+        """Six cycles came before."""
+        return 7
+
+    def prune(self, keep_days: float, now_ns: int, *, limit: int, budget_s: float) -> int:
+        """Delete of what is old as much as is allowed."""
+        deleted = min(self.old, limit)
+        self.old -= deleted
+        self.pruned.append(deleted)
+        return deleted
+
+    def note_time(self, now_ns: int) -> None:
+        """It is as trusted as before."""
+
+    def trust_clock(self, now_ns: int) -> None:
+        """It is right."""
+
+    def trim(self, keep_mb: float, *, limit: int) -> int:
+        """Nothing is too much."""
+        return 0
+
+    def add_rollups(self, minutes: Sequence[RollUp]) -> None:
+        """Store, or fail as a full disk does."""
+        if self.broken:
+            raise StorageError("x.db: disk full")
+        self.rollups += minutes
+
+    def save_fleet(self, records: FleetRecords) -> None:
+        """Store what vehicles reported."""
+        self.events.append(("stored", records))
+
+    def save_events(self, changed: Sequence[Event]) -> None:
+        """Store, or fail as a full disk does."""
+        if self.broken:
+            raise StorageError("x.db: disk full")
+        self.told += changed
+
+    def load_alarms(self, ended_ns: int) -> tuple[Event, ...]:
+        """None was in force."""
+        return ()
+
+    def last_event(self, kinds: Collection[str]) -> Event | None:
+        """As `Database.last_event`."""
+        return next((event for event in reversed(self.told) if event.kind in kinds), None)
+
+    def room(self) -> Room | None:
+        """Enough."""
+        return Room(10**6, 10**12)
+
+    def tidy(self, now_ns: int, *, budget_s: float) -> bool:
+        """No traffic is old."""
+        return False
+
+    def published(self, kind: type[Message]) -> list[object]:
+        """Messages of one type, in order."""
+        return [what for _, what in self.events if isinstance(what, kind)]
+
+
+@dataclass
+class _Outlet:
+    log: Log
+    key: str
+
+    def put(self, message: Message | bytes) -> None:
+        self.log.events.append((self.key, message))
+
+
+def make(demo: RoutingProblem, log: Log, solve: Solve | None = None) -> Dispatcher:
+    """A dispatcher on a written-down bus."""
+    return Dispatcher(
+        SETTINGS, demo.network, demo.fleet, log, log, solve or solve_in_process([ExactSolver()])
+    )
+
+
+def feed(dispatcher: Dispatcher, state: State, segment: str, y_e: int | None) -> None:
+    """Send a fresh state."""
+    seen = state(segment, y_e, time_ns=time.time_ns())
+    dispatcher.receiver.on_state(state_key(seen.rsu, seen.segment), seen.to_bytes())
+
+
+def test_a_cycle_is_stored_before_it_is_published(demo: RoutingProblem, state: State) -> None:
+    """What vehicles are told is in the database first; plans come before the report."""
+    log = Log()
+    dispatcher = make(demo, log)
+    feed(dispatcher, state, "avenue_east", 1)
+    dispatcher.run_cycle()
+    assert [key for key, _ in log.events] == [
+        "stored",
+        "slipstream/v1/fleet/van-a/plan",
+        "slipstream/v1/fleet/van-b/plan",
+        CYCLE_KEY,
+    ]
+    report, plans, states = log.events[0][1]  # type: ignore[misc]
+    assert (report.cycle, report.status, report.plans) == (7, "ok", 2)
+    assert tuple(log.published(VehiclePlan)) == plans
+    assert [s.segment for s in states] == ["avenue_east"]
+    assert any(s.platoon for p in plans for s in p.segments)
+    dispatcher.run_cycle()
+    assert [r.cycle for r in log.published(CycleReport)] == [7, 8]  # type: ignore[attr-defined]
+
+
+def test_a_cycle_that_cannot_be_stored_sends_no_plan(
+    demo: RoutingProblem, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A database that fails costs the cycle, not the daemon; the bus is told, the log once."""
+    log = Log(broken=True)
+    dispatcher = make(demo, log)
+    with caplog.at_level(logging.WARNING):
+        for _ in range(3):
+            dispatcher.run_cycle()
+    assert [key for key, _ in log.events] == [CYCLE_KEY] * 3
+    reports = log.published(CycleReport)
+    assert [(r.cycle, r.status, r.plans, r.energy) for r in reports] == [  # type: ignore[attr-defined]
+        (number, "failed", 0, None) for number in (7, 8, 9)
+    ]
+    assert "disk full" in reports[0].reason  # type: ignore[attr-defined]
+    assert (dispatcher.delivery.cycles, dispatcher.delivery.failed) == (0, 3)
+    (record,) = caplog.records
+    assert "disk full" in record.message
+    assert record.exc_info is None
+    log.broken = False
+    dispatcher.run_cycle()
+    assert dispatcher.delivery.cycles == 1
+    assert len(log.published(VehiclePlan)) == 2
+
+
+def test_every_admitted_state_is_rolled_up(
+    demo: RoutingProblem, state: State, caplog: pytest.LogCaptureFixture
+) -> None:
+    """States between two cycles count too, once each; a full disk delays their minutes."""
+    log = Log()
+    dispatcher = make(demo, log)
+    old_ns = time.time_ns() - 120 * 10**9
+    for sequence in range(5):
+        seen = state("avenue_east", 1, time_ns=old_ns + sequence * 10**6, sequence=sequence)
+        for _ in range(2):
+            dispatcher.receiver.on_state(state_key(seen.rsu, seen.segment), seen.to_bytes())
+    log.broken = True
+    with caplog.at_level(logging.WARNING):
+        dispatcher.run_cycle()
+    assert "roll-ups could not be stored" in caplog.text
+    assert log.rollups == []
+    log.broken = False
+    dispatcher.run_cycle()
+    assert sum(part.count for part in log.rollups) == 5
+    assert {part.segment for part in log.rollups} == {"avenue_east"}
+
+
+def test_traffic_that_cannot_be_read_keeps_no_cycle(
+    demo: RoutingProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Old cycles go all the same."""
+    log = Log(old=60)
+    monkeypatch.setattr(log, "tidy", lambda *_, **__: 1 / 0)
+    dispatcher = make(demo, log)
+    for _ in range(3):
+        dispatcher.run_cycle()
+    assert log.pruned == [50, 10, 0]
+
+
+def test_a_cycle_that_raises_is_recorded_with_its_reason(demo: RoutingProblem) -> None:
+    """Even a fault in our own code leaves a failed cycle behind, and the next one runs."""
+
+    def broken(jobs: Sequence[Job], deadline_s: float) -> list[object]:
+        raise ZeroDivisionError("a bug")
+
+    log = Log()
+    dispatcher = make(demo, log, broken)  # type: ignore[arg-type]
+    dispatcher.run_cycle()
+    (report,) = log.published(CycleReport)
+    assert isinstance(report, CycleReport)
+    assert (report.status, report.reason) == ("failed", "ZeroDivisionError: a bug")
+    assert log.published(VehiclePlan) == []
+    assert (dispatcher.delivery.cycles, dispatcher.delivery.failed) == (1, 1)
+
+
+def test_a_cycle_that_is_lost_before_it_begins_has_its_own_number(
+    demo: RoutingProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A device that cannot be told of the cycle; the next one has the number anew."""
+
+    class Device:
+        def begin_cycle(self, number: int) -> None:
+            raise RuntimeError("gone")
+
+    dispatcher = make(demo, Log())
+    with monkeypatch.context() as patched:
+        patched.setattr(dispatcher, "_job_manager", Device())
+        dispatcher.run_cycle()
+    lost = dispatcher.delivery.last
+    assert lost is not None
+    assert (lost.cycle, lost.status, lost.reason) == (7, "failed", "RuntimeError: gone")
+    dispatcher.run_cycle()
+    done = dispatcher.delivery.last
+    assert done is not None
+    assert (done.cycle, done.status) == (7, "ok")
+
+
+def test_a_cycle_given_up_at_the_end_leaves_nothing(demo: RoutingProblem) -> None:
+    """A dispatcher that is stopping publishes no plan made without its solvers."""
+    log = Log()
+    dispatcher = make(demo, log)
+    dispatcher.delivery.stopping.set()
+    dispatcher.run_cycle()
+    assert log.events == []
+
+
+def test_bad_messages_are_counted_and_logged_once(
+    demo: RoutingProblem, state: State, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Garbage, wrong types and wrong keys are survived, with one line for all of them."""
+    log = Log()
+    dispatcher = make(demo, log)
+    key = state_key("rsu-avenue_east", "avenue_east")
+    good = state("avenue_east", 1, time_ns=time.time_ns())
+    with caplog.at_level(logging.WARNING):
+        for payload in (b"", b"\xff\xfe", b"[]", b'{"rsu": 3}', good.to_bytes()[:-5]):
+            dispatcher.receiver.on_state(key, payload)
+        dispatcher.receiver.on_state(state_key("rsu-other", "avenue_east"), good.to_bytes())
+    assert dispatcher.receiver.bad_messages == 6
+    assert dispatcher.receiver.received == 0
+    lines = [r.message for r in caplog.records]
+    assert len(lines) == 1
+    assert "not a SegmentState" in lines[0]
+    dispatcher.receiver.on_state(key, good.to_bytes())
+    assert dispatcher.receiver.received == 1
+
+
+def test_an_rsus_health_is_read_once_for_all(demo: RoutingProblem) -> None:
+    """What is none, or another RSU's, is counted once and told to nobody."""
+    receiver = make(demo, Log()).receiver
+    told: list[RsuHealth] = []
+    receiver.health_to += [told.append, told.append]
+    key = rsu_health_key("rsu-1")
+    receiver.on_health(key, b"{}")
+    receiver.on_health(key, rsu_health("rsu-2").to_bytes())
+    assert (receiver.bad_messages, told) == (2, [])
+    receiver.on_health(key, rsu_health("rsu-1").to_bytes())
+    assert [message.rsu for message in told] == ["rsu-1", "rsu-1"]
+
+
+def test_a_dispatcher_that_stood_still_says_it_of_itself(
+    demo: RoutingProblem,
+    state: State,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """In its health, its metrics and its log; the RSU has missed nothing."""
+    log, now_s = Log(), 0.0
+    dispatcher = make(demo, log)
+    reception = dispatcher.receiver.latest.reception
+    monkeypatch.setattr(reception, "_clock", lambda: now_s)
+    for sequence, at_s in ((1, 0.0), (13, 12.0)):
+        now_s = at_s
+        seen = state("avenue_east", 1, sequence=sequence, time_ns=time.time_ns())
+        dispatcher.receiver.on_state(state_key(seen.rsu, seen.segment), seen.to_bytes())
+        dispatcher.health.publish(None)
+    *_, health = log.published(DispatcherHealth)
+    assert isinstance(health, DispatcherHealth)
+    assert (health.stops, health.states_missed_here) == (1, 11)
+    assert [rsu.missed for rsu in health.rsus] == [0]
+    assert metrics.RECEPTION.own() == (1, 11)
+    assert caplog.text.count("this dispatcher stood still") == 1
+
+
+def test_health_and_watchdog_follow_the_cycles(demo: RoutingProblem, state: State) -> None:
+    """Health carries the counters; a hanging cycle or a dead schedule is no progress."""
+    log = Log()
+    dispatcher = make(demo, log)
+    feed(dispatcher, state, "avenue_east", 1)
+    dispatcher.run_cycle()
+    soon = time.time_ns() + 10**9
+    dispatcher.health.publish(soon)
+    (health,) = log.published(DispatcherHealth)
+    assert isinstance(health, DispatcherHealth)
+    assert (health.cycles, health.states_received, health.next_cycle_ns) == (1, 1, soon)
+    assert (health.stale_after_s, health.future_tolerance_s) == (5.0, 1.0)
+    assert health.rss_mb > 10
+    assert dispatcher.is_live(soon)
+    assert not dispatcher.is_live(None)
+    assert not dispatcher.is_live(time.time_ns() - 120 * 10**9)
+    assert not dispatcher.is_live(time.time_ns() + 3600 * 10**9)
+    dispatcher.cycle_began = time.monotonic() - 3600
+    assert not dispatcher.is_live(soon)
+
+
+class FakeService:
+    """Counts the watchdog's meals."""
+
+    fed = 0
+
+    def progress(self, status: str | None = None) -> None:
+        """One more."""
+        self.fed += 1
+
+
+def test_the_look_each_second_follows_the_clock(demo: RoutingProblem) -> None:
+    """A run that the clock has put an hour off is brought back before the watchdog is fed."""
+    log, service = Log(), FakeService()
+    dispatcher = make(demo, log)
+    runs: list[int] = []
+    scheduler = CycleScheduler(lambda: runs.append(1), SETTINGS.interval_s)
+    scheduler.start()
+    try:
+        assert wait_for(lambda: len(runs) == 1)
+        in_an_hour = datetime.now(UTC) + timedelta(hours=1)
+        scheduler._scheduler.modify_job("cycle", next_run_time=in_an_hour)
+        check_health(dispatcher, scheduler, service)  # type: ignore[arg-type]
+        assert wait_for(lambda: len(runs) == 2)
+    finally:
+        scheduler.stop()
+    (health,) = log.published(DispatcherHealth)
+    assert isinstance(health, DispatcherHealth)
+    assert health.next_cycle_ns is not None
+    assert health.next_cycle_ns < time.time_ns() + 60 * 10**9
+    assert service.fed == 1
+
+
+@pytest.mark.attack
+def test_a_state_of_an_unlisted_rsu_opens_no_gate_and_is_told(
+    demo: RoutingProblem, state: State, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Refusals are counted by verdict; one line of each kind names key and reason."""
+    log = Log()
+    settings = SETTINGS.model_copy(update={"rsus": {"rsu-avenue_east": ("avenue_east",)}})
+    dispatcher = Dispatcher(
+        settings, demo.network, demo.fleet, log, log, solve_in_process([ExactSolver()])
+    )
+    before = metrics.STATES.labels("unlisted")._value.get()
+    with caplog.at_level(logging.WARNING):
+        feed(dispatcher, state, "avenue_west", 1)
+        feed(dispatcher, state, "avenue_west", 1)
+        seen = state("avenue_east", 1, time_ns=time.time_ns(), speed_mps=-5.0)
+        dispatcher.receiver.on_state(state_key(seen.rsu, seen.segment), seen.to_bytes())
+    dispatcher.run_cycle()
+    (report,) = log.published(CycleReport)
+    assert not any(gate.open for gate in report.gates)  # type: ignore[attr-defined]
+    assert dispatcher.receiver.refused == 3
+    assert metrics.STATES.labels("unlisted")._value.get() == before + 2
+    assert [record.getMessage() for record in caplog.records] == [
+        "slipstream/v1/rsu/rsu-avenue_west/segment/avenue_west/state: state refused: unlisted",
+        "slipstream/v1/rsu/rsu-avenue_east/segment/avenue_east/state: state refused: implausible, "
+        "mean_speed_mps = -5",
+    ]
+
+
+def wait_for(condition: Callable[[], bool], timeout_s: float = 10.0) -> bool:
+    """Poll until it is true."""
+    ends = time.monotonic() + timeout_s
+    while time.monotonic() < ends:
+        if condition():
+            return True
+        time.sleep(0.01)
+    return False
+
+
+def test_a_backlog_of_old_cycles_goes_bit_by_bit(demo: RoutingProblem) -> None:
+    """Each cycle deletes a bounded number of old ones until none is left for this hour."""
+    log = Log(old=2 * PRUNE_BATCH + 5)
+    dispatcher = make(demo, log)
+    for _ in range(5):
+        dispatcher.run_cycle()
+    assert log.pruned == [PRUNE_BATCH, PRUNE_BATCH, 5, 0]
+
+
+def test_each_cycle_has_a_seed_of_its_own() -> None:
+    """Seeds are reproducible and differ from cycle to cycle and from run to run."""
+    assert cycle_seed(1, 5) == cycle_seed(1, 5)
+    assert len({cycle_seed(s, c) for s in range(5) for c in range(5)}) == 25
+
+
+RUN = """
+import sys
+from pathlib import Path
+from dispatcher_daemon.service.daemon import run_dispatcher
+from dispatcher_daemon.settings import DispatcherSettings, PriceSettings
+from slipstream.config import BusSettings
+
+if __name__ == "__main__":
+    run_dispatcher(
+        DispatcherSettings(
+            bus=BusSettings(connect=(sys.argv[1],)),
+            database_url=f"sqlite:///{sys.argv[2]}",
+            fleet=sys.argv[3],
+            interval_s=3.0,
+            deadline_s=2.5,
+            stale_after_s=30.0,
+            prices=PriceSettings(driving_hour=0.0),
+        )
+    )
+"""
+
+
+@pytest.fixture
+def endpoint() -> Iterator[str]:
+    """A zenoh router on loopback."""
+    with Router() as router:
+        yield router.endpoint
+
+
+@dataclass
+class Running:
+    """The daemon's process, and its end once it has been told to."""
+
+    process: subprocess.Popen[str]
+    bus: Bus
+    log: str = ""
+    stopping_s: float = inf
+
+
+@contextmanager
+def running(folder: Path, endpoint: str, fleet: str) -> Iterator[Running]:
+    """The real process on a database in a folder; it is stopped at the end."""
+    script = folder / "run.py"
+    script.write_text(RUN)
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])}
+    command = [sys.executable, str(script), endpoint, str(folder / "cycles.db"), fleet]
+    with (
+        Bus.open(BusSettings(connect=(endpoint,))) as bus,
+        subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True) as process,
+    ):
+        daemon = Running(process, bus)
+        try:
+            yield daemon
+        finally:
+            began = time.monotonic()
+            process.terminate()
+            _, daemon.log = process.communicate(timeout=30)
+            daemon.stopping_s = time.monotonic() - began
+
+
+@pytest.mark.slow(long=True)
+@pytest.mark.process
+def test_a_daemon_started_between_two_waves_waits_for_orders(tmp_path: Path, endpoint: str) -> None:
+    """The real process: an order file with nothing to do is a cycle without plans, then plans."""
+    orders = tmp_path / "orders.json"
+    fleet = {"depots": [{"node": "depot"}], "stops": [], "vehicles": [{"id": "van-1"}]}
+    orders.write_text(json.dumps(fleet))
+    reports: list[CycleReport] = []
+    with running(tmp_path, endpoint, str(orders)) as daemon:
+        daemon.bus.subscribe(CYCLE_KEY, lambda k, b: reports.append(decode(CycleReport, b, k)))
+        ends = time.monotonic() + 120
+        while time.monotonic() < ends and daemon.process.poll() is None:
+            if reports and reports[-1].plans:
+                break
+            if reports and not fleet["stops"]:
+                fleet["stops"] = [{"id": "s1", "node": "c1"}]
+                part = orders.with_suffix(".part")
+                part.write_text(json.dumps(fleet))
+                part.replace(orders)
+            time.sleep(0.2)
+    assert daemon.process.returncode == 0, daemon.log
+    assert (reports[0].status, reports[0].plans) == ("ok", 0)
+    assert reports[-1].plans == 1
+
+
+@pytest.mark.process
+def test_the_daemon_turns_states_into_stored_plans(
+    tmp_path: Path, endpoint: str, state: State
+) -> None:
+    """The real process: states in over zenoh, plans out, every one of them in the database."""
+    reports: list[CycleReport] = []
+    plans: list[VehiclePlan] = []
+    health: list[DispatcherHealth] = []
+    with running(tmp_path, endpoint, "demo") as daemon:
+        bus = daemon.bus
+        bus.subscribe(CYCLE_KEY, lambda k, b: reports.append(decode(CycleReport, b, k)))
+        bus.subscribe(ALL_PLANS, lambda k, b: plans.append(decode(VehiclePlan, b, k)))
+        bus.subscribe(
+            DISPATCHER_HEALTH_KEY, lambda k, b: health.append(decode(DispatcherHealth, b, k))
+        )
+        segments = ("avenue_east", "avenue_west")
+        outlets = {s: bus.publisher(state_key(f"rsu-{s}", s)) for s in segments}
+        # Not on the key of a state: of two messages at once the later one counts.
+        broken = bus.publisher(state_key("rsu-broken", "avenue_east"))
+        ends = time.monotonic() + 120
+        while time.monotonic() < ends and daemon.process.poll() is None:
+            for segment, outlet in outlets.items():
+                outlet.put(state(segment, 1, time_ns=time.time_ns()))
+            broken.put(b"not a state")
+            if health and health[-1].cycles >= 2 and any(p.cycle >= 2 for p in plans):
+                break
+            time.sleep(0.2)
+    assert daemon.process.returncode == 0, daemon.log
+    assert daemon.stopping_s < 10
+    assert "Traceback" not in daemon.log
+    last = reports[-1]
+    assert last.status == "ok", daemon.log
+    assert [s.solver for s in last.solvers] == ["exact", "lc-qaoa"]
+    assert {g.segment: g.open for g in last.gates} == dict.fromkeys(segments, True)
+    second = {p.vehicle: p.stops[2].stop for p in plans if p.cycle == last.cycle}
+    assert (set(second), set(second.values())) == ({"van-a", "van-b"}, {"c2", "c4"})
+    assert health[-1].bad_messages > 0
+    with open_reader(f"sqlite:///{tmp_path / 'cycles.db'}") as reader:
+        stored = {report.cycle for report in reader.cycles(limit=100)}
+    assert {report.cycle for report in reports} <= stored

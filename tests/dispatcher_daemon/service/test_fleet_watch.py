@@ -1,0 +1,260 @@
+"""The dispatcher with a fleet that reports: bus messages in, database and plans out."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import pytest
+
+from dispatcher_daemon.fleet.tracking import FRESH_NS
+from dispatcher_daemon.forms.problem import RoutingProblem
+from dispatcher_daemon.service.dispatcher import Dispatcher
+from dispatcher_daemon.settings import DispatcherSettings
+from dispatcher_daemon.solvers.exact import ExactSolver
+from dispatcher_daemon.solvers.workers.pool import solve_in_process
+from dispatcher_daemon.traffic.snapshot import take_snapshot
+from slipstream.explain import explanation
+from slipstream.messages import (
+    CycleReport,
+    DispatcherHealth,
+    Message,
+    PlanAcknowledgement,
+    SegmentState,
+    VehiclePlan,
+    VehiclePosition,
+    VehicleProgress,
+    Visit,
+    acknowledgement_key,
+    position_key,
+    progress_key,
+    state_key,
+)
+from slipstream.orders import FleetRecords
+from storage import Database, open_database, open_reader
+
+SETTINGS = DispatcherSettings(solvers=("exact",))
+
+
+@dataclass
+class Bus:
+    """Keeps what is published, by key."""
+
+    sent: list[Message] = field(default_factory=list)
+
+    def publisher(self, key: str) -> Bus:
+        """Any key."""
+        return self
+
+    def put(self, message: Message | bytes) -> None:
+        """Keep it."""
+        assert isinstance(message, Message)
+        self.sent.append(message)
+
+    def plans(self, vehicle: str) -> list[VehiclePlan]:
+        """Of one vehicle, in order."""
+        return [m for m in self.sent if isinstance(m, VehiclePlan) and m.vehicle == vehicle]
+
+
+def make(demo: RoutingProblem, bus: Bus, database: Database) -> Dispatcher:
+    """A dispatcher on a database, as it starts."""
+    return Dispatcher(
+        SETTINGS,
+        demo.network,
+        demo.fleet,
+        bus,
+        database,
+        solve_in_process([ExactSolver()]),
+        records=database.load_fleet(time.time_ns()),
+    )
+
+
+@pytest.fixture
+def url(tmp_path: Path) -> str:
+    """A database."""
+    return f"sqlite:///{tmp_path / 'a.db'}"
+
+
+def tell(dispatcher: Dispatcher, message: VehiclePosition | VehicleProgress) -> None:
+    """A vehicle reports."""
+    watch = dispatcher.fleet_watch
+    if isinstance(message, VehiclePosition):
+        watch.on_position(position_key(message.vehicle), message.to_bytes())
+    else:
+        watch.on_progress(progress_key(message.vehicle), message.to_bytes())
+
+
+def accept(dispatcher: Dispatcher, plan: VehiclePlan) -> None:
+    """Its vehicle takes a plan."""
+    answer = PlanAcknowledgement(
+        vehicle=plan.vehicle, time_ns=time.time_ns(), cycle=plan.cycle, accepted=True, reason=None
+    )
+    key = acknowledgement_key(plan.vehicle)
+    dispatcher.fleet_watch.on_acknowledgement(key, answer.to_bytes())
+
+
+def at(
+    plan: VehiclePlan | None, segment: str, share: float, leg: int = 0, vehicle: str = "van-a"
+) -> VehiclePosition:
+    """A vehicle on a segment; standing without a plan."""
+    return VehiclePosition(
+        vehicle=vehicle,
+        time_ns=time.time_ns(),
+        segment=segment,
+        share=share,
+        speed_mps=0.0 if plan is None else 10.0,
+        on_road=plan is not None,
+        cycle=None if plan is None else plan.cycle,
+        leg=None if plan is None else leg,
+    )
+
+
+def test_a_van_in_mid_route_is_never_planned_from_its_depot(demo: RoutingProblem, url: str) -> None:
+    """Nor after a restart; its orders are under way, and what it has served is not planned."""
+    bus = Bus()
+    with open_database(url) as database:
+        dispatcher = make(demo, bus, database)
+        dispatcher.run_cycle()  # nobody has reported: as ever
+        (plan,) = bus.plans("van-a")
+        accept(dispatcher, plan)
+        tell(dispatcher, at(plan, plan.segments[0].segment, 0.4))
+        for _ in range(3):
+            dispatcher.run_cycle()
+        (later,) = bus.plans("van-a")[1:]  # and no other before it is answered
+        accept(dispatcher, later)
+        tell(dispatcher, at(later, plan.segments[0].segment, 0.5))  # not stored any more
+        dispatcher.health.publish(None)
+    own = {stop.stop for stop in plan.stops[1:-1]}
+    assert later.continues == plan.cycle
+    assert later.segments[0].segment == plan.segments[0].segment
+    plan = later
+    health = bus.sent[-1]
+    assert isinstance(health, DispatcherHealth)
+    assert (health.vehicles_reporting, health.vehicles_silent) == (1, 0)
+    assert health.orders["under_way"] == len(own)
+    with open_reader(url) as reader:
+        orders = {order.order: order for order in reader.orders()}
+        assert {n for n, o in orders.items() if o.state == "under_way"} == own
+        life = [change.state for change in reader.order_changes(min(own))]
+        assert life == ["open", "planned", "under_way"]
+    with open_database(url) as database:
+        bus.sent.clear()
+        dispatcher = make(demo, bus, database)
+        dispatcher.run_cycle()  # it has not been heard of since the start
+        assert bus.plans("van-a") == []
+        first = plan.stops[1]
+        visit = Visit(
+            stop=first.stop,
+            status="served",
+            arrived_ns=time.time_ns(),
+            ended_ns=time.time_ns(),
+            reason=None,
+        )
+        progress = VehicleProgress(
+            vehicle="van-a", time_ns=time.time_ns(), cycle=plan.cycle, visits=(visit,)
+        )
+        tell(dispatcher, progress)
+        second = next(s for s in plan.segments if s.leg == 1)
+        tell(dispatcher, at(plan, second.segment, 0.5, leg=1))
+        dispatcher.run_cycle()
+        (new,) = bus.plans("van-a")
+    assert new.stops[0].stop == first.stop
+    assert [s.stop for s in new.stops[1:-1]] == [s.stop for s in plan.stops[2:-1]]
+    assert new.segments[0].segment == second.segment
+    with open_reader(url) as reader:
+        assert reader.orders(("served",))[0].order == first.stop
+
+
+def test_measured_speeds_are_learned_and_survive_a_restart(
+    demo: RoutingProblem, url: str, state: Callable[..., SegmentState]
+) -> None:
+    """Each cycle with a fresh state counts once; a road that is not seen is as slow as usual."""
+
+    def report(dispatcher: Dispatcher) -> None:
+        seen = state("avenue_east", 0).model_copy(update={"time_ns": time.time_ns()})
+        dispatcher.receiver.on_state(state_key(seen.rsu, seen.segment), seen.to_bytes())
+        dispatcher.run_cycle()
+
+    with open_database(url) as database:
+        first = make(demo, Bus(), database)
+        report(first)
+        first.run_cycle()
+        (learned,) = database.load_fleet(time.time_ns()).speeds
+        features = state("avenue_east", 0).features
+        assert features is not None
+        assert learned.segment == "avenue_east"
+        assert learned.count == 2.0
+        assert learned.speed_mps == pytest.approx(2 * features.mean_speed_mps.value)
+        more = replace(learned, count=100.0, speed_mps=700.0)
+        database.save_fleet(FleetRecords(speeds=(more,)))
+        again = make(demo, Bus(), database)
+        unseen = take_snapshot(demo.network, (), time.time_ns(), stale_after_s=5.0)
+        expected = again.fleet_watch.expected(unseen)
+        assert expected.segments["avenue_east"].speed_mps == pytest.approx(7.0, abs=0.5)
+        assert expected.segments["avenue_west"] == unseen.segments["avenue_west"]
+
+
+def test_messages_that_are_not_what_their_key_says_are_counted(
+    demo: RoutingProblem, url: str
+) -> None:
+    """Garbage, another vehicle's key, a road of another network."""
+    bus = Bus()
+    with open_database(url) as database:
+        dispatcher = make(demo, bus, database)
+        watch = dispatcher.fleet_watch
+        here = at(None, "avenue_east", 0.0)
+        watch.on_position(position_key("van-b"), here.to_bytes())
+        watch.on_position(position_key("van-a"), b"{}")
+        watch.on_progress(progress_key("van-a"), here.to_bytes())
+        watch.on_acknowledgement(acknowledgement_key("van-a"), b"\xff")
+        strange = here.model_copy(update={"segment": "moon_street"})
+        watch.on_position(position_key("van-a"), strange.to_bytes())
+        assert dispatcher.receiver.bad_messages == 5
+        dispatcher.run_cycle()
+    assert len(bus.plans("van-a")) == 1
+
+
+def test_a_fleet_that_is_silent_does_not_look_well(demo: RoutingProblem, url: str) -> None:
+    """Each order says why it waits, in the stored report and in words; health names the silent ones
+    with their last place, and those that were never heard.
+    """
+    bus, silent_ns = Bus(), FRESH_NS + 10**9
+    with open_database(url) as database:
+        dispatcher = make(demo, bus, database)
+        dispatcher.run_cycle()
+        dispatcher.health.publish(None)
+        health = bus.sent[-1]
+        assert isinstance(health, DispatcherHealth)
+        assert set(health.unheard) == {"van-a", "van-b"}
+        for vehicle in ("van-a", "van-b"):
+            (plan,) = bus.plans(vehicle)
+            accept(dispatcher, plan)
+            tell(dispatcher, at(plan, plan.segments[0].segment, 0.4, vehicle=vehicle))
+        later_ns = time.time_ns() + silent_ns
+        situation = dispatcher.fleet_watch.situation(demo.fleet, 2, later_ns, 1.0)
+        orders = dispatcher.fleet_watch.read(lambda tracker: dict(tracker.book.orders))
+        assert set(situation.waiting) == set(orders)
+        assert all("silent since" in reason for reason in situation.waiting.values())
+        dispatcher.delivery.store_fleet(time.time_ns())
+    with open_database(url) as database:
+        dispatcher = make(demo, bus, database)  # nobody has been heard since its start
+        dispatcher.run_cycle()
+        report = bus.sent[-1]
+        assert isinstance(report, CycleReport)
+        dispatcher.health.publish(None)
+        health = bus.sent[-1]
+    assert {one.stop for one in report.unserved} == set(orders)
+    assert f"{len(orders)} orders wait" in str(report.reason)
+    assert isinstance(health, DispatcherHealth)
+    assert not health.unheard
+    assert health.vehicles_silent == len(health.silent) == 2
+    assert sum(one.orders for one in health.silent) == len(orders)
+    assert all(one.segment is not None and one.share == 0.4 for one in health.silent)
+    with open_reader(url) as reader:
+        stored = reader.latest_cycle()
+    assert stored is not None
+    words = explanation(stored, (), None)
+    assert len(words.unserved) == len(orders)
+    assert all("silent since" in line for line in words.unserved)
