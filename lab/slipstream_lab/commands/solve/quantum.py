@@ -192,8 +192,8 @@ def make_solvers(names: Sequence[str], options: argparse.Namespace) -> list[Solv
 
 
 def _iskay(options: argparse.Namespace) -> Solver:
-    from dispatcher_daemon.solvers.iskay import IskaySolver
     from dispatcher_daemon.solvers.quantum.backends.ibm_account import find_access
+    from dispatcher_daemon.solvers.quantum.iskay import IskaySolver
 
     kind, _, device = (options.backend or "").partition(":")
     if kind != "ibm" or not device or device == "least-busy":

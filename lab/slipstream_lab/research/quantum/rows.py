@@ -242,8 +242,8 @@ def _iskay(settings: BenchSettings) -> Row:
     solver: Any = None
     reason: str | None = "not run: it needs a device (--device), an account and the extra iskay"
     if settings.device is not None:
-        from dispatcher_daemon.solvers.iskay import IskaySolver
         from dispatcher_daemon.solvers.quantum.backends.ibm_account import find_access
+        from dispatcher_daemon.solvers.quantum.iskay import IskaySolver
 
         solver, reason = IskaySolver(find_access(), settings.device), None
         solver.warm_up()

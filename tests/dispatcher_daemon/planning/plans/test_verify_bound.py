@@ -15,8 +15,7 @@ from dispatcher_daemon.planning.plans import plans_to_send, verify_plans
 from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
 from slipstream.messages import VehiclePlan
 from slipstream.roads import RoadNetwork
-
-from ..tracking.fleet_drive import SETTINGS, Day, S, Van
+from tests.dispatcher_daemon.fleet.tracking.fleet_drive import SETTINGS, Day, S, Van
 
 Bound = tuple[RoadNetwork, Fleet, tuple[Commitment, ...], tuple[VehiclePlan, ...]]
 

@@ -15,8 +15,7 @@ from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
 from slipstream.errors import InputError
 from slipstream.messages import PlannedStop, VehiclePlan
-
-from ..tracking.fleet_drive import SETTINGS, SOLVE
+from tests.dispatcher_daemon.fleet.tracking.fleet_drive import SETTINGS, SOLVE
 
 S = 10**9
 Town = tuple[RoutingProblem, TrafficSnapshot]
