@@ -37,8 +37,8 @@ class RoutingProblem:
         advised_gap_m: that plans advise to followers.
         drafting: what platoons save. "ideal": each is close from where it forms. "expected": less
             what its vehicles need to close up, and by the chance that signals keep them together;
-            see `dispatcher_daemon.planning.platooning.expected`. The objective "paper" counts the ideal; the
-            energy that is reported of its plans is by this all the same.
+            see `dispatcher_daemon.planning.platooning.expected`. The objective "paper" counts the
+            ideal; the energy that is reported of its plans is by this all the same.
     """
 
     network: RoadNetwork

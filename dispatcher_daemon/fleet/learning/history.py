@@ -45,7 +45,7 @@ class History:
     Attributes:
         movements: sorted.
         count: passages.
-        loss_kwh: energy that was gone for good; see `dispatcher_daemon.traffic.snapshot.Expectations`.
+        loss_kwh: energy that was gone for good; see `Expectations` of traffic.
         seconds: time, as there.
         stops: times that vehicles came to a stand.
     """

@@ -32,9 +32,9 @@ _ROUNDING_KWH: Final = 1e-9
 class Accounts:
     """What the vehicles of a plan have more than in the base plan, each by itself.
 
-    Platoons are those of the published plans (`dispatcher_daemon.planning.platooning.form_platoons`), who
-    leads where two enter at once included; `Meetings` knows their sums only. What is expected of
-    gates that are closed now is in no account.
+    Platoons are those of the published plans (`platooning.form_platoons`), who leads where two
+    enter at once included; `Meetings` knows their sums only. What is expected of gates that are
+    closed now is in no account.
 
     Attributes:
         present: itineraries by vehicle number.

@@ -94,7 +94,7 @@ def load_instance(path: str | Path) -> Instance:
     Raises:
         InputError: naming file, key and mend: the file is missing or malformed, has a number that
             is not finite or out of range, an id twice, or a reference to something unknown. Stops
-            that no vehicle can serve are no error: see `dispatcher_daemon.planning.routes.servability`.
+            that no vehicle can serve are no error: see `planning.routes.servability`.
     """
     path = Path(path)
     return instance_from(read_data(path), path)

@@ -88,8 +88,8 @@ def evaluate(
     """Platoons from exact times, and energies.
 
     On a segment whose gate is open when they enter it, vehicles within the window drive as a
-    platoon (`dispatcher_daemon.planning.platooning`). On one that is turbulent in truth, the traffic's
-    accelerations come on top of the drive's own (`turbulence_kwh`).
+    platoon (`planning.platooning`). On one that is turbulent in truth, the traffic's accelerations
+    come on top of the drive's own (`turbulence_kwh`).
     """
     entries = _entries(legs)
     eta = [[ETA_ALONE] * len(leg.path) for leg in legs]
