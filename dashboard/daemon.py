@@ -58,7 +58,6 @@ def run_dashboard(settings: DashboardSettings) -> None:
         settings.history_cycles,
         time.time_ns,
         lambda message: refusal(message, network, settings.rsus),
-        network,
     )
     with contextlib.ExitStack() as stack:
         reader = history = past = None

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from typing import Final, TypeVar
 from urllib.parse import unquote
 
-from dashboard.states import HeardState, State, StateReader
 from slipstream.admission import Refusal
 from slipstream.errors import InputError
 from slipstream.freshness import FUTURE_TOLERANCE_S, is_ahead
@@ -31,10 +30,10 @@ from slipstream.messages import (
     position_key,
     preview_key,
     rsu_health_key,
+    state_key,
     stopped_key,
 )
 from slipstream.orders import OrderRecord
-from slipstream.roads import RoadNetwork
 
 MAX_ENTRIES: Final = 20_000
 """Maximum number of segment states, RSUs and vehicles kept, each; the oldest are dropped first."""
@@ -43,7 +42,7 @@ MAX_PREVIEW_BYTES: Final = 512 * 1024
 
 _K = TypeVar("_K")
 _V = TypeVar("_V")
-_Roadside = TypeVar("_Roadside", HeardState, StoppedVehicles)
+_Roadside = TypeVar("_Roadside", SegmentState, StoppedVehicles)
 
 
 @dataclass(frozen=True)
@@ -73,7 +72,7 @@ class Snapshot:
         history_problem: why the stored history cannot be read; None if it can.
     """
 
-    states: Mapping[tuple[str, str], State] = field(default_factory=dict)
+    states: Mapping[tuple[str, str], SegmentState] = field(default_factory=dict)
     stopped: Mapping[tuple[str, str], StoppedVehicles] = field(default_factory=dict)
     rsus: Mapping[str, RsuHealth] = field(default_factory=dict)
     plans: Mapping[str, VehiclePlan] = field(default_factory=dict)
@@ -100,7 +99,6 @@ class LiveData:
         clock_ns: UTC in ns. It is the time of pictures that carry none. A message dated ahead of
             it is replaced by any other, so that a clock that was set back does not block the page.
         refusal: why a SegmentState or StoppedVehicles is not admitted; None: it is.
-        network: roads, of which states are read quickly; None: of none.
     """
 
     def __init__(
@@ -108,14 +106,12 @@ class LiveData:
         history_cycles: int,
         clock_ns: Callable[[], int],
         refusal: Callable[[SegmentState | StoppedVehicles], Refusal | None] = lambda _: None,
-        network: RoadNetwork | None = None,
     ) -> None:
-        self._reader = StateReader(network, refusal)
         self._refusal = refusal
         self._clock_ns = clock_ns
         self._history_cycles = history_cycles
         self._lock = threading.Lock()
-        self._states: OrderedDict[tuple[str, str], HeardState] = OrderedDict()
+        self._states: OrderedDict[tuple[str, str], SegmentState] = OrderedDict()
         self._stopped: OrderedDict[tuple[str, str], StoppedVehicles] = OrderedDict()
         self._rsus: OrderedDict[str, RsuHealth] = OrderedDict()
         self._plans: OrderedDict[str, VehiclePlan] = OrderedDict()
@@ -140,15 +136,16 @@ class LiveData:
             InputError: the payload is no SegmentState, or belongs under another key (so for each
                 of the methods ``on_...``), or it is not admitted.
         """
-        self._put_of_road(self._states, self._reader.read(key, payload))
+        state = decode(SegmentState, payload, key)
+        _check_key(key, state_key(state.rsu, state.segment))
+        self._check_admitted(key, state, "state")
+        self._put_of_road(self._states, state)
 
     def on_stopped(self, key: str, payload: bytes) -> None:
         """Store a StoppedVehicles: admitted as a SegmentState is."""
         stopped = decode(StoppedVehicles, payload, key)
         _check_key(key, stopped_key(stopped.rsu, stopped.segment))
-        if (refusal := self._refusal(stopped)) is not None:
-            problem = f"stopped vehicles refused: {refusal.text}"
-            raise InputError(key, problem, "check the sender")
+        self._check_admitted(key, stopped, "stopped vehicles")
         self._put_of_road(self._stopped, stopped)
 
     def on_rsu_health(self, key: str, payload: bytes) -> None:
@@ -305,6 +302,10 @@ class LiveData:
     def _add_plan(self, plan: VehiclePlan) -> None:
         self._put(self._plans, plan.vehicle, plan, plan.issued_ns, lambda old: old.issued_ns)
 
+    def _check_admitted(self, key: str, message: SegmentState | StoppedVehicles, what: str) -> None:
+        if (refusal := self._refusal(message)) is not None:
+            raise InputError(key, f"{what} refused: {refusal.text}", "check the sender")
+
     def _put_of_road(
         self, entries: OrderedDict[tuple[str, str], _Roadside], message: _Roadside
     ) -> None:
@@ -332,8 +333,8 @@ class LiveData:
                 return
             entries[name] = value
             entries.move_to_end(name)
-            if isinstance(value, HeardState) and (
-                not isinstance(old, HeardState) or old.y_e != value.y_e
+            if isinstance(value, SegmentState) and (
+                not isinstance(old, SegmentState) or old.y_e != value.y_e
             ):
                 # A snapshot has both, or neither.
                 self._flag_since[value.segment, value.rsu] = value.time_ns

@@ -124,13 +124,8 @@ def _stopped_implausibility(stopped: StoppedVehicles, segment: Segment) -> str |
     return None if stopped.mean_speed_mps is None else _speeding(stopped.mean_speed_mps, segment)
 
 
-def max_mean_speed_mps(segment: Segment) -> float:
-    """The mean speed above which traffic cannot be that of a segment."""
-    limit = segment.speed_limit_mps
-    return max(_SPEEDING * limit, limit + _SPEEDING_MPS)
-
-
 def _speeding(speed: float, segment: Segment) -> str | None:
-    if speed > max_mean_speed_mps(segment):
-        return f"mean_speed_mps = {speed:g} where {segment.speed_limit_mps:g} is allowed"
+    limit = segment.speed_limit_mps
+    if speed > max(_SPEEDING * limit, limit + _SPEEDING_MPS):
+        return f"mean_speed_mps = {speed:g} where {limit:g} is allowed"
     return None

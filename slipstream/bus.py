@@ -43,7 +43,7 @@ class Publisher:
 
     def put(self, message: Message | bytes) -> None:
         """Publish a message, or raw bytes for pictures; dropped if the link is full for 50 ms."""
-        self._declared.put(message.to_bytes() if isinstance(message, Message) else message)
+        self._declared.put(message if isinstance(message, bytes) else message.to_bytes())
 
     def has_subscribers(self) -> bool:
         """True if there are subscribers; pictures need not be encoded without them."""

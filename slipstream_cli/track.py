@@ -81,7 +81,7 @@ def run(options: argparse.Namespace) -> int:
             annotated=options.annotated,
             progress=progress.update,
         )
-        states.writelines(state.model_dump_json() + "\n" for state in result.states)
+        states.writelines(state.to_bytes().decode() + "\n" for state in result.states)
     median, p95, latency_median, latency_p95 = frame_times_ms(result)
     known = [state.y_e for state in result.states if state.y_e is not None]
     summary: dict[str, Any] = {

@@ -10,6 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
+import msgspec
+
 from slipstream.energy_ledger import PlanEnergy
 from slipstream.messages import (
     CarrierSummary,
@@ -31,7 +33,7 @@ _SOLVER_FIELDS = tuple(SolverReport.model_fields)
 _GATE_FIELDS = tuple(Gate.model_fields)
 _PLAN_FIELDS = tuple(VehiclePlan.model_fields)
 _BY_SEGMENT = ("driven_kwh", "saved_drag_kwh")
-_STATE_FIELDS = tuple(SegmentState.model_fields)
+_STATE_FIELDS = SegmentState.__struct_fields__
 
 
 def cycle_row(
@@ -121,7 +123,7 @@ def gate(row: GateRow) -> Gate:
 
 def segment_state(row: StateRow) -> SegmentState:
     """Read a SegmentState back from its row."""
-    return SegmentState.model_validate(_fields(row, _STATE_FIELDS), strict=False)
+    return msgspec.convert(_fields(row, _STATE_FIELDS), SegmentState)
 
 
 def _fields(row: object, names: Sequence[str]) -> dict[str, object]:

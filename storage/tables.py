@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
+import msgspec
 from sqlalchemy import (
     JSON,
     REAL,
@@ -131,8 +132,8 @@ def _expanded(session: Session, table: str, cycle: int) -> Iterator[dict[str, An
             yield {**gate.model_dump(), "cycle": cycle, "position": position}
         return
     for state in recent.states(session, cycle):
-        features = None if state.features is None else state.features.model_dump_json()
-        yield {**state.model_dump(), "cycle": cycle, "features": features}
+        features = None if state.features is None else msgspec.json.encode(state.features).decode()
+        yield {**msgspec.structs.asdict(state), "cycle": cycle, "features": features}
 
 
 def _is_plain(table: Table) -> bool:

@@ -15,7 +15,7 @@ from typing import Final
 from slipstream.messages import (
     Count,
     DriverReport,
-    Message,
+    Model,
     PlanAcknowledgement,
     PlannedStop,
     TimeNs,
@@ -33,7 +33,7 @@ _LATE_NS: Final = 2_000_000_000
 """So long before its depot was reached again a plan's departure may lie."""
 
 
-class TourRecord(Message):
+class TourRecord(Model):
     """A tour as it is kept over a restart; fields as of `Tour`."""
 
     plan: VehiclePlan | None

@@ -8,12 +8,11 @@ from types import MappingProxyType
 from typing import Final
 
 from dashboard.live import Snapshot, published_tolerance_s
-from dashboard.states import HeardState, State
 from dashboard.view import labels
 from dashboard.view.model import LIST_FOR_S, RoadView
 from slipstream import freshness
 from slipstream.freshness import age_s
-from slipstream.messages import DispatcherHealth, Gate, StoppedVehicles
+from slipstream.messages import DispatcherHealth, Gate, SegmentState, StoppedVehicles
 
 KMH_PER_MPS: Final = 3.6
 MAX_STOPPED_LINES: Final = 5
@@ -60,13 +59,13 @@ class RoadData:
 
     segment: str
     watched_by: str
-    states: tuple[State, ...] = ()
+    states: tuple[SegmentState, ...] = ()
     stopped: tuple[StoppedVehicles, ...] = ()
     gate: Gate | None = None
     flag_since: tuple[int | None, ...] = ()
 
     def with_states(
-        self, states: Sequence[State], flag_since: Mapping[tuple[str, str], int]
+        self, states: Sequence[SegmentState], flag_since: Mapping[tuple[str, str], int]
     ) -> RoadData:
         """The same road with other states.
 
@@ -97,7 +96,7 @@ def road_data(
         if health.time_ns > oldest_ns
         for segment in health.segments
     }
-    states: dict[str, list[State]] = {}
+    states: dict[str, list[SegmentState]] = {}
     for (segment, _), state in snapshot.states.items():
         if state.time_ns > oldest_ns:
             states.setdefault(segment, []).append(state)
@@ -168,19 +167,19 @@ def road_view(road: RoadData, cycle: int | None, now_ns: int, limits: RoadLimits
 
 
 def measured(
-    state: State,
+    state: SegmentState,
 ) -> tuple[float | None, float | None, float | None, int | None]:
     """Mean speed, km/h, its coefficient of variation, the variance of acceleration, m²/s⁴, and the
     number of vehicles; None where the state does not tell them, or has no flag.
     """
     if state.y_e is None:
         return None, None, None, None
-    known = state if isinstance(state, HeardState) else HeardState.of(state, b"")
-    if known.measured is None:
-        return None, None, None, known.vehicles
-    mean_mps, spread_mps, variance = known.measured
+    if state.features is None:
+        return None, None, None, state.vehicles
+    mean_mps, spread_mps = state.features.mean_speed_mps.value, state.features.speed_std_mps.value
     cv = spread_mps / mean_mps if mean_mps > 0 else None
-    return mean_mps * KMH_PER_MPS, cv, variance, known.vehicles
+    variance = state.features.acceleration_variance_m2ps4.value
+    return mean_mps * KMH_PER_MPS, cv, variance, state.vehicles
 
 
 def road_views(snapshot: Snapshot, now_ns: int, limits: RoadLimits) -> tuple[RoadView, ...]:

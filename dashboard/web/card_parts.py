@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from dashboard.live import Snapshot
-from dashboard.states import State
 from dashboard.view import labels
 from dashboard.web import rows
 from dashboard.web.rows import ms
@@ -14,7 +13,7 @@ from dashboard.web.services import Known
 from dashboard.web.vehicle_parts import Part, sentence
 from slipstream import freshness
 from slipstream.explain import Explanation
-from slipstream.messages import CameraCalibration, CycleReport
+from slipstream.messages import CameraCalibration, CycleReport, SegmentState
 from slipstream.orders import OrderChange, OrderRecord
 from slipstream.roads import Segment
 from storage import RollUp
@@ -107,7 +106,7 @@ def features_of_minute(minutes: Sequence[RollUp], time_ns: int) -> list[Part]:
     ]
 
 
-def _limits_of(snapshot: Snapshot, state: State) -> Mapping[str, float | None]:
+def _limits_of(snapshot: Snapshot, state: SegmentState) -> Mapping[str, float | None]:
     health = snapshot.rsus.get(state.rsu)
     limits = None if health is None else health.stability
     return {} if limits is None else limits.model_dump()

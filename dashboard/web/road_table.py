@@ -8,7 +8,6 @@ from operator import is_
 from typing import Final
 
 from dashboard.live import Snapshot
-from dashboard.states import State
 from dashboard.view.model import LIST_FOR_S, RoadView
 from dashboard.view.roads import (
     RoadData,
@@ -20,7 +19,7 @@ from dashboard.view.roads import (
 )
 from dashboard.web import rows
 from dashboard.web.rows import Row, Rows
-from slipstream.messages import CycleReport, StoppedVehicles
+from slipstream.messages import CycleReport, SegmentState, StoppedVehicles
 
 _LIST_FOR_NS: Final = round(LIST_FOR_S * 1e9)
 _NEVER_NS: Final = 2**63
@@ -89,7 +88,7 @@ class RoadTable:
         self.standing: tuple[RoadView, ...] = ()
         self._roads: dict[str, _Road] = {}
         self._frame = _Frame(_NO_LIMITS, None, {}, ())
-        self._states: Mapping[tuple[str, str], State] = {}
+        self._states: Mapping[tuple[str, str], SegmentState] = {}
         self._complete_until_ns = 0
 
     def update(self, snapshot: Snapshot, now_ns: int, limits: RoadLimits) -> None:
@@ -114,8 +113,8 @@ class RoadTable:
         self._frame, self._states = frame, snapshot.states
 
     def _changed(
-        self, states: Mapping[tuple[str, str], State], now_ns: int
-    ) -> list[tuple[tuple[str, str], State]] | None:
+        self, states: Mapping[tuple[str, str], SegmentState], now_ns: int
+    ) -> list[tuple[tuple[str, str], SegmentState]] | None:
         """States that are new since the last moment; None: other roads than then have states."""
         before, oldest_ns = self._states, now_ns - _LIST_FOR_NS
         if len(before) != len(states):
@@ -153,7 +152,7 @@ class RoadTable:
         snapshot: Snapshot,
         now_ns: int,
         limits: RoadLimits,
-        changed: list[tuple[tuple[str, str], State]],
+        changed: list[tuple[tuple[str, str], SegmentState]],
     ) -> None:
         """Look at the roads with new states, and at those whose time has come."""
         stale_ns = round(limits.stale_after_s * 1e9)

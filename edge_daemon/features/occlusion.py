@@ -13,6 +13,7 @@ from math import hypot, sqrt
 from typing import Final
 
 import numpy as np
+from msgspec.structs import replace
 
 from edge_daemon.camera import Array, WatchedSegment
 from edge_daemon.camera.pose import CameraPose
@@ -135,7 +136,7 @@ def correct_for_occlusion(
         spread = hypot(allowance.share, allowance.growth * ratio) * scale
         error = hypot(estimate.standard_error or 0.0, spread)
         changed[name] = Estimate(value=value, standard_error=error)
-    return seen.model_copy(update=changed)
+    return replace(seen, **changed)
 
 
 def occlusion_ratio(occluded_share: float) -> float:

@@ -6,7 +6,7 @@ from typing import Annotated, Final, Literal, Self, get_args
 
 from pydantic import Field, model_validator
 
-from slipstream.messages.base import ROOT, Count, Identifier, Message, TimeNs
+from slipstream.messages.base import ROOT, Count, Identifier, Model, TimeNs
 
 Severity = Literal["critical", "warning", "info"]
 SEVERITIES: Final[tuple[Severity, ...]] = get_args(Severity)
@@ -15,7 +15,7 @@ SEVERITIES: Final[tuple[Severity, ...]] = get_args(Severity)
 MAX_ALARMS: Final = 500
 
 
-class Alarm(Message):
+class Alarm(Model):
     """A condition that somebody should know of, from when it was noticed until it has ended."""
 
     id: Identifier = Field(description="Of this one occurrence; it stays over restarts.")
@@ -44,7 +44,7 @@ class Alarm(Message):
         return self
 
 
-class Alarms(Message):
+class Alarms(Model):
     """The alarms in force and those that ended in the last ten minutes.
 
     Those in force stand before ended ones, worse before lesser, later before earlier ones.

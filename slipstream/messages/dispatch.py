@@ -6,13 +6,13 @@ from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
-from slipstream.messages.base import ROOT, Count, Finite, Identifier, Message, NonNegative, TimeNs
+from slipstream.messages.base import ROOT, Count, Finite, Identifier, Model, NonNegative, TimeNs
 
 OrderState = Literal["open", "planned", "under_way", "served", "failed", "cancelled"]
 """Of an order's life; see `slipstream.orders`."""
 
 
-class SolverReport(Message):
+class SolverReport(Model):
     """What one solver did in one cycle; its objective is re-evaluated, never taken over."""
 
     solver: Identifier
@@ -34,7 +34,7 @@ class SolverReport(Message):
     two_qubit_depth: Count | None = None
 
 
-class Gate(Message):
+class Gate(Model):
     """Why platooning was open or closed on one watched segment in one cycle."""
 
     segment: Identifier
@@ -48,7 +48,7 @@ class Gate(Message):
     open: bool
 
 
-class EnergySummary(Message):
+class EnergySummary(Model):
     """Physical energy of a plan set against the named baseline, and where the saving comes from.
 
     Driving times, s, and the price that the objective puts on an hour, kWh, are None of a sender
@@ -67,7 +67,7 @@ class EnergySummary(Message):
     price_of_time_kw: NonNegative | None = None
 
 
-class CarrierSummary(Message):
+class CarrierSummary(Model):
     """What one of several carriers has from a plan set against its own part of the baseline."""
 
     carrier: Identifier | None = Field(description="Null: vehicles that are given none.")
@@ -79,14 +79,14 @@ class CarrierSummary(Message):
     )
 
 
-class Unserved(Message):
+class Unserved(Model):
     """A stop that no vehicle visits in this cycle's plans, and why, in words for people."""
 
     stop: Identifier
     reason: str
 
 
-class CycleReport(Message):
+class CycleReport(Model):
     """One dispatch cycle as the dashboard and the supervisor see it."""
 
     cycle: Count
@@ -109,7 +109,7 @@ class CycleReport(Message):
     )
 
 
-class HardwareHealth(Message):
+class HardwareHealth(Model):
     """How the dispatcher stands with its quantum device."""
 
     backend: str
@@ -120,7 +120,7 @@ class HardwareHealth(Message):
     line: str | None = Field(description="Why no job would be submitted now; null: one would.")
 
 
-class RsuReception(Message):
+class RsuReception(Model):
     """How the states of one RSU have arrived since the dispatcher first heard it."""
 
     rsu: Identifier
@@ -138,7 +138,7 @@ class RsuReception(Message):
     delay_spread_s: NonNegative | None = Field(description="Interquartile range of the same.")
 
 
-class SilentVehicle(Message):
+class SilentVehicle(Model):
     """A vehicle that has been heard before, and is not now."""
 
     vehicle: Identifier
@@ -152,7 +152,7 @@ class SilentVehicle(Message):
     orders: Count = Field(description="That it has by its plan, or has left with.")
 
 
-class DispatcherHealth(Message):
+class DispatcherHealth(Model):
     """How the dispatcher is doing; counters run from its start."""
 
     time_ns: TimeNs

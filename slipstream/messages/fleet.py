@@ -10,7 +10,7 @@ from slipstream.messages.base import (
     ROOT,
     Count,
     Identifier,
-    Message,
+    Model,
     NonNegative,
     Share,
     TimeNs,
@@ -21,7 +21,7 @@ Reason = Annotated[str, Field(min_length=1, max_length=500)]
 """Why, in words for people."""
 
 
-class VehiclePosition(Message):
+class VehiclePosition(Model):
     """Where a vehicle's own telematics puts it, about once a second."""
 
     vehicle: Identifier
@@ -47,7 +47,7 @@ class VehiclePosition(Message):
         return self
 
 
-class PlanAcknowledgement(Message):
+class PlanAcknowledgement(Model):
     """A vehicle's answer to a plan; sent once for each plan, and again when it is asked for."""
 
     vehicle: Identifier
@@ -63,7 +63,7 @@ class PlanAcknowledgement(Message):
         return self
 
 
-class Visit(Message):
+class Visit(Model):
     """What became of one stop of a vehicle's tour."""
 
     stop: Identifier
@@ -81,7 +81,7 @@ class Visit(Message):
         return self
 
 
-class VehicleProgress(Message):
+class VehicleProgress(Model):
     """The visits of a vehicle's last tours, the oldest first.
 
     Each message repeats them, so that a dispatcher that missed some, or has just started, learns of

@@ -16,7 +16,7 @@ from pydantic import (
 )
 
 from slipstream.iso_time import read_datetime
-from slipstream.messages.base import ROOT, Count, Identifier, Message, NonNegative, TimeNs, chunk
+from slipstream.messages.base import ROOT, Count, Identifier, Model, NonNegative, TimeNs, chunk
 from slipstream.messages.dispatch import OrderState
 
 _DAY_S: Final = 86_400.0
@@ -80,7 +80,7 @@ Reason = Annotated[
 """Why somebody does something to an order or to the dispatcher: for its history and the log."""
 
 
-class OrderRequest(Message):
+class OrderRequest(Model):
     """One delivery that a caller asks for. Its id is the caller's: the same request with the same
     id is one order, however often it is sent.
     """
@@ -136,7 +136,7 @@ class OrderRequest(Message):
         return latest
 
 
-class OrderReceipt(Message):
+class OrderReceipt(Model):
     """An order is stored, and is planned as long as it is open. All but its state is the same for
     each repetition of a request.
     """
@@ -156,7 +156,7 @@ class OrderReceipt(Message):
     )
 
 
-class OrderStep(Message):
+class OrderStep(Model):
     """One change in an order's life."""
 
     time_ns: TimeNs
@@ -166,7 +166,7 @@ class OrderStep(Message):
     cycle: Count | None
 
 
-class OrderStatus(Message):
+class OrderStatus(Model):
     """An order as it is now."""
 
     order: Identifier
@@ -213,7 +213,7 @@ def _encodable(text: object) -> object:
 _Encodable = Annotated[str, BeforeValidator(_encodable)]
 
 
-class OrderRefusal(Message):
+class OrderRefusal(Model):
     """Why nothing was done: invalid and conflict are the caller's to mend, too_late is not;
     unavailable: try again.
     """

@@ -10,7 +10,7 @@ from slipstream.messages.base import (
     ROOT,
     Count,
     Identifier,
-    Message,
+    Model,
     NonNegative,
     Positive,
     TimeNs,
@@ -18,7 +18,7 @@ from slipstream.messages.base import (
 )
 
 
-class PlannedCrossing(Message):
+class PlannedCrossing(Model):
     """The junction at a planned segment's end, on the way to the next one."""
 
     length_m: NonNegative = Field(description="Of the lanes through the junction.")
@@ -38,7 +38,7 @@ class PlannedCrossing(Message):
         return self
 
 
-class PlannedSegment(Message):
+class PlannedSegment(Model):
     """One road segment of a vehicle's route."""
 
     segment: Identifier
@@ -70,7 +70,7 @@ class PlannedSegment(Message):
     )
 
 
-class PlannedStop(Message):
+class PlannedStop(Model):
     """One stop of a vehicle's route."""
 
     stop: Identifier
@@ -112,7 +112,7 @@ class PlannedStop(Message):
         return "charging" if self.charged_kwh > 0 else "stop"
 
 
-class DrivingAdvice(Message):
+class DrivingAdvice(Model):
     """How to drive a plan's legs, beside where and when: each part a lever of its own."""
 
     eco_approach: bool = Field(
@@ -136,7 +136,7 @@ class DrivingAdvice(Message):
     )
 
 
-class VehiclePlan(Message):
+class VehiclePlan(Model):
     """The advice that one vehicle gets from one dispatch cycle.
 
     Its version is its cycle: of two plans the one of the later cycle holds. A plan that continues

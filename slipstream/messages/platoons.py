@@ -15,7 +15,7 @@ from slipstream.messages.base import (
     Count,
     Finite,
     Identifier,
-    Message,
+    Model,
     NonNegative,
     Positive,
     Share,
@@ -28,7 +28,7 @@ PlatoonMode = Literal["alone", "following", "leaving"]
 gap or closing it. leaving: platooning does, until the gap is wide enough for the driver."""
 
 
-class PlatoonControl(Message):
+class PlatoonControl(Model):
     """PCM: a vehicle's position and motion, ten times a second, for vehicles near it."""
 
     vehicle: Identifier
@@ -61,7 +61,7 @@ class PlatoonControl(Message):
     place: Count | None = Field(default=None, description="In that platoon; 0 is the leader.")
 
 
-class PlatoonManagement(Message):
+class PlatoonManagement(Model):
     """PMM: one vehicle asks, answers or tells another one."""
 
     vehicle: Identifier

@@ -2,30 +2,34 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Final, Literal, Self, get_args
+from typing import Annotated, Final, Literal, get_args
 
-from pydantic import Field, model_validator
+from msgspec import Meta
+from pydantic import Field
 
 from slipstream.messages.base import (
     ROOT,
+    Compact,
     Count,
     Finite,
     Identifier,
-    Message,
+    Model,
     NonNegative,
+    Positive,
+    Share,
     TimeNs,
     chunk,
 )
 
 
-class Estimate(Message):
+class Estimate(Compact, frozen=True, kw_only=True):
     """A measured quantity with its standard error, in the unit that its field names."""
 
     value: Finite
     standard_error: NonNegative | None = None
 
 
-class KinematicFeatures(Message):
+class KinematicFeatures(Compact, frozen=True, kw_only=True):
     """The paper's six features of a road segment over one window (paper, section V-A)."""
 
     mean_speed_mps: Estimate
@@ -33,9 +37,9 @@ class KinematicFeatures(Message):
     density_veh_per_m: Estimate
     speed_std_mps: Estimate
     acceleration_variance_m2ps4: Estimate
-    mean_gap_m: Estimate | None = Field(
-        default=None, description="None where no vehicle followed another in its lane."
-    )
+    mean_gap_m: Annotated[
+        Estimate | None, Meta(description="None where no vehicle followed another in its lane.")
+    ] = None
 
 
 CameraFault = Literal[
@@ -67,7 +71,7 @@ UnknownReason = (
 """Why a flag is unknown. `implausible`: accelerations that no traffic has were measured."""
 
 
-class SegmentState(Message):
+class SegmentState(Compact, frozen=True, kw_only=True):
     """What an RSU saw on one road segment in the last window.
 
     ``y_e`` is 1 (stable), 0 (turbulent) or None (unknown, with ``reason``). Unknown gates like 0.
@@ -77,32 +81,34 @@ class SegmentState(Message):
 
     rsu: Identifier
     segment: Identifier
-    sequence: Count = Field(
-        description="Number among all states of its RSU since that started; receivers count gaps."
-    )
-    time_ns: TimeNs = Field(description="UTC at the end of the window.")
-    window_s: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+    sequence: Annotated[
+        Count,
+        Meta(
+            description="Number among all states of its RSU since that started; receivers count "
+            "gaps."
+        ),
+    ]
+    time_ns: Annotated[TimeNs, Meta(description="UTC at the end of the window.")]
+    window_s: Positive
     features: KinematicFeatures | None
     y_e: Literal[0, 1] | None
     reason: UnknownReason | None
-    vehicles: Count = Field(description="Vehicles with a usable track.")
-    frames: Count = Field(description="Frames processed in the window.")
-    coverage: Annotated[float, Field(ge=0, le=1, description="Share of the window with frames.")]
+    vehicles: Annotated[Count, Meta(description="Vehicles with a usable track.")]
+    frames: Annotated[Count, Meta(description="Frames processed in the window.")]
+    coverage: Annotated[Share, Meta(description="Share of the window with frames.")]
 
-    @model_validator(mode="after")
-    def _flag_and_reason_agree(self) -> Self:
+    def __post_init__(self) -> None:
         if (self.y_e is None) != (self.reason is not None):
             raise ValueError("reason is given exactly when y_e is null")
         if self.features is None and (self.y_e == 0 or (self.y_e == 1 and self.vehicles > 0)):
             raise ValueError("y_e needs features, but for a stable segment that nobody came by on")
-        return self
 
 
 STANDS_LONG_S: Final = 180.0
 """Longer than a red light of the scenarios: three other phases of 50 s, and their yellow."""
 
 
-class StoppedVehicle(Message):
+class StoppedVehicle(Model):
     """A vehicle that stands on a road segment."""
 
     lane: Count = Field(description="From the right edge of what the camera watches, from 0.")
@@ -113,7 +119,7 @@ class StoppedVehicle(Message):
     seen_ns: TimeNs = Field(description="UTC at which it was last seen; earlier while hidden.")
 
 
-class StoppedVehicles(Message):
+class StoppedVehicles(Model):
     """All vehicles that stand on one road segment.
 
     Sent with each SegmentState while there is one, and once more, empty, when there is none. In a
@@ -140,7 +146,7 @@ class StoppedVehicles(Message):
         return tuple(sorted(vehicles, key=lambda vehicle: vehicle.since_ns))
 
 
-class StabilityLimits(Message):
+class StabilityLimits(Model):
     """What an RSU holds traffic against; one limit crossed, and it is turbulent."""
 
     max_speed_cv: NonNegative = Field(
@@ -149,7 +155,7 @@ class StabilityLimits(Message):
     max_acceleration_variance_m2ps4: NonNegative
 
 
-class CameraCalibration(Message):
+class CameraCalibration(Model):
     """How well an RSU's camera measures, as its edge daemon finds it from its file at its start."""
 
     file: str = Field(description="The camera.toml.")
@@ -162,7 +168,7 @@ class CameraCalibration(Message):
     )
 
 
-class RsuHealth(Message):
+class RsuHealth(Model):
     """How an edge daemon is doing; counters run from its start."""
 
     rsu: Identifier

@@ -9,7 +9,7 @@ from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
-from slipstream.messages.base import ROOT, Count, Identifier, Message, TimeNs, chunk
+from slipstream.messages.base import ROOT, Count, Identifier, Model, TimeNs, chunk
 
 PhaseState = Literal[
     "dark",
@@ -27,7 +27,7 @@ MAY_GO: Final[frozenset[PhaseState]] = frozenset(
 )
 
 
-class MovementEvent(Message):
+class MovementEvent(Model):
     """One phase of a movement, from its start to its end."""
 
     state: PhaseState
@@ -44,14 +44,14 @@ class MovementEvent(Message):
         return self
 
 
-class MovementState(Message):
+class MovementState(Model):
     """The running and the coming phases of one signal group, as far as they are known."""
 
     signal_group: Count
     events: Annotated[tuple[MovementEvent, ...], Field(min_length=1, max_length=64)]
 
 
-class SignalPhaseAndTiming(Message):
+class SignalPhaseAndTiming(Model):
     """SPAT of one intersection, sent at each change and once a second."""
 
     intersection: Identifier
@@ -60,7 +60,7 @@ class SignalPhaseAndTiming(Message):
     movements: Annotated[tuple[MovementState, ...], Field(max_length=255)]
 
 
-class SignalRequest(Message):
+class SignalRequest(Model):
     """SRM: a vehicle asks for green."""
 
     vehicle: Identifier
@@ -80,7 +80,7 @@ class SignalRequest(Message):
         return self
 
 
-class RequestStatus(Message):
+class RequestStatus(Model):
     """What became of one request."""
 
     vehicle: Identifier
@@ -88,7 +88,7 @@ class RequestStatus(Message):
     status: Literal["requested", "processing", "granted", "rejected", "reserviceLocked"]
 
 
-class SignalStatus(Message):
+class SignalStatus(Model):
     """SSM: an intersection's answer to its open requests."""
 
     intersection: Identifier

@@ -11,7 +11,7 @@ from slipstream.messages.base import (
     Count,
     Finite,
     Identifier,
-    Message,
+    Model,
     NonNegative,
     TimeNs,
     chunk,
@@ -19,7 +19,7 @@ from slipstream.messages.base import (
 from slipstream.messages.fleet import Reason
 
 
-class SensedVehicle(Message):
+class SensedVehicle(Model):
     """A vehicle directly ahead or behind on the own lane, as the own sensors measure it."""
 
     track: Identifier = Field(description="Of the sensor; stays while it sees the same vehicle.")
@@ -30,7 +30,7 @@ class SensedVehicle(Message):
     speed_mps: NonNegative
 
 
-class VehicleSensing(Message):
+class VehicleSensing(Model):
     """What a vehicle knows of itself, about ten times a second while it is on the road."""
 
     vehicle: Identifier
@@ -55,7 +55,7 @@ class VehicleSensing(Message):
     behind: SensedVehicle | None
 
 
-class DriverReport(Message):
+class DriverReport(Model):
     """What the driver, or the depot's software, says about a stop or a plan."""
 
     vehicle: Identifier
@@ -79,7 +79,7 @@ speed. speed: drive that speed. follow: keep or close the gap, at that speed. op
 gap, at that speed."""
 
 
-class VehicleAdvice(Message):
+class VehicleAdvice(Model):
     """An agent's advice to its vehicle; it ends with `valid_until_ns`."""
 
     vehicle: Identifier

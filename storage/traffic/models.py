@@ -21,7 +21,7 @@ from sqlalchemy import (
 from slipstream.messages import KinematicFeatures
 from storage.models import Base
 
-FEATURES: Final = tuple(KinematicFeatures.model_fields)
+FEATURES: Final = KinematicFeatures.__struct_fields__
 SPREAD: Final = ("mean", "min", "max")
 """What is kept of each feature: columns `{feature}_{name}`."""
 

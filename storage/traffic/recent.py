@@ -6,6 +6,7 @@ import zlib
 from collections.abc import Sequence
 from typing import Final
 
+import msgspec
 from pydantic import TypeAdapter
 from sqlalchemy import delete, func, insert, select
 from sqlalchemy.orm import Session
@@ -17,7 +18,7 @@ from storage.traffic.models import cycle_traffic
 CYCLES_A_STEP: Final = 10
 """Cycles whose states are deleted in one transaction, at most."""
 _GATES: Final = TypeAdapter(tuple[Gate, ...])
-_STATES: Final = TypeAdapter(tuple[SegmentState, ...])
+_STATES: Final = msgspec.json.Decoder(tuple[SegmentState, ...])
 _T = cycle_traffic.c
 
 
@@ -29,7 +30,7 @@ def save(
     row = {
         "cycle": cycle,
         "gates": _pack(_GATES.dump_json(tuple(gates))),
-        "states": _pack(_STATES.dump_json(tuple(ordered))),
+        "states": _pack(msgspec.json.encode(ordered)),
     }
     session.execute(insert(cycle_traffic), row)
 
@@ -45,7 +46,7 @@ def gates(session: Session, first: int, last: int) -> dict[int, tuple[Gate, ...]
 def states(session: Session, cycle: int) -> tuple[SegmentState, ...]:
     """States of a cycle by segment and RSU; empty if it is not recent."""
     packed = session.scalar(select(_T.states).where(_T.cycle == cycle))
-    return () if packed is None else _STATES.validate_json(_unpack(packed))
+    return () if packed is None else _STATES.decode(_unpack(packed))
 
 
 def prune(session: Session, before_ns: int, number: int) -> bool:

@@ -247,17 +247,18 @@ def settled(dispatcher: Daemon) -> dict[str, float]:
 
 _RSUS = """
 import json, sys, time
+from msgspec.structs import replace
 from slipstream.bus import Bus
 from slipstream.config import BusSettings
-from slipstream.messages import SegmentState, state_key
+from slipstream.messages import SegmentState, decode, state_key
 settings = BusSettings.model_validate_json(sys.argv[1])
 seconds, pairs = float(sys.argv[2]), json.loads(sys.stdin.read())
-state = SegmentState.model_validate_json(sys.argv[3])
+state = decode(SegmentState, sys.argv[3].encode(), "argv")
 MARK = 1234567890123456789
 with Bus.open(settings) as bus:
     outlets = []
     for rsu, segment in pairs:
-        mine = state.model_copy(update={"rsu": rsu, "segment": segment, "time_ns": MARK})
+        mine = replace(state, rsu=rsu, segment=segment, time_ns=MARK)
         before, after = mine.to_bytes().split(str(MARK).encode())
         outlets.append((bus.publisher(state_key(rsu, segment), history=0), before, after))
     print("declared", flush=True)
@@ -308,7 +309,7 @@ def test_many_rsus_are_all_heard(
                 _RSUS,
                 identity(tmp_path, port, "edge-rsu-1").model_dump_json(),
                 str(seconds),
-                STATE.model_dump_json(),
+                STATE.to_bytes().decode(),
             ],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 
+import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from slipstream.errors import InputError
 from slipstream.messages import (
@@ -45,7 +47,13 @@ def a_state(**changes: object) -> SegmentState:
         "frames": 300,
         "coverage": 1.0,
     }
-    return SegmentState.model_validate(fields | changes)
+    return msgspec.convert(fields | changes, SegmentState)
+
+
+def feature(**fields: object) -> dict[str, object]:
+    """A state's features, one of them changed."""
+    features = json.loads(a_state().to_bytes())["features"]
+    return {"features": features | {"mean_speed_mps": fields}}
 
 
 def test_a_state_survives_the_wire() -> None:
@@ -64,15 +72,37 @@ def test_a_state_survives_the_wire() -> None:
         ({"sequence": 2**70}, "sequence"),
         ({"surprise": 1}, "surprise"),
         ({"reason": "because"}, "reason"),
+        ({"y_e": True}, "y_e"),
+        ({"rsu": ""}, "rsu"),
+        ({"vehicles": 2.0}, "vehicles"),
+        ({"features": {}}, "features: .*mean_speed_mps"),
+        (feature(value=None), "features.mean_speed_mps.value"),
+        (feature(value=1.0, standard_error=-1.0), "features.mean_speed_mps.standard_error"),
+        (feature(value=1.0, surplus=0), "features.mean_speed_mps: .*surplus"),
     ],
 )
 def test_what_is_not_a_state_is_refused_with_its_key(changes: dict[str, object], key: str) -> None:
     """The error line names the sender's key and the field."""
-    payload = json.dumps(a_state().model_dump(mode="json") | changes).encode()
+    payload = json.dumps(json.loads(a_state().to_bytes()) | changes).encode()
     with pytest.raises(InputError, match=key) as caught:
         decode(SegmentState, payload, "slipstream/v1/rsu/r/segment/s/state")
     assert "\n" not in str(caught.value)
     assert "rsu/r/segment/s" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"coverage": 1.5},
+        {"rsu": ""},
+        {"sequence": -1},
+        {"features": replace(a_state().features, mean_speed_mps=Estimate(value=float("nan")))},
+    ],
+)
+def test_what_would_be_refused_is_not_sent(changes: dict[str, object]) -> None:
+    """The sender has the error, and its receivers nothing to refuse."""
+    with pytest.raises(ValueError, match=next(iter(changes))):
+        replace(a_state(), **changes).to_bytes()
 
 
 @given(st.binary(max_size=200))
@@ -91,7 +121,7 @@ def test_unknown_needs_a_reason_and_a_flag_needs_features() -> None:
         {"features": None},
         {"y_e": 0, **empty},
     ):
-        payload = json.dumps(a_state().model_dump(mode="json") | changes).encode()
+        payload = json.dumps(json.loads(a_state().to_bytes()) | changes).encode()
         with pytest.raises(InputError):
             decode(SegmentState, payload, "k")
     assert a_state(y_e=None, reason="too_few_vehicles", features=None).y_e is None

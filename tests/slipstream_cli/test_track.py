@@ -10,7 +10,7 @@ from pathlib import Path
 import cv2
 import pytest
 
-from slipstream.messages import SegmentState
+from slipstream.messages import SegmentState, decode
 from slipstream.service import rss_mb
 from slipstream_cli.main import main
 
@@ -51,7 +51,7 @@ def test_a_clip_is_followed_scored_and_drawn(
     assert summary["y_e_agreement"] == 1.0
     assert summary["features"]["mean_speed_mps"]["mean_abs_error"] < 0.3
     lines = states.read_text().splitlines()
-    parsed = [SegmentState.model_validate_json(line) for line in lines]
+    parsed = [decode(SegmentState, line.encode(), "states") for line in lines]
     assert [state.sequence for state in parsed] == list(range(1, 15))
     assert parsed[-1].y_e == 1
     capture = cv2.VideoCapture(str(film))
@@ -159,7 +159,9 @@ def test_a_fault_of_the_camera_is_seen_in_a_recording_too(
     # Frames are held against the truth of their own moment, before the fault and after it.
     assert summary["idf1"] > 0.75
     assert summary["speed_mae_kmh"] < 1.0
-    told = [SegmentState.model_validate_json(line) for line in states.read_text().splitlines()]
+    told = [
+        decode(SegmentState, line.encode(), "states") for line in states.read_text().splitlines()
+    ]
     assert "dark" in {state.reason for state in told}
     assert all(state.y_e is None for state in told if state.reason == "dark")
     assert told[-1].y_e == 1

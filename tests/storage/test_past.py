@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import msgspec
+
 import storage
 from slipstream.orders import FleetRecords, OrderChange, OrderRecord, PlanRecord
 from storage import CycleSums, OrderEnd, RollUpBuffer
@@ -141,7 +143,7 @@ def test_states_are_counted_by_the_hour(any_url, make_cycle):
             buffer = RollUpBuffer()
             for state in (known, unknown, known):
                 time_ns = hour_ns + minute * 60 * S
-                buffer.add(state.model_copy(update={"time_ns": time_ns}))
+                buffer.add(msgspec.structs.replace(state, time_ns=time_ns))
             database.add_rollups(buffer.take())
         assert reader.state_counts(hour_ns, hour_ns + 3600 * S) == {
             known.segment: (4, 4),

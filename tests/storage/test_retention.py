@@ -12,6 +12,7 @@ from contextlib import closing, suppress
 from pathlib import Path
 from types import SimpleNamespace
 
+import msgspec
 import pytest
 from sqlalchemy import event, text
 
@@ -49,8 +50,8 @@ def _city(cycle, segments):
             feature: Estimate(value=measured.random(), standard_error=measured.random())
             for feature in type(state.features).model_fields
         }
-        features = state.features.model_copy(update=figures)
-        return state.model_copy(update={"segment": name, "features": features})
+        features = msgspec.structs.replace(state.features, **figures)
+        return msgspec.structs.replace(state, segment=name, features=features)
 
     return (
         report.model_copy(update={"gates": gates}),
@@ -329,7 +330,7 @@ def test_a_slow_disk_is_not_held_for_long(any_url, make_cycle, monkeypatch):
         for number in range(40):
             time_ns = report.started_ns + minute * 60 * 10**9
             name = f"segment_{number}"
-            buffer.add(states[0].model_copy(update={"segment": name, "time_ns": time_ns}))
+            buffer.add(msgspec.structs.replace(states[0], segment=name, time_ns=time_ns))
     with storage.open_database(any_url) as database, storage.open_reader(any_url) as reader:
         database.record_cycle(*make_cycle(1))
         database.add_rollups(buffer.take())

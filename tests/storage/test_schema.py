@@ -6,6 +6,7 @@ import json
 import sqlite3
 from pathlib import Path
 
+import msgspec
 import pytest
 from alembic import command
 from alembic.autogenerate import compare_metadata
@@ -90,7 +91,7 @@ def _at_0001(url, tmp_path, cycles) -> None:
         for place, gate in enumerate(report.gates):
             _insert(old, "gates", {"cycle": report.cycle, "position": place, **gate.model_dump()})
         for state in states:
-            row = {"cycle": report.cycle, **state.model_dump(mode="json")}
+            row = {"cycle": report.cycle, **msgspec.to_builtins(state)}
             row["features"] = None if state.features is None else json.dumps(row["features"])
             _insert(old, "segment_states", row)
     old.commit()

@@ -9,6 +9,7 @@ import time
 from contextlib import closing
 from pathlib import Path
 
+import msgspec
 import pytest
 
 import storage
@@ -43,21 +44,21 @@ def _cycle(cycle, number, started_ns, gates):
     return (
         report.model_copy(update={"cycle": number, "started_ns": started_ns, "gates": told}),
         [plan.model_copy(update={"cycle": number}) for plan in plans],
-        [states[0].model_copy(update={"segment": name}) for name in sorted(gates)],
+        [msgspec.structs.replace(states[0], segment=name) for name in sorted(gates)],
     )
 
 
 def _state(cycle, segment, time_ns, speed_mps, y_e=1):
     """A measured state with a speed."""
     state = cycle[2][0]
-    features = state.features.model_copy(update={"mean_speed_mps": Estimate(value=speed_mps)})
-    return state.model_copy(
-        update={"segment": segment, "time_ns": time_ns, "features": features, "y_e": y_e}
+    features = msgspec.structs.replace(state.features, mean_speed_mps=Estimate(value=speed_mps))
+    return msgspec.structs.replace(
+        state, segment=segment, time_ns=time_ns, features=features, y_e=y_e
     )
 
 
 def _unknown(cycle, segment, time_ns):
-    return cycle[2][1].model_copy(update={"segment": segment, "time_ns": time_ns})
+    return msgspec.structs.replace(cycle[2][1], segment=segment, time_ns=time_ns)
 
 
 def _open(gates):
@@ -332,7 +333,7 @@ def _store_as_before(url, cycle) -> None:
             for place, gate in enumerate(report.gates)
         ]
         for state in states:
-            row = {"cycle": report.cycle, **state.model_dump(mode="json")}
+            row = {"cycle": report.cycle, **msgspec.to_builtins(state)}
             rows.append(("segment_states", row | {"features": json.dumps(row["features"])}))
         for table, row in rows:
             marks = ", ".join(f":{name}" for name in row)
@@ -351,7 +352,7 @@ def test_what_versions_before_stored_is_converted_in_steps(url, make_cycle):
         for number, gates in enumerate(shown, start=1)
     ]
     before = [
-        (report, plans, [state.model_copy(update={"time_ns": time_ns}) for state in states])
+        (report, plans, [msgspec.structs.replace(state, time_ns=time_ns) for state in states])
         for (report, plans, states), time_ns in zip(before, times, strict=True)
     ]
     with storage.open_database(url) as database:

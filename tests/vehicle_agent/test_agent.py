@@ -6,12 +6,15 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+import msgspec
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from slipstream.messages import (
     DrivingAdvice,
+    Estimate,
+    KinematicFeatures,
     PlanAcknowledgement,
     PlatoonControl,
     PlatoonManagement,
@@ -30,24 +33,29 @@ from vehicle_agent.agent import Agent, AgentParameters
 from vehicle_agent.host import AgentHost
 
 LIMIT_MPS = 13.4
+ROUGH = KinematicFeatures(
+    mean_speed_mps=Estimate(value=8.0),
+    mean_acceleration_mps2=Estimate(value=0.0),
+    density_veh_per_m=Estimate(value=0.05),
+    speed_std_mps=Estimate(value=4.0),
+    acceleration_variance_m2ps4=Estimate(value=2.0),
+)
 
 
 def state(segment_id: str, time_s: float, y_e: int | None = 1) -> SegmentState:
     """What an RSU says of a segment without vehicles."""
-    return SegmentState.model_validate(
-        {
-            "rsu": "r",
-            "segment": segment_id,
-            "sequence": 0,
-            "time_ns": ns(time_s),
-            "window_s": 10.0,
-            "features": None,
-            "y_e": y_e,
-            "reason": None if y_e is not None else "no_frames",
-            "vehicles": 0,
-            "frames": 1,
-            "coverage": 1.0,
-        }
+    return SegmentState(
+        rsu="r",
+        segment=segment_id,
+        sequence=0,
+        time_ns=ns(time_s),
+        window_s=10.0,
+        features=None,
+        y_e=y_e,
+        reason=None if y_e is not None else "no_frames",
+        vehicles=0,
+        frames=1,
+        coverage=1.0,
     )
 
 
@@ -250,7 +258,7 @@ def test_close_gaps_end_at_once(why: str, change: Silence) -> None:
 def test_a_turbulent_flag_ends_a_close_gap() -> None:
     """Whatever the partner does."""
     one = joined()
-    rough = state("out1", LAST_S + 0.1).model_copy(update={"y_e": 0})
+    rough = msgspec.structs.replace(state("out1", LAST_S + 0.1), features=ROUGH, y_e=0)
     one.receive(rough, ns(LAST_S + 0.1))
     advice = advised(one, 0.1, stable=False)
     assert advice.mode == "open_gap"

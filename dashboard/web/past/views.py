@@ -15,7 +15,7 @@ from storage import RollUp, SegmentAt
 KMH_PER_MPS: Final = 3.6
 MAJORITY: Final = 0.5
 """Share of a minute's states from which on their flag is the road's."""
-FEATURES: Final = tuple(KinematicFeatures.model_fields)
+FEATURES: Final = KinematicFeatures.__struct_fields__
 
 
 def road_views(facts: Facts) -> list[RoadView]:

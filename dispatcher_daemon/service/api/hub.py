@@ -49,7 +49,7 @@ class Event:
     def encoded(self) -> bytes:
         """As `text/event-stream` has it."""
         if isinstance(self.value, Message):
-            data = self.value.model_dump_json()
+            data = self.value.to_bytes().decode()
         else:
             data = json.dumps(self.value if isinstance(self.value, dict) else asdict(self.value))
         number = "" if self.id is None else f"id: {self.id}\n"

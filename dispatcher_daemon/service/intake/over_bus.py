@@ -17,6 +17,7 @@ from slipstream.messages import (
     ALL_ORDERS,
     Identifier,
     Message,
+    Model,
     OrderRefusal,
     OrderRequest,
     Reason,
@@ -33,7 +34,7 @@ _Done = tuple[Message, str | None]
 """The answer, and why its caller says that it was asked for."""
 
 
-class WhyRequest(Message):
+class WhyRequest(Model):
     """Why something is done to an order."""
 
     reason: Reason | None = Field(default=None, description="In words; null: none.")

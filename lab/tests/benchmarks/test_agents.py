@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from slipstream.messages import SegmentState, VehicleAdvice
 from slipstream_lab.benchmarks.agents import __main__ as command
@@ -27,8 +28,9 @@ def test_its_traffic_is_advised_and_its_pairs_are_close() -> None:
     for tick in range(60):
         now_ns = began_ns + tick * 10**8
         for message in roadside(GROUP, tick):
-            told = {"time_ns": now_ns} if isinstance(message, SegmentState) else {}
-            host.receive(message.model_copy(update=told), now_ns)
+            if isinstance(message, SegmentState):
+                message = replace(message, time_ns=now_ns)
+            host.receive(message, now_ns)
         for van in vans:
             latest[van.name], outgoing = host.advise(van.sensing(now_ns), now_ns)
             for _, message in outgoing:

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from slipstream.messages import SegmentState, UnknownReason
+from slipstream.messages import Estimate, KinematicFeatures, SegmentState, UnknownReason
 from slipstream_lab.benchmarks.accuracy.clips import WEATHER
 from slipstream_lab.benchmarks.accuracy.weather import flags_of, table
 from slipstream_lab.research.perception import Comparison
@@ -15,6 +15,13 @@ from slipstream_lab.research.perception.score import TrueBoxes
 from slipstream_lab.simulation.ground_truth import TrueWindow
 
 TRUE = TrueWindow(15.0, 0.0, 0.05, 1.0, 0.2, 20.0, 6, 1, False)
+FEATURES = KinematicFeatures(
+    mean_speed_mps=Estimate(value=15.0),
+    mean_acceleration_mps2=Estimate(value=0.0),
+    density_veh_per_m=Estimate(value=0.05),
+    speed_std_mps=Estimate(value=1.0),
+    acceleration_variance_m2ps4=Estimate(value=0.2),
+)
 
 
 def window(
@@ -27,16 +34,14 @@ def window(
         sequence=1,
         time_ns=1,
         window_s=10.0,
-        features=None,
-        y_e=None,
-        reason=reason or "blind",
+        features=None if y_e is None else FEATURES,
+        y_e=y_e,
+        reason=(reason or "blind") if y_e is None else None,
         vehicles=0,
         frames=300,
         coverage=1.0,
     )
-    # Features are of no account here, and a flag without them is no valid message.
-    given = {} if y_e is None else {"y_e": y_e, "reason": None}
-    return state.model_copy(update=given), replace(TRUE, y_e=true)
+    return state, replace(TRUE, y_e=true)
 
 
 def test_flags_are_counted_against_the_truth() -> None:

@@ -36,7 +36,7 @@ def write_states(path: Path, variances: list[float]) -> Path:
             frames=100,
             coverage=1.0,
         )
-        lines.append(state.model_dump_json())
+        lines.append(state.to_bytes().decode())
     path.write_text("\n".join(lines) + "\n\n")
     return path
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from html.parser import HTMLParser
 from pathlib import Path
 
+import msgspec
 import pytest
 from jinja2 import UndefinedError
 
@@ -56,7 +57,7 @@ def _view(snapshot, now_ns):
 
 def test_foreign_text_is_escaped(world, now_ns):
     """Names and reasons full of markup come out as text in every block, and tags balance."""
-    state = world.state("avenue_east", now_ns).model_copy(update={"segment": EVIL, "rsu": EVIL})
+    state = msgspec.structs.replace(world.state("avenue_east", now_ns), segment=EVIL, rsu=EVIL)
     health = world.health("avenue_east", now_ns).model_copy(update={"rsu": EVIL})
     plan = world.plan("van-a", 1, now_ns)
     plan = plan.model_copy(
@@ -101,7 +102,7 @@ def test_foreign_text_is_escaped(world, now_ns):
 def test_a_script_in_an_id_arrives_as_text(world, now_ns, name):
     """A vehicle, segment, RSU or stop whose id is a script is shown letter by letter."""
     script = SCRIPT
-    state = world.state("avenue_east", now_ns).model_copy(update={"segment": script, "rsu": script})
+    state = msgspec.structs.replace(world.state("avenue_east", now_ns), segment=script, rsu=script)
     health = world.health("avenue_east", now_ns).model_copy(update={"rsu": script})
     plan = world.plan("van-a", 1, now_ns).model_copy(update={"vehicle": script})
     report = world.cycle(1, now_ns - S).model_copy(

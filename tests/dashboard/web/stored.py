@@ -6,6 +6,8 @@ import json
 from dataclasses import replace
 from typing import Any
 
+import msgspec
+
 import storage
 from slipstream.energy_ledger import EnergyHour, PlanEnergy
 from slipstream.explain import CycleFacts, RefusedPlatoon, VehicleAccount, facts_data
@@ -50,7 +52,7 @@ def store_run(url: str, world: Any, begin_ns: int) -> None:
             buffer = RollUpBuffer()
             for second in range(60):
                 for state in states:
-                    buffer.add(state.model_copy(update={"time_ns": time_ns + second * S}))
+                    buffer.add(msgspec.structs.replace(state, time_ns=time_ns + second * S))
             database.add_rollups(buffer.take())
         database.save_fleet(_fleet(times))
         database.save_events(_events(times))

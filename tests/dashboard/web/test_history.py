@@ -192,9 +192,7 @@ def test_rows_of_the_past_have_the_fields_of_the_present(
         live.live.add_history((), (world.plan(vehicle, 1, now_ns),))
     live.live.add_history((world.cycle(1, now_ns),), ())
     state, health = world.state("avenue_east", now_ns), world.health("avenue_east", now_ns)
-    live.live.on_state(
-        f"slipstream/v1/rsu/{state.rsu}/segment/avenue_east/state", state.model_dump_json().encode()
-    )
+    live.live.on_state(f"slipstream/v1/rsu/{state.rsu}/segment/avenue_east/state", state.to_bytes())
     live.live.on_rsu_health(
         f"slipstream/v1/rsu/{health.rsu}/health", health.model_dump_json().encode()
     )

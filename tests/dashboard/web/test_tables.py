@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 from dataclasses import replace
 
+import msgspec
 import pytest
 
 from dashboard.live import LiveData, Snapshot
@@ -225,7 +226,7 @@ def test_a_second_of_a_city_is_a_few_kilobytes(world, now_ns):
     tables.update(snapshot, now_ns)
     later_ns = now_ns + S
     states = {
-        key: state.model_copy(update={"time_ns": later_ns})
+        key: msgspec.structs.replace(state, time_ns=later_ns)
         for key, state in snapshot.states.items()
     }
     rsus: dict[str, RsuHealth] = {

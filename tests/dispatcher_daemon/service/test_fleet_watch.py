@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from dispatcher_daemon.fleet.tracking import FRESH_NS
@@ -173,7 +174,7 @@ def test_measured_speeds_are_learned_and_survive_a_restart(
     """Each cycle with a fresh state counts once; a road that is not seen is as slow as usual."""
 
     def report(dispatcher: Dispatcher) -> None:
-        seen = state("avenue_east", 0).model_copy(update={"time_ns": time.time_ns()})
+        seen = msgspec.structs.replace(state("avenue_east", 0), time_ns=time.time_ns())
         dispatcher.receiver.on_state(state_key(seen.rsu, seen.segment), seen.to_bytes())
         dispatcher.run_cycle()
 

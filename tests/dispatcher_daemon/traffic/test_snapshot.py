@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
+import msgspec
 import pytest
 
 from dispatcher_daemon.forms.problem import RoutingProblem
@@ -135,7 +136,7 @@ def test_every_fault_of_a_camera_closes_the_gate(
 ) -> None:
     """A fresh state that is unknown for a fault is closed, and planned at free flow."""
     faulty = {"reason": fault, "features": None}
-    seen = state("avenue_east", None, time_ns=now_ns).model_copy(update=faulty)
+    seen = msgspec.structs.replace(state("avenue_east", None, time_ns=now_ns), **faulty)
     traffic = take_snapshot(demo.network, [seen], now_ns, stale_after_s=5.0).segments["avenue_east"]
     assert (traffic.open, traffic.reason) == (False, fault)
     assert traffic.speed_mps == demo.network.segments["avenue_east"].speed_limit_mps

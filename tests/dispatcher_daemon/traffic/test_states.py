@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -161,7 +162,7 @@ def test_an_absurd_state_is_refused_with_its_reason(
     """A flag of 1 does not make impossible figures count."""
     plain = state("avenue_east", 1, time_ns=now_ns)
     assert plain.features is not None
-    top = {k: v for k, v in changes.items() if k in SegmentState.model_fields}
+    top = {k: v for k, v in changes.items() if k in SegmentState.__struct_fields__}
     features = {
         name: Estimate(value=value, standard_error=0.1)
         for name, value in changes.items()
@@ -169,13 +170,13 @@ def test_an_absurd_state_is_refused_with_its_reason(
     }
     if "error" in changes:
         features = {"mean_speed_mps": Estimate(value=10.0, standard_error=changes["error"])}
-    absurd = plain.model_copy(
-        update={"features": plain.features.model_copy(update=features), **top}
+    absurd = msgspec.structs.replace(
+        plain, features=msgspec.structs.replace(plain.features, **features), **top
     )
     assert decode(SegmentState, absurd.to_bytes(), "k") == absurd
     states = LatestStates(demo.network)
     assert states.accept(plain, now_ns) is Verdict.ACCEPTED
-    later = absurd.model_copy(update={"time_ns": now_ns + SECOND})
+    later = msgspec.structs.replace(absurd, time_ns=now_ns + SECOND)
     assert states.accept(later, now_ns + SECOND) is Verdict.IMPLAUSIBLE
     assert states.latest() == (plain,)
     assert what in (implausibility(absurd, demo.network.segments["avenue_east"]) or "")

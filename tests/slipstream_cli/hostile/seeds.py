@@ -287,7 +287,9 @@ def _state(number: int) -> str:
             vehicles=5,
             frames=300,
             coverage=1.0,
-        ).model_dump_json()
+        )
+        .to_bytes()
+        .decode()
         + "\n"
     )
 

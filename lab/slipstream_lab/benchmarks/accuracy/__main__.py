@@ -42,7 +42,7 @@ def main() -> int:
                 alarms.append(f"{clip.name}: a fault that is none, {run.fault_s}")
             if options.states:
                 options.states.mkdir(parents=True, exist_ok=True)
-                lines = (state.model_dump_json() + "\n" for state in run.states)
+                lines = (state.to_bytes().decode() + "\n" for state in run.states)
                 (options.states / f"{clip.name}.jsonl").write_text("".join(lines))
             progress.update(done, len(chosen))
     rows = [Row(name, score([comparison])) for name, _, comparison in compared]

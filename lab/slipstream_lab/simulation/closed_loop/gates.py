@@ -6,6 +6,7 @@ from collections.abc import Collection, Sequence
 from typing import Final
 
 import numpy as np
+from msgspec.structs import replace
 
 from edge_daemon.settings import StabilitySettings
 from slipstream.messages import SegmentState
@@ -103,9 +104,9 @@ class Roadside:
 def _gated(state: SegmentState, open_: bool) -> SegmentState:
     """A state whose flag opens its gate, or does not."""
     if open_:
-        return state.model_copy(update={"y_e": 1, "reason": None})
+        return replace(state, y_e=1, reason=None)
     if state.y_e == 1:
-        return state.model_copy(update={"y_e": None, "reason": "uncertain"})
+        return replace(state, y_e=None, reason="uncertain")
     return state
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from typing import Any
 
+import msgspec
 import pytest
 
 from lab.tests.simulation.fleet.road import ns, plan, segments, state
@@ -167,8 +168,8 @@ def test_gates_are_what_fresh_states_say(
 ) -> None:
     """Open on stable, turbulent on turbulent, neither where nothing fresh is known."""
     gates = BusGates(wire, clock)  # type: ignore[arg-type]
-    told = state("ab", clock() / 1e9, y_e).model_copy(
-        update={"time_ns": clock() - age_s * S, "window_s": 10.0}
+    told = msgspec.structs.replace(
+        state("ab", clock() / 1e9, y_e), time_ns=clock() - age_s * S, window_s=10.0
     )
     wire.handlers[ALL_STATES](state_key("rsu-01", "ab"), b"noise")
     wire.handlers[ALL_STATES](state_key("rsu-01", "ab"), told.to_bytes())
@@ -181,7 +182,7 @@ def test_a_gate_closes_when_its_state_grows_stale(wire: Wire, clock: Clock) -> N
     gates = BusGates(wire, clock)  # type: ignore[arg-type]
     wire.handlers[ALL_STATES](
         state_key("rsu-01", "ab"),
-        state("ab", 0.0, 1).model_copy(update={"time_ns": clock()}).to_bytes(),
+        msgspec.structs.replace(state("ab", 0.0, 1), time_ns=clock()).to_bytes(),
     )
     assert gates.is_open("ab")
     clock.now_ns += 60 * S

@@ -193,8 +193,8 @@ def test_noise_scales_features_on_top() -> None:
 
 
 def _state(truth: TrueWindow, off: float) -> SegmentState:
-    features = KinematicFeatures.model_validate(
-        {
+    features = KinematicFeatures(
+        **{
             name: Estimate(value=getattr(truth, name) * (1 + off), standard_error=0.5)
             for name in FEATURES
         }

@@ -12,6 +12,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+import msgspec
 import pytest
 
 from dispatcher_daemon.fleet import Fleet
@@ -121,7 +122,7 @@ def stored(
         )
         for _ in range(cycles):
             for state in states:
-                fresh = state.model_copy(update={"time_ns": time.time_ns()})
+                fresh = msgspec.structs.replace(state, time_ns=time.time_ns())
                 dispatcher.receiver.on_state(state_key(state.rsu, state.segment), fresh.to_bytes())
             dispatcher.run_cycle()
     with open_reader(url) as reader:

@@ -41,20 +41,18 @@ def state(
     measured: KinematicFeatures | None = None,
 ) -> SegmentState:
     """One RSU's state of a segment, of nine vehicles."""
-    return SegmentState.model_validate(
-        {
-            "rsu": rsu,
-            "segment": segment,
-            "sequence": 7,
-            "time_ns": NOW_NS - round(age_s * SECOND_NS),
-            "window_s": 10.0,
-            "features": measured,
-            "y_e": y_e,
-            "reason": reason,
-            "vehicles": 9,
-            "frames": 300,
-            "coverage": 1.0,
-        }
+    return SegmentState(
+        rsu=rsu,
+        segment=segment,
+        sequence=7,
+        time_ns=NOW_NS - round(age_s * SECOND_NS),
+        window_s=10.0,
+        features=measured,
+        y_e=y_e,
+        reason=reason,
+        vehicles=9,
+        frames=300,
+        coverage=1.0,
     )
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -140,8 +141,8 @@ def test_an_unknown_flag_takes_no_sound_speed_away(roads: RoadNetwork) -> None:
 
 def test_an_error_of_next_to_nothing_is_no_percentage(roads: RoadNetwork) -> None:
     """It would be infinite, which no schema takes; the extension has the error itself."""
-    nearly_empty = features().model_copy(
-        update={"density_veh_per_m": Estimate(value=1e-308, standard_error=1.0)}
+    nearly_empty = msgspec.structs.replace(
+        features(), density_veh_per_m=Estimate(value=1e-308, standard_error=1.0)
     )
     _, document = documents(roads, [state(measured=nearly_empty)])
     site = sites_of(document)["rsu-1/avenue_east"]

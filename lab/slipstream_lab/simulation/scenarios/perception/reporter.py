@@ -249,7 +249,7 @@ class Reporter:
                 value = value if name == _SIGNED else max(0.0, value)
                 value = Estimate(value=float(value), standard_error=said[i])
             made[name] = value
-        return KinematicFeatures.model_validate(made)
+        return KinematicFeatures(**made)
 
 
 def _root(regime: RegimeErrors) -> npt.NDArray[np.float64]:
