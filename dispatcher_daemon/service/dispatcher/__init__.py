@@ -4,7 +4,7 @@ from dispatcher_daemon.service.dispatcher.control import Control, ControlRefused
 from dispatcher_daemon.service.dispatcher.delivery import PlanDelivery
 from dispatcher_daemon.service.dispatcher.dispatcher import Dispatcher
 from dispatcher_daemon.service.dispatcher.publishing import Announce, MessageBus, announce_nothing
-from dispatcher_daemon.service.dispatcher.runner import CycleRunner, Surroundings
+from dispatcher_daemon.service.dispatcher.runner import CycleOutcome, CycleRunner, Surroundings
 from dispatcher_daemon.service.dispatcher.watching import AlarmSource
 
 __all__ = [
@@ -12,6 +12,7 @@ __all__ = [
     "Announce",
     "Control",
     "ControlRefused",
+    "CycleOutcome",
     "CycleRunner",
     "Dispatcher",
     "MessageBus",
