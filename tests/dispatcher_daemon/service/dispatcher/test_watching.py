@@ -64,7 +64,7 @@ def test_a_cycle_that_fails_and_a_pause_are_told(
         raise ValueError("boom")
 
     with monkeypatch.context() as patch:
-        patch.setattr("dispatcher_daemon.service.dispatcher.dispatcher.run_cycle", broken)
+        patch.setattr("dispatcher_daemon.service.dispatcher.runner.run_cycle", broken)
         dispatcher.run_cycle()
     source.update()
     assert kinds(log) == ["cycle_failed"]
