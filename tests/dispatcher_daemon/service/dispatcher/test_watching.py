@@ -30,7 +30,7 @@ def watched(demo: RoutingProblem) -> tuple[Log, Dispatcher, AlarmSource, list[tu
     def announce(kind: str, value: Any) -> None:
         told.append((kind, value))
 
-    source = AlarmSource(dispatcher, SETTINGS, demo.network, log, log, announce, lambda names: None)
+    source = AlarmSource(dispatcher, SETTINGS, demo.network, log, log, announce)
     return log, dispatcher, source, told
 
 

@@ -17,7 +17,7 @@ import pytest
 
 from dispatcher_daemon import metrics
 from dispatcher_daemon.planning import FleetPlan, plan_fleet
-from dispatcher_daemon.service.daemon import with_cluster
+from dispatcher_daemon.planning.cycle.solving import with_cluster
 from dispatcher_daemon.settings import (
     CitySettings,
     ClusterSettings,
