@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import Final, NamedTuple, Protocol, TypeVar
 
 from dispatcher_daemon.fleet import Fleet, Stop
-from dispatcher_daemon.fleet.learning import FleetLearning, Learned, Learning
+from dispatcher_daemon.fleet.learning import Learned, Learning
 from dispatcher_daemon.fleet.tracking import (
     FRESH_NS,
     FleetTracker,
@@ -105,7 +105,7 @@ class FleetWatch:
         clock: UTC now, ns.
         refuse: told of each message that is not what its key promises.
         plan_ahead_s: as for `FleetTracker`.
-        learning: of the traffic; None: from the fleet and the states.
+        learning: in place of that from the fleet's positions and the states.
 
     Attributes:
         fleet: of the file, as the last cycle has read it.
@@ -123,7 +123,7 @@ class FleetWatch:
     ) -> None:
         self.fleet: Fleet | None = None
         self._tracker = FleetTracker(network, records, started_ns, plan_ahead_s)
-        self._learning = learning or FleetLearning(network, records)
+        self._learning = learning or Learning(network, records)
         self._lock = threading.Lock()
         self._clock, self._refuse = clock, refuse
         self._copy = FleetCopy(started_ns, {})

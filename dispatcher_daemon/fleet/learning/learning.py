@@ -35,28 +35,7 @@ class Learned:
 
 
 class Learning:
-    """Learns nothing; not safe for threads, as those that learn."""
-
-    def on_position(self, position: VehiclePosition) -> None:
-        """Take in where a tracked vehicle is."""
-
-    def on_traffic(self, snapshot: TrafficSnapshot) -> None:
-        """Take in the traffic of one cycle, which counts what was learned until then."""
-
-    def learned(self, now_ns: int) -> Learned:
-        """What was learned of an hour until now, which nothing is added to."""
-        return Learned()
-
-    def pending(self, records: FleetRecords) -> FleetRecords:
-        """Records to be stored, with what was learned since `stored` was called last."""
-        return records
-
-    def stored(self) -> None:
-        """What was pending is in the database."""
-
-
-class FleetLearning(Learning):
-    """Learns from the fleet's positions and the states.
+    """Learns from the fleet's positions and the states; not safe for threads.
 
     Args:
         network: roads.

@@ -50,9 +50,15 @@ class Solving:
 
     def join_cluster(self) -> None:
         """Have the settings' cluster solve first, if there is one."""
-        self.solve, self.executor, self.slots = with_cluster(
-            self._settings, self._solvers, self._pool, self._search
-        )
+        if self._settings.cluster.address is None:
+            return
+        from dispatcher_daemon.solvers.cluster import client, fallback
+
+        workers = self._settings.city.search.workers
+        cluster = client.Cluster(self._settings.cluster, workers, self._solvers, (search_within,))
+        self.solve = fallback.cluster_solve(cluster, self._solvers, self._pool)
+        self.executor = fallback.ClusterExecutor(cluster, self._search, workers)
+        self.slots = lambda: cluster.slots
 
     def fault(self) -> str | None:
         """Why no solver works, or no search for routes; None: they do, or a cluster does it all."""
@@ -74,22 +80,3 @@ class Solving:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-def with_cluster(
-    settings: DispatcherSettings,
-    solvers: Sequence[Solver],
-    pool: SolverPool,
-    executor: WorkerExecutor,
-) -> tuple[Solve, Executor, Callable[[], int] | None]:
-    """What the settings' cluster solves with these processes behind it, and how many of its
-    processes are ready; without one, these, and None.
-    """
-    if settings.cluster.address is None:
-        return pool, executor, None
-    from dispatcher_daemon.solvers.cluster import client, fallback
-
-    workers = settings.city.search.workers
-    cluster = client.Cluster(settings.cluster, workers, solvers, (search_within,))
-    solve = fallback.cluster_solve(cluster, solvers, pool)
-    return solve, fallback.ClusterExecutor(cluster, executor, workers), lambda: cluster.slots

@@ -83,7 +83,7 @@ class Dispatching:
             0,
             lambda: self._now_ns,
             _refuse,
-            learning=Learning() if history is None else _AnotherDay(history, network),
+            learning=_AnotherDay(history, network),
         )
         self._delivery = PlanDelivery(self._sent, _Store(database), self._watch)
         self._runner = CycleRunner(
@@ -191,16 +191,23 @@ class Dispatching:
 
 
 class _AnotherDay(Learning):
-    """What movements cost on another day, in place of what is learned on this one."""
+    """What movements cost on another day, if it is known; nothing is learned on this one."""
 
-    def __init__(self, history: History, network: RoadNetwork) -> None:
+    def __init__(self, history: History | None, network: RoadNetwork) -> None:
+        super().__init__(network, FleetRecords())
         self._history, self._network = history, network
-        self._of_hour: tuple[int, Learned] | None = None
+        self._of_hour: tuple[int, Learned] = -1, Learned()
+
+    def on_position(self, position: VehiclePosition) -> None:
+        """It teaches nothing."""
+
+    def on_traffic(self, snapshot: TrafficSnapshot) -> None:
+        """It teaches nothing."""
 
     def learned(self, now_ns: int) -> Learned:
         """Of the hour."""
         hour = now_ns // HOUR_NS
-        if self._of_hour is None or self._of_hour[0] != hour:
+        if self._history is not None and self._of_hour[0] != hour:
             expected = self._history.expectations(self._network, hour)
             self._of_hour = hour, Learned(expected=expected)
         return self._of_hour[1]

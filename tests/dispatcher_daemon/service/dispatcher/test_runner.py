@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 import pytest
 
-from dispatcher_daemon.fleet.learning import Learning
 from dispatcher_daemon.forms.problem import RoutingProblem, routing_problem
 from dispatcher_daemon.service.dispatcher import CycleRunner, PlanDelivery, Surroundings
 from dispatcher_daemon.service.fleet_watch import FleetWatch
@@ -23,8 +22,8 @@ NOW_NS = 1_700_000_000 * 10**9
 
 def alone(demo: RoutingProblem, log: Log, traffic: Callable[[int], TrafficSnapshot]) -> CycleRunner:
     """A runner with neither daemon nor clock around it."""
-    learning, network = Learning(), demo.network
-    watch = FleetWatch(network, FleetRecords(), NOW_NS, lambda: NOW_NS, print, learning=learning)
+    network = demo.network
+    watch = FleetWatch(network, FleetRecords(), NOW_NS, lambda: NOW_NS, print)
     around = Surroundings(
         lambda _: demo.fleet,
         traffic,
