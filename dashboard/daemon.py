@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 import gc
 import logging
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
+from functools import partial
 from typing import Final
 
 import storage
@@ -59,38 +60,22 @@ def run_dashboard(settings: DashboardSettings) -> None:
         time.time_ns,
         lambda message: refusal(message, network, settings.rsus),
     )
-    with contextlib.ExitStack() as stack:
+    with Service("dashboard", settings.service) as service:
         reader = history = past = None
         if settings.database_url is not None:
             url, cycles = settings.database_url, settings.history_cycles
-            reader = stack.enter_context(storage.open_reader(url))
+            reader = service.start("database", partial(storage.open_reader, url))
             past = _past(settings, scene, reader, live.watched)
             history = HistoryFeed(url, live, cycles, limiter, past.energy.refresh)
-            stack.callback(history.stop)
-        service = stack.enter_context(Service("dashboard", settings.service))
-        server = HttpServer(
-            "the operator's page",
-            settings.host,
-            settings.port,
-            "port",
-            refused=lambda status: metrics.REQUESTS.labels(str(status)).inc(),
-            failed=metrics.FAILURES.inc,
-        )
-        stack.callback(server.close)
+            service.on_stop("history", history.stop)
+        server = service.start("the operator's page", partial(_open_server, settings))
         page = None
         if settings.scene_port is not None:
-            page = Page(
-                settings,
-                network,
-                service.stopping,
-                # Behind a proxy both are of one site.
-                f"http://{settings.host}:{settings.port}" if settings.scene_url is None else "",
-                scene.trucks,
-                scene.depots.values(),
-            )
-            stack.callback(page.close)
-        bus = stack.enter_context(Bus.open(settings.bus))
-        service.checks["bus"] = bus.fault
+            # Behind a proxy both are of one site.
+            own = f"http://{settings.host}:{settings.port}" if settings.scene_url is None else ""
+            around = service.stopping, own, scene.trucks, scene.depots.values()
+            page = service.start("the 3D view", lambda: closing(Page(settings, network, *around)))
+        bus = service.start("bus", partial(Bus.open, settings.bus), Bus.fault)
         previews = PreviewFeed(bus, live, limiter)
         subscribe(bus, live, limiter, settings.rsus)
         if history is not None:
@@ -106,10 +91,10 @@ def run_dashboard(settings: DashboardSettings) -> None:
             lambda: bus.is_connected,
             lambda: None if past is None else past.energy.latest,
         )
-        stack.callback(present.stop)
-        stack.callback(hub.close_all)
+        service.on_stop("rows of the page", present.stop)
+        service.on_stop("browsers", hub.close_all)
         listen_to_pictures(bus, pictures, limiter)
-        stack.callback(pictures.listen_by, None)
+        service.on_stop("pictures", lambda: pictures.listen_by(None))
         present.start()
         server.start(
             make_app(Services(settings, scene, present.known, hub, pictures, past, reader))
@@ -147,8 +132,8 @@ def show_finished_run(settings: DashboardSettings) -> None:
     scene = make_scene(network, settings.fleet, settings.depots)
     check_rsus(settings.rsus, network, "dashboard")
     url = settings.database_url or ""
-    with contextlib.ExitStack() as stack:
-        reader = stack.enter_context(storage.open_reader(url))
+    with Service("dashboard", settings.service) as service:
+        reader = service.start("database", partial(storage.open_reader, url))
         past = _past(settings, scene, reader, dict)
         span = past.span()
         if span is None:
@@ -158,16 +143,7 @@ def show_finished_run(settings: DashboardSettings) -> None:
         if roads and not any(road in network.segments for road in roads):
             mend = "give the run's with --network"
             raise InputError(settings.network, "it has none of the run's roads", mend)
-        service = stack.enter_context(Service("dashboard", settings.service))
-        server = HttpServer(
-            "the operator's page",
-            settings.host,
-            settings.port,
-            "port",
-            refused=lambda status: metrics.REQUESTS.labels(str(status)).inc(),
-            failed=metrics.FAILURES.inc,
-        )
-        stack.callback(server.close)
+        server = service.start("the operator's page", partial(_open_server, settings))
         services = Services(settings, scene, lambda: past.at(last_ns), past=past, reader=reader)
         server.start(make_app(services))
         log.info("serving http://%s:%d", settings.host, server.port)
@@ -175,6 +151,20 @@ def show_finished_run(settings: DashboardSettings) -> None:
         while not service.wait(IDLE_PERIOD_S):
             metrics.RESIDENT_MB.set(rss_mb())
             service.progress("a finished run is shown")
+
+
+def _open_server(settings: DashboardSettings) -> closing[HttpServer]:
+    """The page's port is taken; nothing is served yet."""
+    return closing(
+        HttpServer(
+            "the operator's page",
+            settings.host,
+            settings.port,
+            "port",
+            refused=lambda status: metrics.REQUESTS.labels(str(status)).inc(),
+            failed=metrics.FAILURES.inc,
+        )
+    )
 
 
 def _past(

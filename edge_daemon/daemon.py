@@ -9,6 +9,7 @@ import time
 from collections import deque
 from collections.abc import Iterator
 from contextlib import closing
+from functools import partial
 
 import cv2
 import numpy as np
@@ -71,18 +72,15 @@ def run_edge(settings: EdgeSettings) -> None:
         settings.stability,
         settings.window_s,
     )
-    with Service("edge", settings.service) as service, Bus.open(settings.bus) as bus:
-        service.checks["bus"] = bus.fault
+    with Service("edge", settings.service) as service:
+        bus = service.start("bus", partial(Bus.open, settings.bus), Bus.fault)
         log.info("the calibration fits its points to %.2f px", camera.reprojection_error_px)
         if reference is None:
             log.info("no reference picture: the first seconds are taken for the calibrated view")
-        source = open_source(settings.source, camera.size)
-        try:
-            EdgeDaemon(
-                settings, camera, detector, pipeline, watch, source, bus, service, calibration
-            ).run()
-        finally:
-            source.close()
+        source = service.start("source", lambda: closing(open_source(settings.source, camera.size)))
+        EdgeDaemon(
+            settings, camera, detector, pipeline, watch, source, bus, service, calibration
+        ).run()
 
 
 class EdgeDaemon:

@@ -12,23 +12,21 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable
-from socketserver import ThreadingMixIn
+from contextlib import AbstractContextManager, ExitStack
+from functools import partial
 from types import FrameType
-from typing import TYPE_CHECKING, Final, Self
-from wsgiref.simple_server import WSGIRequestHandler, WSGIServer, make_server
+from typing import Final, Self, TypeVar
 
 import psutil
-from prometheus_client import make_wsgi_app
 
 from slipstream.config import ServiceSettings
 from slipstream.errors import InputError
 from slipstream.logs import JsonFormatter, log_uncaught
+from slipstream.status import serve_status
 from slipstream.tracing import Tracing
 
-if TYPE_CHECKING:
-    from wsgiref.types import StartResponse, WSGIApplication, WSGIEnvironment
-
 log = logging.getLogger(__name__)
+T = TypeVar("T")
 
 WATCHDOG_S: Final = 60.0
 """Time without progress after which a daemon counts as hung where systemd gives none."""
@@ -111,55 +109,12 @@ def set_from_handler(event: threading.Event) -> None:
     _thread.start_new_thread(event.set, ())
 
 
-def serve_status(
-    port: int, fault: Callable[[], str | None], not_ready: Callable[[], str | None]
-) -> None:
-    """Serve /metrics for Prometheus, /healthz and /readyz for probes on 127.0.0.1, in a thread that
-    ends with the process; all other paths are not found.
-
-    Args:
-        port: TCP port.
-        fault: why the daemon does not work, in words; None: it does.
-        not_ready: why it cannot do its work now, likewise.
-
-    Raises:
-        OSError: the port cannot be bound.
-    """
-    metrics: WSGIApplication = make_wsgi_app()
-    probes = {"/healthz": (fault, "live"), "/readyz": (not_ready, "ready")}
-
-    def page(environ: WSGIEnvironment, start_response: StartResponse) -> Iterable[bytes]:
-        path = environ.get("PATH_INFO", "").rstrip("/")
-        if path == "/metrics":
-            body = metrics(environ, start_response)
-        else:
-            status, text = "404 Not Found", "here are /metrics, /healthz and /readyz"
-            if path in probes:
-                ask, sound = probes[path]
-                problem = ask()
-                status = "200 OK" if problem is None else "503 Service Unavailable"
-                text = problem or sound
-            start_response(status, [("Content-Type", "text/plain; charset=utf-8")])
-            body = [f"{text}\n".encode()]
-        return () if environ.get("REQUEST_METHOD") == "HEAD" else body
-
-    server = make_server("127.0.0.1", port, page, _ThreadingServer, _SilentHandler)
-    threading.Thread(target=server.serve_forever, name="status", daemon=True).start()
-
-
-class _ThreadingServer(ThreadingMixIn, WSGIServer):
-    daemon_threads = True
-
-
-class _SilentHandler(WSGIRequestHandler):
-    timeout = 30.0
-
-    def log_message(self, format: str, *args: object) -> None:
-        """Scrapes are not logged."""
-
-
 class Service:
-    """One daemon's life; use it as a context manager around the main loop.
+    """One daemon's life, and the owner of its parts; use it as a context manager around the main
+    loop.
+
+    Parts start in order and are stopped in reverse when it ends, however that comes: a part that
+    does not start stops those that have.
 
     Attributes:
         stopping: set when SIGTERM or SIGINT has arrived.
@@ -172,7 +127,8 @@ class Service:
         self.name = name
         self.stopping = threading.Event()
         self.checks: dict[str, Callable[[], str | None]] = {}
-        self.vital: tuple[str, ...] = ()
+        self.vital: set[str] = set()
+        self._parts = ExitStack()
         self._waits_for: str | None = "starting"
         self._told = False
         self._settings = settings
@@ -185,7 +141,7 @@ class Service:
     def __enter__(self) -> Self:
         """Raises InputError if the metrics port is taken, or traces are asked for in vain."""
         for number in (signal.SIGTERM, signal.SIGINT):
-            self._previous[number] = signal.signal(number, self._stop)
+            self._previous[number] = signal.signal(number, self._on_signal)
         port = self._settings.metrics_port
         if port:
             try:
@@ -203,11 +159,59 @@ class Service:
     def __exit__(self, *_: object) -> None:
         if not self._told:
             notify("STOPPING=1")
-        self._tracing.__exit__()
-        for number, handler in self._previous.items():
-            signal.signal(number, handler)  # type: ignore[arg-type]
+        try:
+            self._parts.close()
+        finally:
+            self._tracing.__exit__()
+            for number, handler in self._previous.items():
+                signal.signal(number, handler)  # type: ignore[arg-type]
 
-    def _stop(self, number: int, _frame: FrameType | None) -> None:
+    def start(
+        self,
+        name: str,
+        make: Callable[[], AbstractContextManager[T]],
+        check: Callable[[T], str | None] | None = None,
+        *,
+        vital: bool = False,
+    ) -> T:
+        """Start a part, which is stopped with the service.
+
+        Args:
+            name: of the part, and of its check.
+            make: makes what starts on entering it, if not before, and stops on leaving it.
+            check: why it does not do its work now, in words; None: it does.
+            vital: whether /healthz asks it too.
+
+        Returns:
+            What entering it gives.
+        """
+        try:
+            made = make()
+            part = made.__enter__()
+        except InputError:
+            # Its line says what is wrong.
+            raise
+        except Exception as error:
+            log.error("%s: does not start: %s", name, error)
+            raise
+        self.on_stop(name, partial(made.__exit__, None, None, None))
+        if check is not None:
+            self.checks[name] = partial(check, part)
+            if vital:
+                self.vital.add(name)
+        return part
+
+    def on_stop(self, name: str, stop: Callable[[], object]) -> None:
+        """Have a part stopped that has started otherwise. One that fails to stop holds up none."""
+        self._parts.callback(self._stop_part, name, stop)
+
+    def _stop_part(self, name: str, stop: Callable[[], object]) -> None:
+        try:
+            stop()
+        except Exception:
+            log.exception("%s: does not stop in order", name)
+
+    def _on_signal(self, number: int, _frame: FrameType | None) -> None:
         self._told = True
         notify("STOPPING=1")
         set_from_handler(self.stopping)

@@ -6,6 +6,7 @@ import logging
 import threading
 import time
 from collections import deque
+from functools import partial
 from typing import Final
 
 from slipstream import freshness
@@ -176,9 +177,9 @@ def run_agents(settings: AgentSettings) -> None:
         InputError: the bus, the state folder or the metrics port cannot be used.
     """
     configure_logging("agent", settings.service)
-    with Service("agent", settings.service) as service, Bus.open(settings.bus) as bus:
+    with Service("agent", settings.service) as service:
+        bus = service.start("bus", partial(Bus.open, settings.bus), Bus.fault)
         daemon = AgentDaemon(settings, bus)
-        service.checks["bus"] = bus.fault
         service.ready()
         while not service.stopping.is_set():
             daemon.step(INTERVAL_S)

@@ -66,6 +66,18 @@ class RoutingProblem:
             return self.standing_kw
         return max(self.price_of_time_kw, self.price_of_waiting_kw)
 
+    def price_of_wait_kw(self, place: str) -> float:
+        """Cost of waiting for other vehicles at a place on a tour, kWh an hour."""
+        at_hub = place in self.fleet.hub_by_id
+        return self.price_of_waiting_kw if at_hub else self.price_of_standing_kw
+
+    @property
+    def waits_on_tours(self) -> bool:
+        """Whether vehicles may wait for each other at stops and hubs; by the paper's objective at
+        depots only.
+        """
+        return self.objective == "energy"
+
     @cached_property
     def _profiles(self) -> dict[tuple[object, object], RoutingProfile]:
         found: dict[tuple[object, object], RoutingProfile] = {}

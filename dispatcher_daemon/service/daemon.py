@@ -5,36 +5,32 @@ from __future__ import annotations
 import gc
 import logging
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, nullcontext
+from functools import partial
 from typing import TYPE_CHECKING
 
 from dispatcher_daemon import metrics
 from dispatcher_daemon.fleet.file import FleetFile
-from dispatcher_daemon.planning import search_within
 from dispatcher_daemon.planning.cycle.cycle import form_of
-from dispatcher_daemon.service.dispatcher import AlarmSource, Announce, Dispatcher, announce_nothing
+from dispatcher_daemon.planning.cycle.solving import Solving
+from dispatcher_daemon.service.dispatcher import AlarmSource, Dispatcher, announce_nothing
 from dispatcher_daemon.service.intake import OrderAnswers, OrderIntake
 from dispatcher_daemon.service.on_demand import Gathering
 from dispatcher_daemon.service.schedule import CycleScheduler
 from dispatcher_daemon.service.store import database_fault, open_checked_database, open_in_turn
 from dispatcher_daemon.settings import ApiSettings, DispatcherSettings
-from dispatcher_daemon.solvers.protocol import Solver
 from dispatcher_daemon.solvers.quantum.hardware import open_job_manager
 from dispatcher_daemon.solvers.registry import configured_solvers
-from dispatcher_daemon.solvers.workers.pool import Solve, SolverPool
-from dispatcher_daemon.solvers.workers.processes import WorkerExecutor
 from slipstream.admission import check_rsus
 from slipstream.bus import Bus
 from slipstream.messages import ALL_RSU_HEALTH, ALL_STATES, ALL_STOPPED, position_key
 from slipstream.roads import RoadNetwork
 from slipstream.service import Service, configure_logging
 from slipstream.sumo_net import load_network
-from storage import Database, Reader, StorageError, open_reader
+from storage import StorageError, open_reader
 
 if TYPE_CHECKING:
-    from dispatcher_daemon.service.api import ApiServer, Services
+    from dispatcher_daemon.service.api import ApiServer
 
 log = logging.getLogger(__name__)
 
@@ -63,80 +59,213 @@ def check_health(dispatcher: Dispatcher, scheduler: CycleScheduler, service: Ser
         service.progress(line if fault is None else f"{line}; {fault}")
 
 
-@contextmanager
-def _open_api(settings: ApiSettings) -> Iterator[ApiServer | None]:
+def _open_api(settings: ApiSettings) -> AbstractContextManager[ApiServer | None]:
     """The API's server, which does not serve yet; None: the settings want none."""
     if settings.port == 0 and not settings.bus:
-        yield None
-        return
+        return nullcontext()
     # The web framework takes half a second to import.
     from dispatcher_daemon.service.api import ApiServer
 
-    with ApiServer(settings.port or None, settings.tokens, over_bus=settings.bus) as server:
-        yield server
+    return ApiServer(settings.port or None, settings.tokens, over_bus=settings.bus)
 
 
-def _services(
-    settings: DispatcherSettings,
-    network: RoadNetwork,
-    dispatcher: Dispatcher,
-    scheduler: CycleScheduler,
-    reader: Reader,
-    orders: OrderIntake,
-    watched: AlarmSource,
-    api: ApiServer,
-    checks: Mapping[str, Callable[[], str | None]],
-) -> Services:
-    from dispatcher_daemon.service.api import Services
+class DispatcherParts:
+    """The parts of the dispatcher's process, joined. Its service owns them.
 
-    return Services(
-        settings=settings,
-        network=network,
-        fleet=dispatcher.fleet_watch,
-        states=dispatcher.receiver.latest,
-        orders=orders,
-        feeds=dispatcher.feeds,
-        reader=reader,
-        alarms=watched.alarms,
-        control=dispatcher.control,
-        events=api.events,
-        solve_jobs=api.solve_jobs,
-        is_live=lambda: dispatcher.is_live(scheduler.next_run_ns),
-        solver_fault=dispatcher.health.solver_fault,
-        checks=checks,
-    )
+    Args:
+        settings: checked settings.
+        service: starts the parts in order and stops them in reverse.
+        network: roads.
+        fleet_file: what is dispatched.
 
+    Raises:
+        InputError: the settings do not fit the fleet, or name solvers that cannot be used.
+    """
 
-def _checks(
-    network: RoadNetwork,
-    dispatcher: Dispatcher,
-    scheduler: CycleScheduler,
-    bus: Bus,
-    reader: Reader,
-) -> dict[str, Callable[[], str | None]]:
-    """What a dispatcher needs to be ready, by name."""
+    def __init__(
+        self,
+        settings: DispatcherSettings,
+        service: Service,
+        network: RoadNetwork,
+        fleet_file: FleetFile,
+    ) -> None:
+        self._settings, self._service, self._network = settings, service, network
+        self._fleet_file, self._fleet = fleet_file, fleet_file.current()
+        form = settings.form if self._fleet is None else form_of(settings, self._fleet)
+        self._make_solving = partial(
+            Solving, settings, configured_solvers(settings), in_routes=form != "arc"
+        )
 
-    def has_cycle() -> bool:
-        return dispatcher.delivery.cycles > 0 or scheduler.next_run_ns is not None
+    def start(self, *, standby: bool) -> bool:
+        """Start all parts; False: the service was stopped meanwhile.
 
-    return {
-        "database": lambda: database_fault(reader),
-        "bus": bus.fault,
-        "network": lambda: None if network.segments else "it has no segment",
-        "cycle": lambda: None if has_cycle() else "none has run, and none is scheduled",
-        "solvers": dispatcher.health.solver_fault,
-    }
+        Args:
+            standby: wait for the database once all that takes time is done.
 
+        Raises:
+            InputError: a part cannot be started by these settings.
+        """
+        settings, service = self._settings, self._service
+        if not standby:
+            self._start_api()
+            self._database = service.start(
+                "database", partial(open_checked_database, settings.database_url)
+            )
+        self._bus = service.start("bus", partial(Bus.open, settings.bus), Bus.fault)
+        self._solving = service.start("solvers", self._make_solving, Solving.fault, vital=True)
+        self._solving.warm_up(service.stopping)
+        if service.stopping.is_set():
+            return False
+        if standby:
+            log.info("standby: waiting for the end of the dispatcher that writes the database")
+            database = open_in_turn(settings.database_url, service)
+            if database is None:
+                return False
+            self._database = database
+            service.on_stop("database", database.close)
+            # The active dispatcher on this machine had its port until now.
+            self._start_api()
+        self._start_dispatcher()
+        self._start_orders()
+        self._start_cycles()
+        self._serve_api()
+        return True
 
-def _solver_fault(
-    pool: SolverPool, search: WorkerExecutor, slots: Callable[[], int] | None
-) -> str | None:
-    """Why no solver works, or no search for routes; None: they do, or a cluster does it all."""
-    if slots is not None and slots() > 0:
-        return None
-    if (fault := pool.fault()) is not None:
-        return f"no solver works ({fault})"
-    return None if search.fault is None else f"no search for routes works ({search.fault})"
+    def _start_api(self) -> None:
+        self._api = self._service.start("the API's port", partial(_open_api, self._settings.api))
+        self._announce = announce_nothing if self._api is None else self._api.events.publish
+
+    def _start_dispatcher(self) -> None:
+        """The dispatcher and its alarms; it hears states and fleet from here on."""
+        settings, service, network = self._settings, self._service, self._network
+        bus, database, fleet = self._bus, self._database, self._fleet
+        self._records = database.load_fleet(time.time_ns())
+        self._solving.join_cluster()
+        device = partial(open_job_manager, settings, self._solving.solve, database)
+        job_manager = self._device = service.start("device", device)
+        self._dispatcher = dispatcher = Dispatcher(
+            settings,
+            network,
+            fleet,
+            bus,
+            database,
+            self._solving.solve,
+            self._solving.executor,
+            job_manager,
+            self._fleet_file,
+            self._records,
+            self._announce,
+        )
+        if database.set_aside is not None:
+            dispatcher.health.database_set_aside = database.set_aside.name
+        dispatcher.health.solver_fault = self._solving.fault
+        alarms = partial(
+            AlarmSource,
+            dispatcher,
+            settings,
+            network,
+            bus,
+            database,
+            self._announce,
+            bus.fault,
+            job_manager,
+            self._solving.slots,
+        )
+        self._alarms = service.start("alarms", alarms)
+        dispatcher.receiver.health_to.append(self._alarms.roadside.on_health)
+        if self._api is not None:
+            dispatcher.receiver.health_to.append(dispatcher.feeds.on_health)
+        bus.subscribe(ALL_STATES, dispatcher.receiver.on_state, history=False)
+        dispatcher.fleet_watch.subscribe(bus)
+        bus.expect(position_key(one.id) for one in (fleet.vehicles if fleet else ()))
+        bus.subscribe(ALL_RSU_HEALTH, dispatcher.receiver.on_health, history=False)
+        bus.subscribe(ALL_STOPPED, self._alarms.roadside.on_stopped, history=False)
+
+    def _start_orders(self) -> None:
+        service, dispatcher, announce = self._service, self._dispatcher, self._announce
+        inserter = service.start("insertion", partial(Gathering, "insertion", dispatcher.insert))
+        reader = partial(open_reader, self._settings.database_url)
+        self._reader = service.start("reading the database", reader)
+        self._orders = OrderIntake(
+            dispatcher.fleet_watch,
+            self._database,
+            self._reader,
+            self._network,
+            announce=lambda change: announce("order", change),
+            taken=inserter.put,
+        )
+        OrderAnswers(self._orders, dispatcher.control.note).listen(self._bus)
+
+    def _start_cycles(self) -> None:
+        dispatcher, settings, checks = self._dispatcher, self._settings, self._service.checks
+        self._scheduler = scheduler = CycleScheduler(
+            dispatcher.run_cycle,
+            settings.interval_s,
+            lambda kind: metrics.CYCLE_FAULTS.labels(kind).inc(),
+            min(HEARD_AFTER_S, settings.interval_s) if self._records.vehicles else 0.0,
+        )
+        dispatcher.control.run_soon = lambda: (
+            dispatcher.cycle_began is None and scheduler.run_soon()
+        )
+
+        def unscheduled() -> str | None:
+            if dispatcher.delivery.cycles > 0 or scheduler.next_run_ns is not None:
+                return None
+            return "none has run, and none is scheduled"
+
+        checks["database"] = partial(database_fault, self._reader)
+        checks["network"] = lambda: None if self._network.segments else "it has no segment"
+        checks["cycle"] = unscheduled
+        self._service.on_stop("cycles", self._stop_cycles)
+        scheduler.start()
+
+    def _stop_cycles(self) -> None:
+        """Workers first: a cycle that waits for them must not hold up the end."""
+        self._dispatcher.delivery.stopping.set()
+        self._solving.close()
+        if self._device is not None:
+            self._device.close()
+        self._scheduler.stop()
+        self._dispatcher.receiver.store_rollups(self._database)
+
+    def _serve_api(self) -> None:
+        api, dispatcher = self._api, self._dispatcher
+        if api is None:
+            return
+        from dispatcher_daemon.service.api import Services
+
+        services = Services(
+            settings=self._settings,
+            network=self._network,
+            fleet=dispatcher.fleet_watch,
+            states=dispatcher.receiver.latest,
+            orders=self._orders,
+            feeds=dispatcher.feeds,
+            reader=self._reader,
+            alarms=self._alarms.alarms,
+            control=dispatcher.control,
+            events=api.events,
+            solve_jobs=api.solve_jobs,
+            is_live=lambda: dispatcher.is_live(self._scheduler.next_run_ns),
+            solver_fault=dispatcher.health.solver_fault,
+            checks=self._service.checks,
+        )
+        self._service.on_stop("the API", api.close)
+        api.start(services, self._bus)
+        if api.port:
+            log.info("API on http://127.0.0.1:%d", api.port)
+        if self._settings.api.bus:
+            log.info("API over the bus: %s", ", ".join(self._settings.api.bus))
+
+    def watch(self) -> None:
+        """Publish health and alarms each second until the service stops.
+
+        Raises:
+            StorageError: another dispatcher has taken over the database.
+        """
+        while not self._service.wait(HEALTH_EVERY_S):
+            check_health(self._dispatcher, self._scheduler, self._service)
+            self._alarms.update()
 
 
 def _collect_garbage_less() -> None:
@@ -169,158 +298,9 @@ def run_dispatcher(settings: DispatcherSettings, *, standby: bool = False) -> No
     if settings.rsus is None:
         log.warning("any RSU may report on any segment, as rsus lists none")
     fleet_file = FleetFile(settings.fleet, network)
-    fleet = fleet_file.current()
-    form = settings.form if fleet is None else form_of(settings, fleet)
-    # Blocks of a city are solved in parallel; the arc form gives each solver one problem.
-    in_routes = form != "arc"
-    parallel = settings.city.search.workers if in_routes else 1
-    workers: dict[str, int] = dict.fromkeys(settings.city.solvers, parallel)
-    solvers = configured_solvers(settings)
-    own_processes = WorkerExecutor(settings.city.search.workers)
-    with (
-        Service("dispatcher", settings.service) as service,
-        ExitStack() as stack,
-    ):
-        api: ApiServer | None = None
-        database: Database | None = None
-        if not standby:
-            api = stack.enter_context(_open_api(settings.api))
-            database = stack.enter_context(open_checked_database(settings.database_url))
-        bus = stack.enter_context(Bus.open(settings.bus))
-        pool = stack.enter_context(SolverPool(solvers, workers))
-        stack.enter_context(own_processes)
-        not_ready = pool.warm_up(stopping=service.stopping)
-        if service.stopping.is_set():
-            return
-        for name, reason in not_ready.items():
-            log.warning("solver %s is not ready: %s", name, reason)
-        if database is None:
-            log.info("standby: waiting for the end of the dispatcher that writes the database")
-            database = open_in_turn(settings.database_url, service)
-            if database is None:
-                return
-            stack.enter_context(database)
-            # The active dispatcher on this machine had its port until now.
-            api = stack.enter_context(_open_api(settings.api))
-        records = database.load_fleet(time.time_ns())
-        solve, executor, slots = with_cluster(settings, solvers, pool, own_processes)
-        stack.enter_context(executor)
-        job_manager = open_job_manager(settings, solve, database)
-        if job_manager is not None:
-            stack.enter_context(job_manager)
-        announce: Announce = announce_nothing if api is None else api.events.publish
-        dispatcher = Dispatcher(
-            settings,
-            network,
-            fleet,
-            bus,
-            database,
-            solve,
-            executor,
-            job_manager,
-            fleet_file,
-            records,
-            announce,
-        )
-        if database.set_aside is not None:
-            dispatcher.health.database_set_aside = database.set_aside.name
-        dispatcher.health.solver_fault = lambda: _solver_fault(pool, own_processes, slots)
-        bus.subscribe(ALL_STATES, dispatcher.receiver.on_state, history=False)
-        dispatcher.fleet_watch.subscribe(bus)
-        bus.expect(position_key(one.id) for one in (fleet.vehicles if fleet else ()))
-        scheduler = CycleScheduler(
-            dispatcher.run_cycle,
-            settings.interval_s,
-            lambda kind: metrics.CYCLE_FAULTS.labels(kind).inc(),
-            min(HEARD_AFTER_S, settings.interval_s) if records.vehicles else 0.0,
-        )
-        dispatcher.control.run_soon = lambda: (
-            dispatcher.cycle_began is None and scheduler.run_soon()
-        )
-        scheduler.start()
-        saver = Gathering("alarms", lambda names: watched.alarms.save(names))
-        stack.enter_context(saver)
-        watched = AlarmSource(
-            dispatcher,
-            settings,
-            network,
-            bus,
-            database,
-            announce,
-            saver.put,
-            bus.fault,
-            job_manager,
-            slots,
-        )
-        dispatcher.receiver.health_to.append(watched.roadside.on_health)
-        if api is not None:
-            dispatcher.receiver.health_to.append(dispatcher.feeds.on_health)
-        bus.subscribe(ALL_RSU_HEALTH, dispatcher.receiver.on_health, history=False)
-        bus.subscribe(ALL_STOPPED, watched.roadside.on_stopped, history=False)
-        inserter = stack.enter_context(Gathering("insertion", dispatcher.insert))
-        reader = stack.enter_context(open_reader(settings.database_url))
-        orders = OrderIntake(
-            dispatcher.fleet_watch,
-            database,
-            reader,
-            network,
-            announce=lambda change: announce("order", change),
-            taken=inserter.put,
-        )
-        OrderAnswers(orders, dispatcher.control.note).listen(bus)
-        service.checks |= _checks(network, dispatcher, scheduler, bus, reader)
-        service.vital = ("solvers",)
-        if api is not None:
-            services = _services(
-                settings,
-                network,
-                dispatcher,
-                scheduler,
-                reader,
-                orders,
-                watched,
-                api,
-                service.checks,
-            )
-            api.start(services, bus)
-            if api.port:
-                log.info("API on http://127.0.0.1:%d", api.port)
-            if settings.api.bus:
-                log.info("API over the bus: %s", ", ".join(settings.api.bus))
-        _collect_garbage_less()
-        service.ready()
-        try:
-            while not service.wait(HEALTH_EVERY_S):
-                check_health(dispatcher, scheduler, service)
-                watched.update()
-        finally:
-            # Workers first: a cycle that waits for them must not hold up the end.
-            dispatcher.delivery.stopping.set()
-            pool.close()
-            if api is not None:
-                api.close()
-            if job_manager is not None:
-                job_manager.close()
-            executor.shutdown()
-            scheduler.stop()
-            dispatcher.receiver.store_rollups(database)
-            watched.alarms.save()
-
-
-def with_cluster(
-    settings: DispatcherSettings,
-    solvers: Sequence[Solver],
-    pool: SolverPool,
-    executor: WorkerExecutor,
-) -> tuple[Solve, Executor, Callable[[], int] | None]:
-    """What the settings' cluster solves with these processes behind it, and how many of its
-    processes are ready; without one, these, and None.
-    """
-    if settings.cluster.address is None:
-        return pool, executor, None
-    from dispatcher_daemon.solvers.cluster import client, fallback
-
-    workers = settings.city.search.workers
-    cluster = client.Cluster(settings.cluster, workers, solvers, (search_within,))
-    solve = fallback.cluster_solve(cluster, solvers, pool)
-    return solve, fallback.ClusterExecutor(cluster, executor, workers), lambda: cluster.slots
+    with Service("dispatcher", settings.service) as service:
+        parts = DispatcherParts(settings, service, network, fleet_file)
+        if parts.start(standby=standby):
+            _collect_garbage_less()
+            service.ready()
+            parts.watch()

@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import Final, NamedTuple, Protocol, TypeVar
 
 from dispatcher_daemon.fleet import Fleet, Stop
-from dispatcher_daemon.fleet.learning import HOUR_NS, HOURS, MovementCosts, UsualTraffic
+from dispatcher_daemon.fleet.learning import Learned, Learning
 from dispatcher_daemon.fleet.tracking import (
     FRESH_NS,
     FleetTracker,
@@ -17,7 +17,7 @@ from dispatcher_daemon.fleet.tracking import (
     Situation,
     TrackedVehicle,
 )
-from dispatcher_daemon.traffic.snapshot import Expectations, TrafficSnapshot
+from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
 from slipstream.energy_ledger import PlanEnergy
 from slipstream.errors import InputError
 from slipstream.messages import (
@@ -95,26 +95,6 @@ class FleetFigures(NamedTuple):
     unheard: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class Learned:
-    """What was learned of an hour of the day.
-
-    Attributes:
-        usual_mps: speeds of segments that were seen often enough.
-        open_shares: of the states that opened a segment's gate.
-        expected: costs of movements; None: too little is known.
-    """
-
-    usual_mps: Mapping[str, float]
-    open_shares: Mapping[str, float]
-    expected: Expectations | None
-
-    def onto(self, snapshot: TrafficSnapshot) -> TrafficSnapshot:
-        """A cycle's traffic with it."""
-        usual = snapshot.at_usual_speeds(self.usual_mps).with_usual_gates(self.open_shares)
-        return replace(usual, expected=self.expected)
-
-
 class FleetWatch:
     """The tracked fleet; safe for threads.
 
@@ -125,6 +105,7 @@ class FleetWatch:
         clock: UTC now, ns.
         refuse: told of each message that is not what its key promises.
         plan_ahead_s: as for `FleetTracker`.
+        learning: in place of that from the fleet's positions and the states.
 
     Attributes:
         fleet: of the file, as the last cycle has read it.
@@ -138,11 +119,11 @@ class FleetWatch:
         clock: Callable[[], int],
         refuse: Callable[[InputError], None],
         plan_ahead_s: float = 0.0,
+        learning: Learning | None = None,
     ) -> None:
         self.fleet: Fleet | None = None
         self._tracker = FleetTracker(network, records, started_ns, plan_ahead_s)
-        self._costs = MovementCosts(network, records.movements)
-        self._usual = UsualTraffic(network, records.speeds)
+        self._learning = learning or Learning(network, records)
         self._lock = threading.Lock()
         self._clock, self._refuse = clock, refuse
         self._copy = FleetCopy(started_ns, {})
@@ -183,7 +164,7 @@ class FleetWatch:
                 mend = "give the vehicle this network"
                 raise InputError(source, unknown, mend, key="segment")
             elif report.vehicle in self._tracker.vehicles:
-                self._costs.on_position(report)
+                self._learning.on_position(report)
 
     def knows(self, vehicle: str) -> bool:
         """Whether the fleet has a vehicle, or had it and it may still be under way."""
@@ -231,18 +212,12 @@ class FleetWatch:
             plans = tracker.admissible(plans)
             tracker.publish(plans, stops, reference_ns, now_ns, energies)
             try:
-                records = replace(
-                    tracker.pending_records(),
-                    movements=self._costs.pending(),
-                    speeds=self._usual.pending(),
-                )
-                save(plans, records)
+                save(plans, self._learning.pending(tracker.pending_records()))
             except Exception:
                 tracker.retract(plans, now_ns)
                 raise
             tracker.stored()
-            self._costs.stored()
-            self._usual.stored()
+            self._learning.stored()
         return plans
 
     def read(self, read: Callable[[FleetTracker], T]) -> T:
@@ -280,21 +255,14 @@ class FleetWatch:
         driven enough.
         """
         with self._lock:
-            self._usual.on_traffic(snapshot, snapshot.now_ns // HOUR_NS % HOURS)
-            self._costs.count()
-            learned = self._learned(snapshot.now_ns)
+            self._learning.on_traffic(snapshot)
+            learned = self._learning.learned(snapshot.now_ns)
         return learned.onto(snapshot)
 
     def learned(self, now_ns: int) -> Learned:
         """What was learned until now, which nothing is added to."""
         with self._lock:
-            return self._learned(now_ns)
-
-    def _learned(self, now_ns: int) -> Learned:
-        hour = now_ns // HOUR_NS % HOURS
-        usual_mps = self._usual.speeds_mps(hour)
-        expected = self._costs.expectations(now_ns, usual_mps)
-        return Learned(usual_mps, self._usual.open_shares(hour), expected)
+            return self._learning.learned(now_ns)
 
     def vehicles(self) -> FleetCopy:
         """The vehicles now; while a cycle is being stored, as they were before that."""

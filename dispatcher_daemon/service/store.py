@@ -51,8 +51,8 @@ START_LIMIT_S = 180.0
 """Time to be ready after that, s: as TimeoutStartSec= of the unit."""
 
 
-class CycleStore(Protocol):
-    """What the dispatcher needs of the database."""
+class PlanStore(Protocol):
+    """What storing cycles and their plans needs of the database."""
 
     def record_cycle(
         self,
@@ -70,6 +70,14 @@ class CycleStore(Protocol):
         """Store what has changed of orders, plans and vehicles beside a cycle."""
         ...
 
+    def next_cycle_number(self) -> int:
+        """Number of the next cycle; opens the database anew where it was replaced."""
+        ...
+
+
+class CycleStore(PlanStore, Protocol):
+    """What the dispatcher needs of the database."""
+
     def save_events(self, changed: Sequence[Event]) -> None:
         """Store what operators are told of."""
         ...
@@ -84,10 +92,6 @@ class CycleStore(Protocol):
 
     def room(self) -> Room | None:
         """Room of the database and on its disk."""
-        ...
-
-    def next_cycle_number(self) -> int:
-        """Number of the next cycle; opens the database anew where it was replaced."""
         ...
 
     def note_time(self, now_ns: int) -> None:

@@ -12,6 +12,7 @@ from operator import attrgetter
 from types import MappingProxyType
 from typing import Literal
 
+from dispatcher_daemon.settings import DispatcherSettings
 from slipstream import freshness
 from slipstream.freshness import FUTURE_TOLERANCE_S
 from slipstream.messages import Gate, SegmentState
@@ -221,6 +222,23 @@ def take_snapshot(
         at_signals = segment.end in network.signals and stops_at_signals > 0
         traffic[name] = replace(judged, stops=stops_at_signals) if at_signals else judged
     return TrafficSnapshot(now_ns, MappingProxyType(traffic), tuple(known))
+
+
+def traffic_by(
+    settings: DispatcherSettings,
+    network: RoadNetwork,
+    states: Iterable[SegmentState],
+    now_ns: int,
+) -> TrafficSnapshot:
+    """The traffic at one moment as a dispatcher's settings judge it."""
+    return take_snapshot(
+        network,
+        states,
+        now_ns,
+        stale_after_s=settings.stale_after_s,
+        future_tolerance_s=settings.future_tolerance_s,
+        stops_at_signals=settings.stops_at_signals,
+    )
 
 
 def judge(

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -166,6 +167,102 @@ def test_readiness_names_what_the_daemon_waits_for() -> None:
         assert probe() == (200, "ready\n")
         service.stopping.set()
         assert probe() == (503, "stopping\n")
+
+
+class Part:
+    """Writes down when it starts and stops.
+
+    Args:
+        name: of it.
+        life: of all parts.
+        fault: that it does not start with.
+        clings: whether it does not stop in order.
+    """
+
+    def __init__(
+        self, name: str, life: list[str], fault: Exception | None = None, *, clings: bool = False
+    ) -> None:
+        self.name, self.life, self.fault, self.clings = name, life, fault, clings
+        self.ill: str | None = None
+
+    def __enter__(self) -> Part:
+        if self.fault is not None:
+            raise self.fault
+        self.life.append(f"+{self.name}")
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.life.append(f"-{self.name}")
+        if self.clings:
+            raise RuntimeError("it hangs on")
+
+
+def test_parts_stop_in_reverse_and_none_holds_up_another(caplog: pytest.LogCaptureFixture) -> None:
+    """Those that were started otherwise too; one that does not stop in order is named."""
+    life: list[str] = []
+    with Service("t", ServiceSettings()) as service:
+        service.start("a", lambda: Part("a", life))
+        service.start("b", lambda: Part("b", life, clings=True))
+        service.on_stop("c", lambda: life.append("-c"))
+        service.start("d", lambda: Part("d", life))
+    assert life == ["+a", "+b", "+d", "-d", "-c", "-b", "-a"]
+    (record,) = caplog.records
+    assert record.getMessage() == "b: does not stop in order"
+
+
+@pytest.mark.parametrize(
+    ("fault", "line"),
+    [
+        (OSError("no room"), ["c: does not start: no room"]),
+        # The command says it in one line that names file, key and mend.
+        (InputError("a.toml", "no bus", "start a router"), []),
+    ],
+)
+def test_a_part_that_does_not_start_stops_those_that_have(
+    fault: Exception, line: list[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    """One line names it; what comes after it is not started."""
+    life: list[str] = []
+
+    def run() -> None:
+        with Service("t", ServiceSettings()) as service:
+            for name in "abcd":
+                own = fault if name == "c" else None
+                service.start(name, partial(Part, name, life, own))
+
+    with pytest.raises(type(fault)):
+        run()
+    assert life == ["+a", "+b", "-b", "-a"]
+    assert [record.getMessage() for record in caplog.records] == line
+
+
+def test_each_part_says_how_it_is() -> None:
+    """To /readyz all of them, to /healthz those without which a restart is due."""
+    port = free_port()
+
+    def probe(path: str) -> tuple[int, str]:
+        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
+        connection.request("GET", path)
+        answer = connection.getresponse()
+        text = answer.read().decode()
+        connection.close()
+        return answer.status, text
+
+    def ill(part: Part) -> str | None:
+        return part.ill
+
+    with Service("t", ServiceSettings(metrics_port=port)) as service:
+        bus = service.start("bus", lambda: Part("bus", []), ill)
+        solvers = service.start("solvers", lambda: Part("solvers", []), ill, vital=True)
+        service.progress()
+        service.ready()
+        assert (probe("/readyz")[0], probe("/healthz")[0]) == (200, 200)
+        bus.ill = "no router answers"
+        assert probe("/readyz") == (503, "bus: no router answers\n")
+        assert probe("/healthz") == (200, "live\n")
+        solvers.ill = "none works"
+        assert probe("/readyz") == (503, "bus: no router answers; solvers: none works\n")
+        assert probe("/healthz") == (503, "solvers: none works\n")
 
 
 @pytest.mark.process

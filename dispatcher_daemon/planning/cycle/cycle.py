@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Final, Literal
@@ -12,6 +12,8 @@ from typing import Final, Literal
 import numpy as np
 
 from dispatcher_daemon.fleet import Fleet
+from dispatcher_daemon.fleet.commitments import Commitment
+from dispatcher_daemon.forms.problem import RoutingProblem
 from dispatcher_daemon.planning import (
     refused_platoons,
     route_cycle,
@@ -29,10 +31,11 @@ from dispatcher_daemon.planning.plans import (
     summarise,
     vehicle_accounts,
 )
-from dispatcher_daemon.planning.platooning import JudgedPair, Passage, Place
+from dispatcher_daemon.planning.platooning import JudgedPair, Passage, Place, RoadUser
 from dispatcher_daemon.planning.roads import RoutedArc
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.workers.pool import Solve
+from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
 from slipstream.energy import total
 from slipstream.energy_ledger import PlanEnergy
 from slipstream.errors import InputError
@@ -226,6 +229,39 @@ def _choose(found: FormResult) -> tuple[Candidate | None, str, str | None]:
     if isinstance(found.fallback, Refusal):
         return None, "failed", f"no valid plan ({answers}; baseline: {found.fallback.reason})"
     return found.fallback, "baseline", f"no solver gave a valid plan ({answers})"
+
+
+def cycle_of(
+    problem: RoutingProblem,
+    snapshot: TrafficSnapshot,
+    settings: DispatcherSettings,
+    number: int = 0,
+    *,
+    seed: int | None = None,
+    reference_delay_s: float | None = None,
+    on_road: tuple[RoadUser, ...] = (),
+    start: Mapping[str, Sequence[str]] | None = None,
+    commitments: tuple[Commitment, ...] = (),
+) -> Cycle:
+    """A cycle at the moment that its traffic is judged for.
+
+    Args:
+        number: of the cycle; 0: it is none of the dispatcher's.
+        seed: of everything random in it; None: by the settings' seed and the number.
+        reference_delay_s: as the others, see `Cycle`.
+    """
+    return Cycle(
+        problem,
+        snapshot,
+        settings,
+        number,
+        snapshot.now_ns,
+        cycle_seed(settings.seed, number) if seed is None else seed,
+        reference_delay_s,
+        on_road,
+        start,
+        commitments,
+    )
 
 
 def cycle_seed(seed: int, cycle: int) -> int:

@@ -59,8 +59,10 @@ class Accounts:
         vehicles = planner.problem.fleet.vehicles
         self._number = {vehicle.id: number for number, vehicle in enumerate(vehicles)}
         self._carrier = [vehicle.carrier for vehicle in vehicles]
-        self._shares = [planner.shares_by_profile[planner.problem.profile_of(v)] for v in vehicles]
-        self._window_s, self._expected = planner.sync_window_s, planner.expected
+        self._shares = [
+            planner.book.shares_by_profile[planner.problem.profile_of(v)] for v in vehicles
+        ]
+        self._window_s, self._expected = planner.book.sync_window_s, planner.book.expected
         self._on: dict[str, list[TimedPassage[Passage]]] = defaultdict(list)
         self._savers: dict[str, set[int]] = {}
         self._saved: list[dict[str, float]] = [{} for _ in vehicles]

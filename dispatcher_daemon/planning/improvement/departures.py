@@ -14,7 +14,8 @@ from dispatcher_daemon.planning.improvement.hubs import over_hubs
 from dispatcher_daemon.planning.platooning import Meetings
 from dispatcher_daemon.planning.roads import timed
 from dispatcher_daemon.planning.roads.weights import Floats
-from dispatcher_daemon.planning.routes.itineraries import MAX_WAIT_S, S_PER_H, Itinerary, Planner
+from dispatcher_daemon.planning.routes.itineraries import S_PER_H, Itinerary, Planner
+from dispatcher_daemon.planning.routes.windows import MAX_WAIT_S
 
 MAX_DEPARTURES: Final = 6
 """Maximum number of departures, and of waits at stops, that are evaluated exactly."""
@@ -72,7 +73,9 @@ class Encounters:
 
 def encounters(planner: Planner, itinerary: Itinerary, meetings: Meetings) -> Encounters:
     """What another departure of a vehicle, or another wait, can bring about."""
-    first_s, last_s = (moment - itinerary.depart_s for moment in planner.window_s(itinerary.number))
+    first_s, last_s = (
+        moment - itinerary.depart_s for moment in planner.windows.of(itinerary.number)
+    )
     waits_s = itinerary.waits_s or (0.0,)
     earliest_s, latest_s = min(first_s, -max(waits_s)), max(last_s, MAX_WAIT_S - min(waits_s))
     counts: list[int] = []
@@ -106,7 +109,7 @@ def meeting_departures(
 
     Leaving Δ later shifts each entry by Δ, but for waits at stops, which the exact timetable knows.
     """
-    first, last = planner.window_s(itinerary.number)
+    first, last = planner.windows.of(itinerary.number)
     leaves = itinerary.depart_s
     shifts = met.shifts(first - leaves, last - leaves)
     return [leaves + shift for _, shift in shifts[:max_departures]]
@@ -134,24 +137,28 @@ def alternatives(
 
 def as_planned(planner: Planner, itinerary: Itinerary) -> Itinerary:
     """The same with the waits that a bound vehicle's present plan has."""
-    if itinerary.route is None or itinerary.number not in planner.bound:
+    if itinerary.route is None or itinerary.number not in planner.windows.bound:
         return itinerary
     number, stops, legs = itinerary.number, itinerary.stops, itinerary.route.legs
-    leaves_s = planner.planned_departure_s(number)
+    leaves_s = planner.windows.planned_departure_s(number)
     at_once = timed(
-        planner.problem, legs, planner.problem.fleet.vehicles[number], planner.reference_s, leaves_s
+        planner.problem,
+        legs,
+        planner.problem.fleet.vehicles[number],
+        planner.windows.reference_s,
+        leaves_s,
     )
-    waits_s = planner.planned_waits_s(number, at_once)
+    waits_s = planner.windows.planned_waits_s(number, at_once)
     waiting = planner.itinerary(number, stops, legs, leaves_s, waits_s)
     return itinerary if waiting is None else waiting
 
 
 def longest_wait_s(planner: Planner, itinerary: Itinerary) -> float:
     """The longest wait on a tour that what is saved behind it can pay for, s."""
-    if itinerary.route is None or not itinerary.waits_s or not planner.waits_on_tours:
+    if itinerary.route is None or not itinerary.waits_s or not planner.problem.waits_on_tours:
         return 0.0
-    kwh = planner.followed_kwh(itinerary, itinerary.route.visits[1].departure_s)
-    price_kw = min(planner.price_of_wait_kw(v.place) for v in itinerary.route.visits[1:-1])
+    kwh = planner.book.followed_kwh(itinerary.traversals, itinerary.route.visits[1].departure_s)
+    price_kw = min(planner.problem.price_of_wait_kw(v.place) for v in itinerary.route.visits[1:-1])
     return min(MAX_WAIT_S, kwh / price_kw * S_PER_H) if price_kw > 0 else MAX_WAIT_S
 
 
@@ -169,7 +176,7 @@ def _waiting(
         met: by shifts that waits bring about.
         only: number of the visit to wait at; None: any.
     """
-    if itinerary.route is None or not planner.waits_on_tours:
+    if itinerary.route is None or not planner.problem.waits_on_tours:
         return
     number, visits, waits_s = itinerary.number, itinerary.route.visits, itinerary.waits_s
     fixed = len(planner.fixed_legs(number) or ())
@@ -178,7 +185,7 @@ def _waiting(
         visit = visits[at]
         if not itinerary.route.legs[at].path:
             continue  # the next stop is at the same junction
-        price_kw = planner.price_of_wait_kw(visit.place)
+        price_kw = planner.problem.price_of_wait_kw(visit.place)
         longest_s = MAX_WAIT_S - visit.wait_s
         found += [
             (score - price_kw * shift / S_PER_H, at, visit.wait_s + shift)
@@ -211,7 +218,7 @@ def schedule_greedily(planner: Planner, itineraries: Iterable[Itinerary]) -> lis
     Args:
         itineraries: one a vehicle, in the order in which they choose.
     """
-    meetings = planner.meetings()
+    meetings = planner.book.meetings()
     chosen = []
     for itinerary in itineraries:
         best = best_departure(planner, itinerary, meetings)

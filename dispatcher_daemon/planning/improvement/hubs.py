@@ -18,12 +18,15 @@ def over_hubs(planner: Planner, itinerary: Itinerary) -> Iterator[tuple[int, Iti
     stop and the detour; of each with the number of the visit that the hub is.
     """
     fleet = planner.problem.fleet
-    if itinerary.route is None or not fleet.hubs or not planner.waits_on_tours:
+    if itinerary.route is None or not fleet.hubs or not planner.problem.waits_on_tours:
         return
     legs, visits = itinerary.route.legs, itinerary.route.visits
     if any(leg.end in fleet.hub_by_id for leg in legs):
         return
-    if itinerary.number in planner.bound and planner.batteries.of[itinerary.number] is not None:
+    if (
+        itinerary.number in planner.windows.bound
+        and planner.batteries.of[itinerary.number] is not None
+    ):
         return  # it goes on as it can: its charge is not looked at
     travel = planner.travels[0].of(fleet.vehicles[itinerary.number])
     fixed = len(planner.fixed_legs(itinerary.number) or ())
@@ -31,7 +34,7 @@ def over_hubs(planner: Planner, itinerary: Itinerary) -> Iterator[tuple[int, Iti
     for at, leg in enumerate(legs[fixed:], fixed):
         if leg.pause is not None:
             continue
-        gains_kwh = planner.followed_kwh(itinerary, visits[at].departure_s)
+        gains_kwh = planner.book.followed_kwh(itinerary.traversals, visits[at].departure_s)
         for hub in fleet.hubs:
             there, on = travel.leg(leg.start, hub.id), travel.leg(hub.id, leg.end)
             if there is None or on is None or not there.path or not on.path:

@@ -28,7 +28,7 @@ def add_discounted_ways(
     """
 
     def discount_kwh(roads: Roads) -> Floats:
-        shares = planner.shares_by_profile[roads.profile]
+        shares = planner.book.shares_by_profile[roads.profile]
         saving = {name: share.following_kwh(0.0) for name, share in shares.items()}
         return np.array([saving.get(name, 0.0) for name in roads.ids])
 
@@ -143,8 +143,8 @@ def _joint(
     partner, common = shared
     first = min(common, key=lambda s: itinerary.traversals[s][0][0])
     own, other = itinerary.traversals[first][0][0], partner.traversals[first][0][0]
-    low, high = planner.window_s(itinerary.number)
-    partner_low, partner_high = planner.window_s(partner.number)
+    low, high = planner.windows.of(itinerary.number)
+    partner_low, partner_high = planner.windows.of(partner.number)
     begins = max(own + low - itinerary.depart_s, other + partner_low - partner.depart_s)
     ends = min(own + high - itinerary.depart_s, other + partner_high - partner.depart_s)
     if begins <= ends:

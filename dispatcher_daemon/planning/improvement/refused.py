@@ -14,7 +14,8 @@ from dispatcher_daemon.planning.platooning import (
     pair_saving_kwh,
 )
 from dispatcher_daemon.planning.roads import Route
-from dispatcher_daemon.planning.routes.itineraries import MAX_WAIT_S, Itinerary, Planner
+from dispatcher_daemon.planning.routes.itineraries import Itinerary, Planner
+from dispatcher_daemon.planning.routes.windows import MAX_WAIT_S
 from slipstream.explain import RefusalReason, RefusedPlatoon
 from slipstream.vehicle_types import RoutingProfile
 
@@ -181,9 +182,9 @@ class _Meeting:
         self._routes: Mapping[str, tuple[int, Route]] = {
             route.vehicle: (numbers[route.vehicle], route) for route in chosen.routes
         }
-        self._meetings: Meetings = planner.meetings()
+        self._meetings: Meetings = planner.book.meetings()
         for number, route in self._routes.values():
-            self._meetings.add(planner.traversals(number, route))
+            self._meetings.add(planner.book.traversals(number, route))
 
     def tried(self, one: RefusedPlatoon, misses: Sequence[_Miss]) -> RefusedPlatoon:
         """The same with what it would cost and save if one of the two moved, as far as it can."""
@@ -211,7 +212,7 @@ class _Meeting:
         none of one on its way, which has its plan.
         """
         number, route = self._routes.get(passage.vehicle, (-1, None))
-        if route is None or number in self._planner.bound:
+        if route is None or number in self._planner.windows.bound:
             return
         stops = tuple(visit.place for visit in route.visits[1:-1])
         waits_s = tuple(visit.wait_s for visit in route.visits[1:-1])
@@ -228,7 +229,7 @@ class _Meeting:
             moved(depart_s + shift_s, waits_s),
             *(
                 moved(depart_s, (*waits_s[:at], waits_s[at] + shift_s, *waits_s[at + 1 :]))
-                for at in range(passage.leg if self._planner.waits_on_tours else 0)
+                for at in range(passage.leg if self._planner.problem.waits_on_tours else 0)
                 if 0.0 <= waits_s[at] + shift_s <= MAX_WAIT_S
             ),
         ]

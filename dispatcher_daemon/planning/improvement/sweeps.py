@@ -87,7 +87,7 @@ class Sweep:
 
 def choice_of(planner: Planner, itineraries: Sequence[Itinerary]) -> Choice:
     """Cost and saving of itineraries, evaluated exactly."""
-    meetings = planner.meetings()
+    meetings = planner.book.meetings()
     saving = math.fsum(meetings.add(itinerary.traversals) for itinerary in itineraries)
     cost = math.fsum(itinerary.cost_kwh for itinerary in itineraries)
     return Choice(tuple(itineraries), cost, saving)
@@ -135,7 +135,7 @@ class BlockDescent:
         self.present = list(itineraries)
         self.declined: dict[tuple[str, str], DeclinedMeeting] = {}
         self._solve = solve
-        self._meetings = planner.meetings()
+        self._meetings = planner.book.meetings()
         saving = math.fsum(self._meetings.add(i.traversals) for i in itineraries)
         self._objective_kwh = math.fsum(i.cost_kwh for i in itineraries) - saving
         self._accounts: Accounts | None = None
@@ -168,10 +168,10 @@ class BlockDescent:
     def _sweep(self, seed: int, ends: float, clock: Callable[[], float]) -> Sweep | None:
         began = clock()
         planner, max_variables = self.planner, self.settings.block_variables
-        windows = [planner.window_s(i.number) for i in self.present]
+        windows = [planner.windows.of(i.number) for i in self.present]
         waits = [longest_wait_s(planner, i) for i in self.present]
         graph = opportunity_graph(
-            self.present, windows, waits, planner.shares, planner.sync_window_s
+            self.present, windows, waits, planner.book.shares, planner.book.sync_window_s
         )
         size = max(2, max_variables // self.settings.options)
         # A small fleet is one block: exchanges can tie vehicles that have no road in common yet.
@@ -277,7 +277,7 @@ class BlockDescent:
     def _block(self, group: Sequence[int], max_variables: int, rng: np.random.Generator) -> Block:
         members = [self.present[n] for n in group]
         # What is loaded stays where it is.
-        open_to_change = [i for i in members if i.number not in self.planner.bound]
+        open_to_change = [i for i in members if i.number not in self.planner.windows.bound]
         exchanges = best_exchanges(self.planner, open_to_change, self._meetings, 1, rng)
         exchange = [itinerary for pair in exchanges for itinerary in pair]
         if 2 * len(group) + len(exchange) > max_variables:
@@ -321,7 +321,9 @@ class BlockDescent:
         return (solver,)
 
     def _note_declined(self, block: Block) -> None:
-        for one in declined_meetings(block, self.present, self._names, self.planner.sync_window_s):
+        for one in declined_meetings(
+            block, self.present, self._names, self.planner.book.sync_window_s
+        ):
             known = self.declined.get(one.vehicles)
             loss_kwh = one.cost_kwh - one.saving_kwh
             if known is None or loss_kwh < known.cost_kwh - known.saving_kwh:

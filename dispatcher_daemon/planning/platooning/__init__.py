@@ -3,6 +3,7 @@ vehicles of earlier cycles that are still on the road."""
 
 from __future__ import annotations
 
+from dispatcher_daemon.planning.platooning.book import MeetingBook
 from dispatcher_daemon.planning.platooning.expected import Approach, ExpectedDrafting
 from dispatcher_daemon.planning.platooning.meetings import (
     Meetings,
@@ -42,6 +43,7 @@ __all__ = [
     "Change",
     "ExpectedDrafting",
     "JudgedPair",
+    "MeetingBook",
     "Meetings",
     "OpenPassages",
     "Passage",

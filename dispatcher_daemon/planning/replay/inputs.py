@@ -20,7 +20,7 @@ from pydantic import TypeAdapter
 
 from dispatcher_daemon.forms.problem import routing_problem
 from dispatcher_daemon.planning import Insertion
-from dispatcher_daemon.planning.cycle.cycle import CycleResult
+from dispatcher_daemon.planning.cycle.cycle import CycleResult, cycle_of
 from dispatcher_daemon.planning.plans import Cycle
 from dispatcher_daemon.planning.platooning import on_road
 from dispatcher_daemon.planning.replay.networks import network_data, network_from
@@ -193,17 +193,16 @@ def restored_cycle(stored: StoredCycle, plan_of: PlanOf) -> Cycle:
         following = [plan_from(plan_of, cycle, vehicle) for vehicle, cycle, _ in own["on_road"]]
         late_s = {vehicle: late for vehicle, _, late in own["on_road"]}
         start = parts["start"]
-        return Cycle(
+        return cycle_of(
             routing_problem(network, fleet, settings),
             snapshot,
             settings,
             stored.report.cycle,
-            own["now_ns"],
-            own["seed"],
-            own["reference_delay_s"],
-            on_road(following, own["now_ns"], late_s),
-            None if start is None else {name: tuple(stops) for name, stops in start.items()},
-            tuple(commitment_from(data, plan_of) for data in own["commitments"]),
+            seed=own["seed"],
+            reference_delay_s=own["reference_delay_s"],
+            on_road=on_road(following, own["now_ns"], late_s),
+            start=None if start is None else {name: tuple(stops) for name, stops in start.items()},
+            commitments=tuple(commitment_from(data, plan_of) for data in own["commitments"]),
         )
     except (KeyError, TypeError, AttributeError) as error:
         raise ValueError(f"its inputs cannot be read: {error!r}") from None

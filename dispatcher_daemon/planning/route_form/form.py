@@ -123,7 +123,7 @@ def route_form(cycle: Cycle, executor: Executor) -> RouteForm:
     first = initial_plans(part, travel, routes.stops, missing)
     planner = first.planner
     add_discounted_ways(planner)
-    meetings = planner.meetings()
+    meetings = planner.book.meetings()
     for itinerary in first.best.itineraries:
         meetings.add(itinerary.traversals)
     driving = [i for i in first.best.itineraries if i.route is not None]
@@ -131,7 +131,7 @@ def route_form(cycle: Cycle, executor: Executor) -> RouteForm:
     options = {
         i.number: options_for(planner, i, driving, meetings, settings.options, rng) for i in driving
     }
-    free = [i for i in driving if i.number not in planner.bound]
+    free = [i for i in driving if i.number not in planner.windows.bound]
     for one, other in combinations(free, 2):
         for pair in best_exchanges(planner, (one, other), meetings, settings.options - 1, rng):
             for itinerary in pair:

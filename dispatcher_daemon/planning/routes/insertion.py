@@ -184,8 +184,8 @@ def _no_time(planner: Planner, old: Itinerary, stop: str) -> tuple[TourObstacle,
         if legs is None or not planner.lasts(number, legs):
             continue
         begins_s = planner.ready_after_charging_s(number, legs)
-        route = timed(problem, legs, vehicle, planner.reference_s, begins_s)
-        late_s = lateness_s(problem, vehicle, route, planner.reference_s)
+        route = timed(problem, legs, vehicle, planner.windows.reference_s, begins_s)
+        late_s = lateness_s(problem, vehicle, route, planner.windows.reference_s)
         if nearest is None or late_s < nearest[0]:
             nearest = late_s, route
     if nearest is None:
@@ -193,8 +193,8 @@ def _no_time(planner: Planner, old: Itinerary, stop: str) -> tuple[TourObstacle,
             return "no_way", f"{problem.fleet.node(stop)!r} cannot be reached or left again"
         return "charge", "its battery does not last, with no charging stop in reach"
     late_s, route = nearest
-    reference_s = planner.reference_s
-    behind_s = route.visits[0].departure_s - planner.window_s(number)[1]
+    reference_s = planner.windows.reference_s
+    behind_s = route.visits[0].departure_s - planner.windows.of(number)[1]
     if behind_s > _ROUNDING_S:
         return "charge", f"it would leave {behind_s:.0f} s too late, as it has to charge before"
     for visit in route.visits[1:-1]:

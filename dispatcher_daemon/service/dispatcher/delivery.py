@@ -5,13 +5,19 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from dispatcher_daemon import metrics
-from dispatcher_daemon.fleet import Stop
-from dispatcher_daemon.service.dispatcher.publishing import Announce, MessageBus, MessagePublisher
+from dispatcher_daemon.forms.problem import RoutingProblem
+from dispatcher_daemon.service.dispatcher.publishing import (
+    Announce,
+    MessageBus,
+    MessagePublisher,
+    announce_nothing,
+)
 from dispatcher_daemon.service.dispatcher.reports import error_text, failed_report
 from dispatcher_daemon.service.fleet_watch import FleetWatch
-from dispatcher_daemon.service.store import CycleStore
+from dispatcher_daemon.service.store import PlanStore
 from slipstream.energy_ledger import PlanEnergy
 from slipstream.messages import CYCLE_KEY, CycleReport, SegmentState, VehiclePlan, plan_key
 from slipstream.orders import FleetRecords
@@ -20,6 +26,27 @@ from slipstream.tracing import note, traced
 from storage import CycleInputs, OwnedError
 
 log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class PlannedCycle:
+    """What a cycle has planned, to be stored and sent.
+
+    Attributes:
+        report: of it.
+        states: that its traffic is by.
+        plans: some may not fit any more.
+        problem: of its fleet; None: nothing was planned.
+        energies: of plans, by vehicle; nothing is booked of others.
+        made_from: its inputs.
+    """
+
+    report: CycleReport
+    states: tuple[SegmentState, ...] = ()
+    plans: tuple[VehiclePlan, ...] = ()
+    problem: RoutingProblem | None = None
+    energies: Mapping[str, PlanEnergy] = field(default_factory=dict)
+    made_from: CycleInputs | None = None
 
 
 class PlanDelivery:
@@ -45,9 +72,9 @@ class PlanDelivery:
     def __init__(
         self,
         bus: MessageBus,
-        store: CycleStore,
+        store: PlanStore,
         fleet_watch: FleetWatch,
-        announce: Announce,
+        announce: Announce = announce_nothing,
     ) -> None:
         self._bus, self._store = bus, store
         self._fleet_watch, self._announce = fleet_watch, announce
@@ -65,28 +92,30 @@ class PlanDelivery:
         self.replaced: OwnedError | None = None
         self.stopping = threading.Event()
 
-    def store_and_send(
-        self,
-        report: CycleReport,
-        plans: tuple[VehiclePlan, ...],
-        states: tuple[SegmentState, ...],
-        stops: Mapping[str, Stop],
-        reference_s: float,
-        energies: Mapping[str, PlanEnergy],
-        made_from: CycleInputs | None = None,
-    ) -> CycleReport | None:
-        """Store plans with their report, then send them; None: they could not be stored."""
+    def store_and_send(self, planned: PlannedCycle, reference_s: float) -> CycleReport | None:
+        """Store plans with their report, then send them.
+
+        Args:
+            planned: by a cycle, or between two.
+            reference_s: from its start to the moment that the fleet's times count from.
+
+        Returns:
+            The report as stored; None: it could not be stored.
+        """
+        report, energies = planned.report, planned.energies
 
         def save(admitted: tuple[VehiclePlan, ...], records: FleetRecords) -> None:
             told = report.model_copy(update={"plans": len(admitted)})
-            self._store.record_cycle(told, admitted, states, records, made_from, energies)
+            made_from = planned.made_from
+            self._store.record_cycle(told, admitted, planned.states, records, made_from, energies)
             # Under the fleet's lock, so that nobody is told of a later change before.
             for change in records.changes:
                 self._announce("order", change)
 
+        stops = {} if planned.problem is None else planned.problem.fleet.stop_by_id
         try:
             reference_ns = report.started_ns + round(1e9 * reference_s)
-            plans = self._fleet_watch.store(plans, stops, reference_ns, save, energies)
+            plans = self._fleet_watch.store(planned.plans, stops, reference_ns, save, energies)
         except Exception as error:
             self._report_storage_fault(report, error)
             return None

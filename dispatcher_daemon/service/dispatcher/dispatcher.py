@@ -5,47 +5,31 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from concurrent.futures import Executor
 
-from dispatcher_daemon import metrics
 from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.fleet.file import FleetFile
-from dispatcher_daemon.fleet.tracking import HIDDEN, Situation
-from dispatcher_daemon.forms.problem import RoutingProblem, routing_problem
-from dispatcher_daemon.planning import NO_VEHICLE
-from dispatcher_daemon.planning.cycle.cycle import CycleResult, cycle_seed, run_cycle
-from dispatcher_daemon.planning.plans import Cycle
-from dispatcher_daemon.planning.replay import InputEncoder, Recorder
+from dispatcher_daemon.forms.problem import routing_problem
 from dispatcher_daemon.service.dispatcher.control import Control
 from dispatcher_daemon.service.dispatcher.delivery import PlanDelivery
 from dispatcher_daemon.service.dispatcher.health import HealthPublisher
-from dispatcher_daemon.service.dispatcher.insertion import OrderInsertion
 from dispatcher_daemon.service.dispatcher.publishing import Announce, MessageBus, announce_nothing
 from dispatcher_daemon.service.dispatcher.receiver import StateReceiver
-from dispatcher_daemon.service.dispatcher.reports import error_text, failed_report, idle_report
+from dispatcher_daemon.service.dispatcher.reports import error_text, failed_report
+from dispatcher_daemon.service.dispatcher.runner import CycleRunner, Surroundings
 from dispatcher_daemon.service.feeds.publisher import Feeds
 from dispatcher_daemon.service.fleet_watch import FleetWatch
 from dispatcher_daemon.service.store import CyclePruner, CycleStore
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.quantum.hardware import JobManager
 from dispatcher_daemon.solvers.workers.pool import Solve
-from slipstream.energy_ledger import PlanEnergy
-from slipstream.errors import InputError
-from slipstream.messages import SegmentState, Unserved, VehiclePlan
 from slipstream.orders import FleetRecords
 from slipstream.roads import RoadNetwork
 from slipstream.service import LogLimiter
 from slipstream.tracing import span
-from storage import CycleInputs
 
 log = logging.getLogger(__name__)
-
-
-def _explained(one: Unserved, situation: Situation) -> Unserved:
-    """A stop without a vehicle, with what keeps all vehicles."""
-    why = situation.nobody if one.reason == NO_VEHICLE else one.reason
-    return one.model_copy(update={"reason": why})
 
 
 class Dispatcher:
@@ -90,13 +74,7 @@ class Dispatcher:
         announce: Announce = announce_nothing,
     ) -> None:
         started_ns = time.time_ns()
-        self._settings, self._network, self._store = settings, network, store
-        self._solve = solve if job_manager is None else job_manager
-        self._executor, self._job_manager = executor, job_manager
-        self._fleet, self._fleet_file = fleet, fleet_file
-        self._problem: RoutingProblem | None = None
-        self._stops: Mapping[str, tuple[str, ...]] = {}
-        self._inputs = InputEncoder()
+        self._settings, self._store, self._job_manager = settings, store, job_manager
         self.pruner = CyclePruner(store, settings.keep_days, settings.keep_mb)
         self._limiter = LogLimiter()
         self._turn = threading.Lock()
@@ -114,8 +92,17 @@ class Dispatcher:
         )
         self.fleet_watch.fleet = fleet
         self.delivery = PlanDelivery(bus, store, self.fleet_watch, announce)
-        self._insertion = OrderInsertion(
-            settings, network, self.fleet_watch, self.receiver, self.delivery, self._inputs
+        self._runner = CycleRunner(
+            settings,
+            self.fleet_watch,
+            self.delivery,
+            Surroundings(
+                (lambda _: fleet) if fleet_file is None else fleet_file.current,
+                self.receiver.snapshot,
+                lambda fleet: routing_problem(network, fleet, settings),
+                solve if job_manager is None else job_manager,
+                executor,
+            ),
         )
         self.health = HealthPublisher(
             bus,
@@ -144,7 +131,7 @@ class Dispatcher:
         """
         with self._turn:
             if self.control.paused is None:
-                self._insertion.insert(orders)
+                self._runner.insert(orders, time.time_ns())
 
     def _store_reports(self) -> None:
         now_ns = time.time_ns()
@@ -177,100 +164,17 @@ class Dispatcher:
         self._recover()
 
     def _run_cycle(self) -> None:
-        number, began, now_ns = self.delivery.next_number, time.monotonic(), time.time_ns()
-        plans: tuple[VehiclePlan, ...] = ()
-        energies: Mapping[str, PlanEnergy] = {}
-        states: tuple[SegmentState, ...] = ()
-        problem: RoutingProblem | None = None
-        made_from: CycleInputs | None = None
-        reference_s = self._settings.deadline_s
+        now_ns = time.time_ns()
         if self._job_manager is not None:
-            self._job_manager.begin_cycle(number)
-        try:
-            snapshot = self.fleet_watch.expected(self.receiver.snapshot(now_ns))
-            states = snapshot.states
-            metrics.GATES_OPEN.set(sum(gate.open for gate in snapshot.gates()))
-            situation = self._situation(number, now_ns, reference_s)
-            problem = self._problem_of(situation.fleet)
-            if problem is None:
-                report = idle_report(
-                    number, now_ns, time.monotonic() - began, snapshot, situation.waiting
-                )
-            else:
-                cycle = Cycle(
-                    problem,
-                    snapshot,
-                    self._settings,
-                    number,
-                    now_ns,
-                    cycle_seed(self._settings.seed, number),
-                    start=self._stops or None,
-                    commitments=situation.commitments,
-                    on_road=situation.on_road,
-                )
-                with Recorder(self._solve, self._executor) as recorder:
-                    result = run_cycle(cycle, recorder.solve, recorder.executor, recorder.clock)
-                report, plans, energies = result.report, result.plans, result.energies
-                unserved = tuple(_explained(one, situation) for one in report.unserved)
-                report = report.model_copy(update={"unserved": unserved})
-                self.fleet_watch.note_unserved({u.stop: u.reason for u in unserved})
-                self._stops = result.stops
-                made_from = self._made_from(cycle, recorder, result)
-            kept_back = [*((stop, HIDDEN) for stop in situation.hidden), *situation.waiting.items()]
-            others = tuple(Unserved(stop=stop, reason=reason) for stop, reason in kept_back)
-            report = report.model_copy(update={"unserved": (*others, *report.unserved)})
-        except InputError as error:
-            self._limiter.warn(log, "input", f"cycle {number} failed: {error}")
-            report = failed_report(number, now_ns, time.monotonic() - began, str(error)[:500])
-        except Exception as error:
-            log.exception("cycle %d failed", number)
-            report = failed_report(number, now_ns, time.monotonic() - began, error_text(error))
-        if self.delivery.stopping.is_set():
-            log.info("cycle %d abandoned: stopping", number)
+            self._job_manager.begin_cycle(self.delivery.next_number)
+        outcome = self._runner.run(now_ns)
+        if outcome.abandoned:
             return
-        self.delivery.next_number += 1
-        stops = {} if problem is None else problem.fleet.stop_by_id
-        stored = self.delivery.store_and_send(
-            report, plans, states, stops, reference_s, energies, made_from
-        )
         # Also after a cycle that could not be stored, which bounds what waits.
         self.receiver.store_rollups(self._store, now_ns)
-        if stored is not None:
-            self.delivery.count(stored)
+        if outcome.stored is not None:
+            self.delivery.count(outcome.stored)
             self.pruner.after_cycle(now_ns)
-
-    def _situation(self, number: int, now_ns: int, reference_s: float) -> Situation:
-        """What the cycle may plan, by the fleet's file as it is now."""
-        reference_ns = now_ns + round(1e9 * reference_s)
-        listed = self._fleet_file
-        fleet = self._fleet if listed is None else listed.current(reference_ns)
-        situation = self.fleet_watch.situation(fleet, number, now_ns, reference_s)
-        if situation.hidden:
-            some = ", ".join(situation.hidden[:10])
-            what = f"{len(situation.hidden)} stops of the fleet's file are not planned"
-            line = f"{what}, as callers' orders have their ids: {some}"
-            self._limiter.warn(log, "hidden stops", line)
-        return situation
-
-    def _problem_of(self, fleet: Fleet | None) -> RoutingProblem | None:
-        """The problem of a cycle's fleet; None: nothing to dispatch."""
-        if fleet is None:
-            return None
-        if self._problem is None or fleet is not self._problem.fleet:
-            self._problem = routing_problem(self._network, fleet, self._settings)
-            self._stops = {}
-        return self._problem
-
-    def _made_from(
-        self, cycle: Cycle, recorder: Recorder, result: CycleResult
-    ) -> CycleInputs | None:
-        """The inputs of a cycle, to be stored with it; a fault here does not cost its plans."""
-        try:
-            return self._inputs.encode(cycle, recorder.trace(), result)
-        except Exception as error:
-            if self._limiter.allow("inputs"):
-                log.exception("the inputs of cycle %d are not stored: %s", cycle.number, error)
-            return None
 
     def is_live(self, next_cycle_ns: int | None) -> bool:
         """False if a cycle hangs or none is scheduled; the condition for feeding the watchdog."""

@@ -10,7 +10,7 @@ from typing import Protocol
 from dispatcher_daemon import metrics
 from dispatcher_daemon.service.dispatcher.publishing import Announce
 from dispatcher_daemon.settings import DispatcherSettings
-from dispatcher_daemon.traffic.snapshot import TrafficSnapshot, take_snapshot
+from dispatcher_daemon.traffic.snapshot import TrafficSnapshot, traffic_by
 from dispatcher_daemon.traffic.states import HARMLESS, LatestStates, Verdict
 from slipstream.admission import implausibility
 from slipstream.errors import InputError
@@ -118,14 +118,8 @@ class StateReceiver:
     @traced("snapshot")
     def snapshot(self, now_ns: int) -> TrafficSnapshot:
         """The traffic of a cycle."""
-        snapshot = take_snapshot(
-            self._network,
-            self.latest.latest(),
-            now_ns,
-            stale_after_s=self._settings.stale_after_s,
-            future_tolerance_s=self._settings.future_tolerance_s,
-            stops_at_signals=self._settings.stops_at_signals,
-        )
+        snapshot = traffic_by(self._settings, self._network, self.latest.latest(), now_ns)
+        metrics.GATES_OPEN.set(sum(gate.open for gate in snapshot.gates()))
         if is_on():
             # What the spans of the edge that published them are found by.
             named = [f"{s.rsu} {s.segment} {s.sequence}" for s in snapshot.states[:_NAMED_STATES]]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Collection, Iterator
-from typing import Final
+from typing import Final, Self
 
 from dispatcher_daemon.fleet.tracking import HIDDEN
 from dispatcher_daemon.service.alarms import (
@@ -18,6 +18,7 @@ from dispatcher_daemon.service.alarms import (
 )
 from dispatcher_daemon.service.dispatcher.dispatcher import Dispatcher
 from dispatcher_daemon.service.dispatcher.publishing import Announce, MessageBus
+from dispatcher_daemon.service.on_demand import Gathering
 from dispatcher_daemon.service.store import CycleStore
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.quantum.hardware import JobManager
@@ -32,7 +33,8 @@ RECONNECTED_S: Final = 10.0
 
 
 class AlarmSource:
-    """Finds conditions and hands them to the alarms.
+    """Finds conditions and hands them to the alarms, which are stored on a thread that may wait; a
+    context manager.
 
     Args:
         dispatcher: that is watched.
@@ -41,7 +43,6 @@ class AlarmSource:
         bus: to publish alarms through.
         store: database.
         announce: told of each change of an alarm.
-        wake: has `alarms.save` called on a thread that may wait.
         bus_fault: why no router lets this in; None: one does.
         job_manager: of a quantum device.
         cluster_slots: processes of the cluster that are ready; None: there is no cluster.
@@ -59,7 +60,6 @@ class AlarmSource:
         bus: MessageBus,
         store: CycleStore,
         announce: Announce,
-        wake: Callable[[Collection[str]], None],
         bus_fault: Callable[[], str | None] = lambda: None,
         job_manager: JobManager | None = None,
         cluster_slots: Callable[[], int] | None = None,
@@ -77,7 +77,8 @@ class AlarmSource:
         def tell(alarm: Alarm) -> None:
             announce("alarm", alarm)
 
-        self.alarms = AlarmWatch(store, publisher.put, tell, wake)
+        self._saver = Gathering("alarms", self._save)
+        self.alarms = AlarmWatch(store, publisher.put, tell, self._saver.put)
         self.roadside = RoadsideWatch(
             network,
             settings.rsus,
@@ -85,6 +86,20 @@ class AlarmSource:
             dispatcher.receiver.refuse,
             time.time_ns,
         )
+
+    def _save(self, names: Collection[str]) -> None:
+        self.alarms.save(names)
+
+    def close(self) -> None:
+        """Store what is not stored yet, and end the thread."""
+        self.alarms.save()
+        self._saver.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     def update(self) -> None:
         """Find what is wrong now. Errors are logged and do not stop the dispatcher."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import tempfile
+from functools import partial
 from typing import Any, Final
 
 from dispatcher_daemon.settings import SchedulerSettings, WorkerSettings
@@ -78,14 +79,11 @@ def run_worker(settings: WorkerSettings) -> None:
     executor = WorkerExecutor(settings.processes)
     use_processes(executor)
     log.info("%s", build())
-    with (
-        Service("worker", settings.service) as service,
-        tempfile.TemporaryDirectory(prefix="slipstream-worker-") as folder,
-    ):
-        try:
-            asyncio.run(_work(settings, distributed, security, service, folder))
-        finally:
-            executor.shutdown()
+    with Service("worker", settings.service) as service:
+        temporary = partial(tempfile.TemporaryDirectory, prefix="slipstream-worker-")
+        folder = service.start("folder", temporary)
+        service.on_stop("processes", executor.shutdown)
+        asyncio.run(_work(settings, distributed, security, service, folder))
 
 
 async def _work(

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
+from dispatcher_daemon.fleet.learning import Learned
 from dispatcher_daemon.service.api.solving.worker import traffic_on
-from dispatcher_daemon.service.fleet_watch import Learned
 from dispatcher_daemon.service.vroom import RoutingEngine, solve_vroom
 from dispatcher_daemon.settings import DispatcherSettings
 from slipstream.messages import SegmentState

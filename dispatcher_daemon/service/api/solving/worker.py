@@ -11,14 +11,13 @@ from typing import Protocol
 from pydantic import BaseModel, Field
 
 from dispatcher_daemon.fleet import Fleet
+from dispatcher_daemon.fleet.learning import Learned
 from dispatcher_daemon.forms.problem import routing_problem
-from dispatcher_daemon.planning.cycle.cycle import run_cycle
-from dispatcher_daemon.planning.plans import Cycle
-from dispatcher_daemon.service.fleet_watch import Learned
+from dispatcher_daemon.planning.cycle.cycle import cycle_of, run_cycle
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.registry import configured_solvers
 from dispatcher_daemon.solvers.workers.executor import executor_solve
-from dispatcher_daemon.traffic.snapshot import Expectations, TrafficSnapshot, take_snapshot
+from dispatcher_daemon.traffic.snapshot import Expectations, TrafficSnapshot, traffic_by
 from slipstream.errors import InputError
 from slipstream.messages import CycleReport, SegmentState, VehiclePlan
 from slipstream.roads import RoadNetwork
@@ -104,14 +103,8 @@ def plan(task: SolveTask) -> bytes:
     """
     settings = task.settings
     network, snapshot = traffic_on(settings, task.roads, task.states, task.learned, task.now_ns)
-    cycle = Cycle(
-        routing_problem(network, task.fleet, settings),
-        snapshot,
-        settings,
-        0,
-        task.now_ns,
-        task.seed,
-    )
+    problem = routing_problem(network, task.fleet, settings)
+    cycle = cycle_of(problem, snapshot, settings, seed=task.seed)
     solvers = configured_solvers(settings)
     for solver in solvers:
         solver.warm_up()
@@ -142,15 +135,7 @@ def traffic_on(
         _network.cache_clear()
         problem = "the file has changed since the dispatcher read it"
         raise InputError(settings.network, problem, "restart the dispatcher")
-    snapshot = take_snapshot(
-        network,
-        states,
-        now_ns,
-        stale_after_s=settings.stale_after_s,
-        future_tolerance_s=settings.future_tolerance_s,
-        stops_at_signals=settings.stops_at_signals,
-    )
-    return network, learned.onto(snapshot)
+    return network, learned.onto(traffic_by(settings, network, states, now_ns))
 
 
 @lru_cache(maxsize=1)

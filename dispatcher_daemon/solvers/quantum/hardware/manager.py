@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -141,8 +142,8 @@ def device_kind(backend: str) -> DeviceKind:
 
 def open_job_manager(
     settings: DispatcherSettings, solve: Solve, store: JobStore
-) -> JobManager | None:
-    """The job manager of the configured device; None where there is none.
+) -> JobManager | nullcontext[None]:
+    """The job manager of the configured device, not started; of None where there is none.
 
     Args:
         solve: solver pool.
@@ -153,7 +154,7 @@ def open_job_manager(
     """
     hardware = settings.hardware
     if not hardware.backend:
-        return None
+        return nullcontext()
     solver = make_solver(HARDWARE_SOLVER, settings)
     assert isinstance(solver, LcQaoaSolver)
     factory, kind = BackendServiceFactory(hardware.backend), device_kind(hardware.backend)

@@ -15,9 +15,15 @@ from typing import Any, Final
 import psutil
 
 from dispatcher_daemon.fleet import load_fleet
-from dispatcher_daemon.forms.problem import RoutingProblem
-from dispatcher_daemon.planning.cycle.cycle import run_cycle
-from dispatcher_daemon.planning.plans import Cycle, verify_plans
+from dispatcher_daemon.forms.problem import routing_problem
+from dispatcher_daemon.planning.plans import verify_plans
+from dispatcher_daemon.service.dispatcher import (
+    CycleOutcome,
+    CycleRunner,
+    PlanDelivery,
+    Surroundings,
+)
+from dispatcher_daemon.service.fleet_watch import FleetWatch
 from dispatcher_daemon.settings import DispatcherSettings, HardwareSettings, LcQaoaSettings
 from dispatcher_daemon.solvers.protocol import Outcome
 from dispatcher_daemon.solvers.quantum.hardware import JobManager
@@ -26,6 +32,8 @@ from dispatcher_daemon.solvers.quantum.lc_qaoa import LcQaoaSolver
 from dispatcher_daemon.solvers.registry import configured_solvers
 from dispatcher_daemon.solvers.workers.pool import RESERVE, Job, Solve, SolverPool
 from dispatcher_daemon.traffic.snapshot import SegmentTraffic, TrafficSnapshot
+from slipstream.messages import Message
+from slipstream.roads import RoadNetwork
 from slipstream.sumo_net import load_network
 from slipstream_lab.benchmarks.quantum.ansatz_builder import AnsatzBuilder
 from slipstream_lab.benchmarks.quantum.faulty_service import (
@@ -84,6 +92,17 @@ class Timed:
         return outcomes
 
 
+class _Nobody:
+    """A bus that nobody listens to."""
+
+    def publisher(self, key: str) -> _Nobody:
+        """Of any key."""
+        return self
+
+    def put(self, message: Message | bytes) -> None:
+        """Publish."""
+
+
 class Harness:
     """Everything around the cycles; job manager and database can be torn down and opened again."""
 
@@ -98,8 +117,8 @@ class Harness:
             solve = self._pool = SolverPool(configured_solvers(settings))
             self._pool.warm_up()
         self.inner = Timed(solve)
-        network = load_network("demo")
-        self.problem = RoutingProblem(network, load_fleet("demo", network))
+        self.network = load_network("demo")
+        self.fleet = load_fleet("demo", self.network)
         self._stack = ExitStack()
         self.open(warm=True)
 
@@ -121,8 +140,33 @@ class Harness:
         )
         manager = JobManager(self.inner, thread, hardware.wait_s, self.settings.deadline_s)
         self.manager = self._stack.enter_context(manager)
+        self.outer = Timed(self.manager)
+        watch = FleetWatch(
+            self.network,
+            self.database.load_fleet(time.time_ns()),
+            time.time_ns(),
+            time.time_ns,
+            lambda _: None,
+        )
+        self._runner = CycleRunner(
+            self.settings,
+            watch,
+            PlanDelivery(_Nobody(), self.database, watch),
+            Surroundings(
+                lambda _: self.fleet,
+                lambda _: self._traffic,
+                lambda fleet: routing_problem(self.network, fleet, self.settings),
+                self.outer,
+            ),
+        )
         if warm:
             thread.warm.wait(60.0)
+
+    def run(self, number: int, traffic: TrafficSnapshot) -> CycleOutcome:
+        """One cycle in some traffic."""
+        self._traffic = traffic
+        self.manager.begin_cycle(number)
+        return self._runner.run(traffic.now_ns)
 
     def wait_for_pool(self) -> None:
         """Between cycles: a killed solver's successor gets time to start, as it has in service.
@@ -214,33 +258,32 @@ def _kill_worker(path: Path, killed: list[int]) -> None:
 def _cycle(harness: Harness, number: int, rng: random.Random) -> dict[str, Any]:
     """Run a cycle; its record."""
     broken = []
-    snapshot = _traffic(harness.problem, rng)
+    snapshot = _traffic(harness.network, rng)
     kills, after_s = rng.random() * KILL_WORKER_EVERY < 1, rng.uniform(0.0, 0.5)
     killed: list[int] = []
     killer = threading.Timer(after_s, _kill_worker, (harness.records.path, killed))
     if kills:
         killer.start()
-    outer = Timed(harness.manager)
     began = time.monotonic()
-    harness.manager.begin_cycle(number)
-    cycle = Cycle(harness.problem, snapshot, harness.settings, number, snapshot.now_ns, seed=number)
-    done = run_cycle(cycle, outer)
-    harness.database.record_cycle(done.report, done.plans, snapshot.states)
+    outcome = harness.run(number, snapshot)
+    done = outcome.planned
     wall_s = time.monotonic() - began
-    settings, pool_s = harness.settings, harness.inner.wall_s
+    settings, pool_s, solved_s = harness.settings, harness.inner.wall_s, harness.outer.wall_s
     may_wait_s = min(pool_s + settings.hardware.wait_s, (1 - RESERVE) * settings.deadline_s)
-    beyond_s = outer.wall_s - max(pool_s, may_wait_s)
+    beyond_s = solved_s - max(pool_s, may_wait_s)
     if wall_s > settings.deadline_s:
         broken.append(
-            f"cycle {number} took {wall_s:.2f} s, {outer.wall_s:.2f} s of it to solve, "
+            f"cycle {number} took {wall_s:.2f} s, {solved_s:.2f} s of it to solve, "
             f"the pool {pool_s:.2f} s"
         )
     if not done.plans:
         broken.append(f"cycle {number} made no plan: {done.report.reason}")
+    if outcome.stored is None:
+        broken.append(f"cycle {number} was not stored")
     faults = verify_plans(
         done.plans,
-        harness.problem.network,
-        harness.problem.fleet,
+        harness.network,
+        harness.fleet,
         {name for name, traffic in snapshot.segments.items() if traffic.open},
         settings.sync_window_s,
         unserved={},
@@ -268,19 +311,17 @@ def _cycle(harness: Harness, number: int, rng: random.Random) -> dict[str, Any]:
     }
 
 
-def _traffic(problem: RoutingProblem, rng: random.Random) -> TrafficSnapshot:
+def _traffic(network: RoadNetwork, rng: random.Random) -> TrafficSnapshot:
     """Gates open and close, speeds go up and down: now and then other arcs are candidates."""
     seen = {}
     for name in ("avenue_east", "avenue_west"):
-        limit = problem.network.segments[name].speed_limit_mps
+        limit = network.segments[name].speed_limit_mps
         calm = rng.random() < 0.7
         speed = limit * (rng.choice((0.9, 1.0)) if calm else rng.choice((0.3, 0.5)))
         seen[name] = SegmentTraffic(
             name, speed, y_e=1 if calm else 0, open=calm, reason=None, age_s=1.0
         )
-    segments = {
-        s: SegmentTraffic(s, r.speed_limit_mps) for s, r in problem.network.segments.items()
-    }
+    segments = {s: SegmentTraffic(s, r.speed_limit_mps) for s, r in network.segments.items()}
     return TrafficSnapshot(time.time_ns(), segments | seen, ())
 
 

@@ -69,7 +69,9 @@ def undivided(city: Instance, seed: int) -> tuple[RouteProblem, nx.Graph]:
 def _whole(
     planner: Planner, itineraries: Sequence[Itinerary], seed: int
 ) -> tuple[RouteProblem, nx.Graph]:
-    meetings = Meetings(planner.shares, planner.sync_window_s, expected=planner.expected)
+    meetings = Meetings(
+        planner.book.shares, planner.book.sync_window_s, expected=planner.book.expected
+    )
     for itinerary in itineraries:
         meetings.add(itinerary.traversals)
     rng, most = np.random.default_rng(seed), CitySettings().options
@@ -77,9 +79,11 @@ def _whole(
         i.number: options_for(planner, i, itineraries, meetings, most, rng) for i in itineraries
     }
     names = {n: vehicle.id for n, vehicle in enumerate(planner.problem.fleet.vehicles)}
-    windows = [planner.window_s(n) for n in names]
+    windows = [planner.windows.of(n) for n in names]
     waits = [longest_wait_s(planner, itinerary) for itinerary in itineraries]
-    graph = opportunity_graph(itineraries, windows, waits, planner.shares, planner.sync_window_s)
+    graph = opportunity_graph(
+        itineraries, windows, waits, planner.book.shares, planner.book.sync_window_s
+    )
     return build_block(names, options, meetings).problem, nx.relabel_nodes(graph, names)
 
 

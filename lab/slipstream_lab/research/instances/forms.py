@@ -9,6 +9,7 @@ from typing import Final
 
 from dispatcher_daemon.planning import RouteForm, route_form, servable_part
 from dispatcher_daemon.planning.arc_form import ArcForm, arc_form, arc_form_obstacle
+from dispatcher_daemon.planning.cycle.cycle import cycle_of
 from dispatcher_daemon.planning.plans import Cycle
 from dispatcher_daemon.settings import DispatcherSettings
 from slipstream.errors import InputError
@@ -25,15 +26,8 @@ def instance_cycle(
     Args:
         settings: the instance's own Δt_sync takes the place of theirs.
     """
-    return Cycle(
-        instance.problem,
-        instance.snapshot,
-        settings.model_copy(update={"sync_window_s": instance.sync_window_s}),
-        number=0,
-        now_ns=instance.snapshot.now_ns,
-        seed=seed,
-        reference_delay_s=0.0,
-    )
+    settings = settings.model_copy(update={"sync_window_s": instance.sync_window_s})
+    return cycle_of(instance.problem, instance.snapshot, settings, seed=seed, reference_delay_s=0.0)
 
 
 def arc_form_of(

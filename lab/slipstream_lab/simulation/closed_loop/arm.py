@@ -171,6 +171,7 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
                 order.seed,
                 executor,
                 exchange.send_plan,
+                roadside,
                 history,
                 database,
                 order.prices,
@@ -202,7 +203,7 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
                     states = roadside.states
                     exchange.send_states(roadside.told)
                 if now_s % deliveries.settings.cycle_s == 0:
-                    dispatching.cycle(now_s, over.union(world.begun_s), roadside)
+                    dispatching.cycle(now_s, over.union(world.begun_s))
                 if now_s % CHECK_S == 0 and now_s > order.begin_s:
                     report_time(now_s)
                     if gridlock.update(now_s):

@@ -6,15 +6,16 @@ from collections.abc import Callable, Collection
 from concurrent.futures import Executor
 from dataclasses import replace
 from types import MappingProxyType
+from typing import Any
 
 from dispatcher_daemon.fleet import Fleet
-from dispatcher_daemon.fleet.learning import History
-from dispatcher_daemon.fleet.tracking import FleetTracker
+from dispatcher_daemon.fleet.learning import HOUR_NS, History, Learned, Learning
 from dispatcher_daemon.forms.problem import RoutingProblem
-from dispatcher_daemon.planning.cycle.cycle import cycle_seed, run_cycle
-from dispatcher_daemon.planning.plans import Cycle
+from dispatcher_daemon.service.dispatcher import CycleRunner, PlanDelivery, Surroundings
+from dispatcher_daemon.service.fleet_watch import FleetWatch
 from dispatcher_daemon.settings import AdviceSettings, DispatcherSettings
-from dispatcher_daemon.traffic.snapshot import Expectations, TrafficSnapshot, take_snapshot
+from dispatcher_daemon.traffic.snapshot import TrafficSnapshot, take_snapshot
+from slipstream.errors import InputError
 from slipstream.messages import (
     Message,
     PlanAcknowledgement,
@@ -22,6 +23,7 @@ from slipstream.messages import (
     VehiclePosition,
     VehicleProgress,
 )
+from slipstream.orders import FleetRecords
 from slipstream.roads import RoadNetwork
 from slipstream_lab.simulation.closed_loop.dispatch_settings import (
     DEFAULT_TIME_WORTH_KW,
@@ -33,12 +35,12 @@ from slipstream_lab.simulation.closed_loop.planned_platoons import PlannedPlatoo
 from slipstream_lab.simulation.closed_loop.policy import AS_DRIVING, Policy, WaitingPrices
 from slipstream_lab.simulation.closed_loop.record import CycleRecord
 from slipstream_lab.simulation.scenarios.demand import Deliveries, fleet_at
-from storage import Database
+from storage import Database, StorageError
 from vehicle_agent.signals import DepartureSettings
 
 
 class Dispatching:
-    """The real dispatcher's cycle and fleet tracking, called in this process.
+    """The real dispatcher's cycles and fleet, in this process and by the simulation's clock.
 
     Args:
         deliveries: orders and vehicles of the day.
@@ -47,6 +49,7 @@ class Dispatching:
         seed: of the searches.
         executor: runs the search for base routes.
         send: takes each plan that goes out.
+        roadside: has the RSUs' reports.
         history: what movements cost on another day; for the lever "routes" alone.
         database: takes cycles, plans and the energy ledger; None: they are not stored.
         prices: of waiting for other vehicles.
@@ -60,86 +63,78 @@ class Dispatching:
         seed: int,
         executor: Executor,
         send: Callable[[VehiclePlan], None],
+        roadside: Roadside,
         history: History | None = None,
         database: Database | None = None,
         prices: WaitingPrices = AS_DRIVING,
     ) -> None:
-        self._database, self._prices = database, prices
-        self._deliveries, self._network = deliveries, network
-        self._policy, self._seed, self._executor, self._send = policy, seed, executor, send
-        self._history = history if "routes" in policy.levers else None
-        self.time_worth_kw = 0.0 if self._history is None else self._history.time_worth_kw(network)
-        self._expected: tuple[int, Expectations] | None = None
-        self._settings = settings_of(policy, self.time_worth_kw or DEFAULT_TIME_WORTH_KW)
-        self._solve = evaluation_solve(self._settings)
-        self._tracker = FleetTracker(network)
-        self._platoons = PlannedPlatoons()
-        self._number = 0
+        self._deliveries, self._network, self._roadside = deliveries, network, roadside
+        self._policy, self._prices = policy, prices
+        history = history if "routes" in policy.levers else None
+        self.time_worth_kw = 0.0 if history is None else history.time_worth_kw(network)
+        settings = settings_of(policy, self.time_worth_kw or DEFAULT_TIME_WORTH_KW, seed)
+        self._gap_m = settings.gap_m
+        self._now_ns = 0
+        self._over: Collection[str] = ()
+        self._sent = _Sent(send)
+        self._watch = FleetWatch(
+            network,
+            FleetRecords(),
+            0,
+            lambda: self._now_ns,
+            _refuse,
+            learning=_AnotherDay(history, network),
+        )
+        self._delivery = PlanDelivery(self._sent, _Store(database), self._watch)
+        self._runner = CycleRunner(
+            settings,
+            self._watch,
+            self._delivery,
+            Surroundings(
+                self._listed,
+                self.snapshot,
+                self._problem,
+                evaluation_solve(settings),
+                executor,
+            ),
+            reference_delay_s=0.0,
+            # Its problem is the policy's, which settings do not say all of.
+            keep_inputs=False,
+        )
         self.cycles: list[CycleRecord] = []
 
     def receive(self, message: Message) -> None:
         """Take in what a vehicle sends to the dispatcher."""
-        match message:
-            case VehiclePosition():
-                self._tracker.on_position(message, message.time_ns)
-            case PlanAcknowledgement():
-                self._tracker.on_acknowledgement(message, message.time_ns)
-            case VehicleProgress():
-                self._tracker.on_progress(message, message.time_ns)
+        if isinstance(message, VehiclePosition | PlanAcknowledgement | VehicleProgress):
+            self._now_ns = message.time_ns
+            self._watch.take(message, message.vehicle)
 
-    def cycle(self, now_s: float, over: Collection[str], roadside: Roadside) -> None:
+    def cycle(self, now_s: float, over: Collection[str]) -> None:
         """Plan the released orders and the vehicles from where they are; the plans go out.
 
         Args:
             now_s: since midnight.
             over: orders that are, or are being, served, and those that do not count.
-            roadside: has the RSUs' reports.
         """
-        everybody = dict.fromkeys(self._deliveries.vehicles, now_s)
-        fleet = fleet_at(self._deliveries, now_s, everybody, over)
-        number, now_ns = self._number, round(now_s * 1e9)
-        self._number += 1
-        self._tracker.list_fleet(fleet, now_ns)
-        situation = self._tracker.situation(fleet, number, now_ns, 0.0)
-        if situation.fleet is None:
+        self._now_ns, self._over = round(now_s * 1e9), over
+        platoons, roadside = self._sent.platoons, self._roadside
+        planned_m, saved_kwh = platoons.planned_m, platoons.saved_kwh
+        self._sent.begun.clear()
+        outcome = self._runner.run(self._now_ns)
+        if outcome.error is not None:
+            raise outcome.error
+        self._check_stored()
+        if outcome.planned.problem is None:
             return
-        snapshot = self.snapshot(now_s, roadside)
-        cycle = Cycle(
-            self._problem(situation.fleet),
-            snapshot,
-            self._settings,
-            number,
-            now_ns,
-            cycle_seed(self._seed, number),
-            reference_delay_s=0.0,
-            commitments=situation.commitments,
-            on_road=situation.on_road,
-        )
-        result = run_cycle(cycle, self._solve, self._executor)
-        plans = self._tracker.admissible(result.plans)
-        stops = situation.fleet.stop_by_id
-        self._tracker.publish(plans, stops, now_ns, now_ns, result.energies)
-        if self._database is not None:
-            report = result.report.model_copy(update={"plans": len(plans)})
-            records = self._tracker.pending_records()
-            self._database.record_cycle(
-                report, plans, snapshot.states, records, energies=result.energies
-            )
-            self._tracker.stored()
-        planned_m, saved_kwh = self._platoons.planned_m, self._platoons.saved_kwh
-        for plan in plans:
-            self._platoons.add(plan, now_ns)
-            self._send(plan)
         open_, judged, turbulent = roadside.open, roadside.judged, roadside.is_turbulent
-        begun = [plan for plan in plans if plan.continues is None]
         self.cycles.append(
             CycleRecord(
                 time_s=now_s,
-                status=result.report.status,
-                vehicles=len(begun),
-                planned_kwh=sum(plan.energy_kwh for plan in begun),
-                planned_platooned_m=self._platoons.planned_m - planned_m,
-                planned_drafting_kwh=self._platoons.saved_kwh - saved_kwh,
+                status=outcome.planned.report.status,
+                vehicles=len(self._sent.begun),
+                planned_kwh=sum(plan.energy_kwh for plan in self._sent.begun),
+                planned_platooned_m=platoons.planned_m - planned_m,
+                planned_drafting_kwh=platoons.saved_kwh - saved_kwh,
                 open=len(open_ & judged),
                 judged=len(judged),
                 watched=len(roadside.watched),
@@ -149,25 +144,29 @@ class Dispatching:
 
     def close(self, now_s: float) -> None:
         """Store what was driven since the last cycle."""
-        if self._database is not None:
-            now_ns = round(now_s * 1e9)
-            self._tracker.publish((), {}, now_ns, now_ns)
-            self._database.save_fleet(self._tracker.pending_records())
-            self._tracker.stored()
+        self._now_ns = round(now_s * 1e9)
+        self._delivery.store_fleet(self._now_ns)
+        self._check_stored()
 
-    def snapshot(self, now_s: float, roadside: Roadside) -> TrafficSnapshot:
+    def _check_stored(self) -> None:
+        if self._delivery.unstored is not None:
+            raise StorageError(self._delivery.unstored)
+
+    def _listed(self, now_ns: int) -> Fleet | None:
+        now_s = now_ns / 1e9
+        everybody = dict.fromkeys(self._deliveries.vehicles, now_s)
+        return fleet_at(self._deliveries, now_s, everybody, self._over)
+
+    def snapshot(self, now_ns: int) -> TrafficSnapshot:
         """The traffic as the dispatcher knows it; all gates closed where it may not platoon."""
         snapshot = take_snapshot(
-            self._network,
-            roadside.states,
-            round(now_s * 1e9),
-            stale_after_s=1.5 * WINDOW_S,
+            self._network, self._roadside.states, now_ns, stale_after_s=1.5 * WINDOW_S
         )
         if "platoons" not in self._policy.levers:
-            snapshot = with_gates(snapshot, frozenset())
-        elif self._policy.gating != "rsu":
-            snapshot = with_gates(snapshot, roadside.open)
-        return replace(snapshot, expected=self._expectations(now_s))
+            return with_gates(snapshot, frozenset())
+        return (
+            snapshot if self._policy.gating == "rsu" else with_gates(snapshot, self._roadside.open)
+        )
 
     @property
     def waiting_worth_kw(self) -> float:
@@ -186,20 +185,81 @@ class Dispatching:
             price_of_time_kw=self.time_worth_kw,
             price_of_waiting_kw=self.waiting_worth_kw,
             standing_kw=self._prices.standing_kw,
-            advised_gap_m=self._settings.gap_m,
+            advised_gap_m=self._gap_m,
             drafting="expected",
         )
 
-    def _expectations(self, now_s: float) -> Expectations | None:
-        if self._history is None:
-            return None
-        hour = int(now_s // 3600)
-        if self._expected is None or self._expected[0] != hour:
-            self._expected = hour, self._history.expectations(self._network, hour)
-        return self._expected[1]
+
+class _AnotherDay(Learning):
+    """What movements cost on another day, if it is known; nothing is learned on this one."""
+
+    def __init__(self, history: History | None, network: RoadNetwork) -> None:
+        super().__init__(network, FleetRecords())
+        self._history, self._network = history, network
+        self._of_hour: tuple[int, Learned] = -1, Learned()
+
+    def on_position(self, position: VehiclePosition) -> None:
+        """It teaches nothing."""
+
+    def on_traffic(self, snapshot: TrafficSnapshot) -> None:
+        """It teaches nothing."""
+
+    def learned(self, now_ns: int) -> Learned:
+        """Of the hour."""
+        hour = now_ns // HOUR_NS
+        if self._history is not None and self._of_hour[0] != hour:
+            expected = self._history.expectations(self._network, hour)
+            self._of_hour = hour, Learned(expected=expected)
+        return self._of_hour[1]
 
 
-def settings_of(policy: Policy, value_of_time_kw: float) -> DispatcherSettings:
+class _Sent:
+    """A bus whose plans are vehicles' at once, which counts their platoons."""
+
+    def __init__(self, send: Callable[[VehiclePlan], None]) -> None:
+        self._send = send
+        self.platoons = PlannedPlatoons()
+        self.begun: list[VehiclePlan] = []
+
+    def publisher(self, key: str) -> _Sent:
+        """Of any key."""
+        return self
+
+    def put(self, message: Message | bytes) -> None:
+        """Give a plan to its vehicle; nobody else listens."""
+        if isinstance(message, VehiclePlan):
+            self.platoons.add(message, message.issued_ns)
+            if message.continues is None:
+                self.begun.append(message)
+            self._send(message)
+
+
+class _Store:
+    """An arm's database, if it has one; cycles count from 0 in each."""
+
+    def __init__(self, database: Database | None) -> None:
+        self._database = database
+
+    def next_cycle_number(self) -> int:
+        """Of an arm's first cycle."""
+        return 0
+
+    def record_cycle(self, *cycle: Any) -> None:
+        """Store one cycle."""
+        if self._database is not None:
+            self._database.record_cycle(*cycle)
+
+    def save_fleet(self, records: FleetRecords) -> None:
+        """Store what has changed beside a cycle."""
+        if self._database is not None:
+            self._database.save_fleet(records)
+
+
+def _refuse(error: InputError) -> None:
+    raise error
+
+
+def settings_of(policy: Policy, value_of_time_kw: float, seed: int) -> DispatcherSettings:
     """The dispatcher's settings in an arm."""
     levers = policy.levers
     advice = AdviceSettings(
@@ -209,7 +269,8 @@ def settings_of(policy: Policy, value_of_time_kw: float) -> DispatcherSettings:
         departure_window_s=DepartureSettings().window_s if "departures" in levers else 0.0,
         value_of_time_kw=value_of_time_kw,
     )
-    return evaluation_settings(solver=policy.solver).model_copy(update={"advice": advice})
+    settings = evaluation_settings(solver=policy.solver)
+    return settings.model_copy(update={"advice": advice, "seed": seed})
 
 
 def with_gates(snapshot: TrafficSnapshot, open_: frozenset[str]) -> TrafficSnapshot:

@@ -16,8 +16,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from dispatcher_daemon.forms.problem import RoutingProblem
-from dispatcher_daemon.planning.cycle.cycle import cycle_seed, run_cycle
-from dispatcher_daemon.planning.plans import Cycle
+from dispatcher_daemon.planning.cycle.cycle import cycle_of, run_cycle
 from dispatcher_daemon.planning.platooning import on_road
 from dispatcher_daemon.settings import DispatcherSettings
 from slipstream.drive import DrivingStyle, plan_drive
@@ -114,11 +113,11 @@ def exogenous_day(
     Raises:
         InputError: the scenario's fleet does not fit its network.
     """
-    settings = settings or evaluation_settings()
+    settings = (settings or evaluation_settings()).model_copy(update={"seed": seed})
     deliveries = draw_deliveries(scenario.fleet, scenario.network, seed, scenario.name)
     keep_s = {rsu.id: rsu.keep_s for rsu in scenario.rsus or ()}
     roadside = Roadside(recorded, scenario.network, policy, seed, keep_s)
-    day = _FleetDay(Tours(deliveries, scenario.network), roadside, settings, seed)
+    day = _FleetDay(Tours(deliveries, scenario.network), roadside, settings)
     begin_s = recorded.traffic.begin_s
     end_s = recorded.end_s if end_s is None else end_s
     day.run(begin_s, end_s, recorded.end_s, progress)
@@ -154,7 +153,6 @@ class _FleetDay:
     tours: Tours
     roadside: Roadside
     settings: DispatcherSettings
-    seed: int
     legs: list[RecordedLeg] = field(default_factory=list)
     cycles: list[CycleRecord] = field(default_factory=list)
     _under_way: list[tuple[float, str, RecordedLeg]] = field(default_factory=list)
@@ -175,21 +173,20 @@ class _FleetDay:
             fleet = fleet_at(deliveries, now_s, idle, tours.taken)
             if fleet is not None:
                 number, snapshot = len(self.cycles), self.roadside.snapshot(now_s)
-                cycle = Cycle(
-                    RoutingProblem(
-                        tours.network,
-                        fleet,
-                        style=_STYLE,
-                        objective="paper",
-                        price_of_waiting_kw=DEFAULT_TIME_WORTH_KW,
-                    ),
+                problem = RoutingProblem(
+                    tours.network,
+                    fleet,
+                    style=_STYLE,
+                    objective="paper",
+                    price_of_waiting_kw=DEFAULT_TIME_WORTH_KW,
+                )
+                cycle = cycle_of(
+                    problem,
                     snapshot,
                     self.settings,
                     number,
-                    snapshot.now_ns,
-                    cycle_seed(self.seed, number),
                     reference_delay_s=0.0,
-                    on_road=tuple(on_road(tours.plans(), snapshot.now_ns, tours.late_s())),
+                    on_road=on_road(tours.plans(), snapshot.now_ns, tours.late_s()),
                 )
                 result = run_cycle(cycle, solve)
                 for plan in result.plans:

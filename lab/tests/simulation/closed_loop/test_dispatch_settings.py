@@ -7,15 +7,15 @@ from dataclasses import replace
 
 import pytest
 
-from dispatcher_daemon.planning.cycle.cycle import run_cycle
+from dispatcher_daemon.planning.cycle.cycle import cycle_of, run_cycle
 from dispatcher_daemon.planning.plans.candidates import Cycle
 from slipstream_lab.research.cities.generator import CityShape, generate_city
-from slipstream_lab.simulation.closed_loop import dispatching
 from slipstream_lab.simulation.closed_loop.dispatch_settings import (
     DEFAULT_TIME_WORTH_KW,
     evaluation_settings,
     evaluation_solve,
 )
+from slipstream_lab.simulation.closed_loop.dispatching import Dispatching
 from slipstream_lab.simulation.closed_loop.gates import Roadside
 from slipstream_lab.simulation.closed_loop.policy import AS_DRIVING, Policy, WaitingPrices
 from slipstream_lab.simulation.scenarios.demand import draw_deliveries
@@ -33,13 +33,12 @@ def test_cycles_are_the_same_again_and_leave_at_once() -> None:
         with ThreadPoolExecutor(1) as executor:
             results.append(
                 run_cycle(
-                    Cycle(
+                    cycle_of(
                         city.problem,
                         replace(city.snapshot, now_ns=10**9),
                         evaluation_settings(),
                         3,
-                        10**9,
-                        5,
+                        seed=5,
                         reference_delay_s=0.0,
                     ),
                     evaluation_solve(),
@@ -83,15 +82,22 @@ def test_what_waiting_costs_reaches_the_dispatcher(
         asked.append(cycle)
         raise _Asked
 
-    monkeypatch.setattr(dispatching, "run_cycle", ask)
+    monkeypatch.setattr("dispatcher_daemon.service.dispatcher.runner.run_cycle", ask)
     scenario = load_scenario("corridor")
     deliveries = draw_deliveries(scenario.fleet, scenario.network, 1)
     with ThreadPoolExecutor(1) as executor:
-        dispatcher = dispatching.Dispatching(
-            deliveries, scenario.network, Policy("C"), 1, executor, lambda _: None, prices=prices
+        dispatcher = Dispatching(
+            deliveries,
+            scenario.network,
+            Policy("C"),
+            1,
+            executor,
+            lambda _: None,
+            Roadside((), 1, 0.0, "rsu"),
+            prices=prices,
         )
         with pytest.raises(_Asked):
-            dispatcher.cycle(12 * 3600.0, (), Roadside((), 1, 0.0, "rsu"))
+            dispatcher.cycle(12 * 3600.0, ())
     (cycle,) = asked
     assert cycle.problem.price_of_waiting_kw == waiting_kw
     assert cycle.problem.price_of_standing_kw == standing_kw

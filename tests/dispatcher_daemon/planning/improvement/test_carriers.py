@@ -101,7 +101,7 @@ def test_who_leads_has_less_than_who_follows(town: Town) -> None:
     accounts.change(pair)
     gains = accounts.gains_kwh()
     assert 0 < 2 * gains["a"] < gains["b"]
-    meetings = planner.meetings()
+    meetings = planner.book.meetings()
     assert math.fsum(gains.values()) == pytest.approx(sum(meetings.add(i.traversals) for i in pair))
     accounts.change(base)
     assert list(accounts.gains_kwh().values()) == pytest.approx([0.0, 0.0], abs=1e-12)
@@ -385,7 +385,7 @@ def test_stops_are_exchanged_within_a_carrier(town: Town) -> None:
     )
     planner = planner_of(problem, snapshot)
     present = departing_when_ready(planner, {f"van-{n}": (f"s{n}",) for n in range(3)}, {})
-    meetings = planner.meetings()
+    meetings = planner.book.meetings()
     for itinerary in present:
         meetings.add(itinerary.traversals)
     found = best_exchanges(planner, present, meetings, 50, np.random.default_rng(1))

@@ -50,7 +50,7 @@ def planned(
 def test_who_can_wait_leaves_with_the_one_that_comes_later(town: Town) -> None:
     """One is ready 40 s later and cannot wait, the other can: it waits, and they drive together."""
     planner, (early, late) = planned(town, [{"depart_by_s": 100.0}, {"ready_s": 40.0}])
-    meetings = Meetings(planner.shares, 3.0)
+    meetings = Meetings(planner.book.shares, 3.0)
     meetings.add(late.traversals)
     found = meeting_departures(planner, early, encounters(planner, early, meetings))
     assert found[0] == pytest.approx(50.0)
@@ -58,7 +58,8 @@ def test_who_can_wait_leaves_with_the_one_that_comes_later(town: Town) -> None:
         alternatives(planner, early, meetings), key=lambda i: meetings.gain_kwh(i.traversals)
     )
     together = sum(
-        planner.shares[s].leader_kwh + planner.shares[s].follower_kwh for s in late.traversals
+        planner.book.shares[s].leader_kwh + planner.book.shares[s].follower_kwh
+        for s in late.traversals
     )
     assert meetings.gain_kwh(best.traversals) == pytest.approx(together)
 
@@ -71,11 +72,12 @@ def test_nobody_waits_for_what_is_worth_less_than_the_time(
     vans = [{"depart_by_s": 100.0}, {"ready_s": 40.0}]
     planner, (_, late) = planned(town, vans)
     gain = sum(
-        planner.shares[s].leader_kwh + planner.shares[s].follower_kwh for s in late.traversals
+        planner.book.shares[s].leader_kwh + planner.book.shares[s].follower_kwh
+        for s in late.traversals
     )
     planner, (early, late) = planned(town, vans, price_of_waiting_kw=share * gain * 3600 / 40)
     assert early.cost_kwh == sum(leg.cost_kwh for leg in planner.legs(0, early.stops) or ())
-    meetings = Meetings(planner.shares, 3.0)
+    meetings = Meetings(planner.book.shares, 3.0)
     meetings.add(late.traversals)
     best = best_departure(planner, early, meetings)
     assert (best.depart_s == pytest.approx(50.0)) == waits
@@ -85,7 +87,7 @@ def test_nobody_waits_for_what_is_worth_less_than_the_time(
 def test_departures_stay_within_the_window(town: Town) -> None:
     """Whom nobody can be met by within the window gets no departure; nor does one that is idle."""
     planner, (early, late) = planned(town, [{"depart_by_s": 39.9}, {"ready_s": 40.0}])
-    meetings = Meetings(planner.shares, 3.0)
+    meetings = Meetings(planner.book.shares, 3.0)
     meetings.add(late.traversals)
     assert meeting_departures(planner, early, encounters(planner, early, meetings)) == []
     assert list(alternatives(planner, planner.idle(0), meetings)) == []
@@ -95,7 +97,7 @@ def test_departures_are_apart_and_the_most_promising_comes_first(town: Town) -> 
     """Two that leave together outweigh one alone, and no two departures lie within the window."""
     vans = [{"depart_by_s": 200.0}, {"ready_s": 60.0}, {"ready_s": 120.0}, {"ready_s": 121.0}]
     planner, itineraries = planned(town, vans)
-    meetings = Meetings(planner.shares, 3.0)
+    meetings = Meetings(planner.book.shares, 3.0)
     for other in itineraries[1:]:
         meetings.add(other.traversals)
     found = meeting_departures(
@@ -127,7 +129,7 @@ def test_alternatives_that_would_miss_a_stop_s_window_are_left_out(town: Town) -
     )
     assert early.route is not None
     assert early.route.visits[1].arrival_s - early.depart_s > 70.0
-    meetings = Meetings(planner.shares, 3.0)
+    meetings = Meetings(planner.book.shares, 3.0)
     meetings.add(late.traversals)
     assert meeting_departures(planner, early, encounters(planner, early, meetings))
     others = list(alternatives(planner, early, meetings))
@@ -151,14 +153,16 @@ def to_and_fro(
 def test_a_van_waits_at_its_stop_to_drive_home_with_another(town: Town) -> None:
     """It leaves when the other does, 45 s later, and both save on each segment of the way home."""
     planner, first, second = to_and_fro(town)
-    meetings = planner.meetings()
+    meetings = planner.book.meetings()
     meetings.add(second.traversals)
     best = best_departure(planner, first, meetings)
     assert best.waits_s == pytest.approx([45.0])
     assert best.route is not None
     assert best.route.visits[1].departure_s == pytest.approx(best.route.visits[1].arrival_s + 65.0)
     home = best.route.legs[1].path
-    saved = sum(planner.shares[s].leader_kwh + planner.shares[s].follower_kwh for s in home)
+    saved = sum(
+        planner.book.shares[s].leader_kwh + planner.book.shares[s].follower_kwh for s in home
+    )
     assert meetings.gain_kwh(best.traversals) == pytest.approx(saved)
     assert best.cost_kwh == first.cost_kwh
 
@@ -171,16 +175,18 @@ def test_a_wait_on_the_way_costs_what_driving_time_costs(
     planner, first, _ = to_and_fro(town)
     assert first.route is not None
     home = first.route.legs[1].path
-    saved = sum(planner.shares[s].leader_kwh + planner.shares[s].follower_kwh for s in home)
+    saved = sum(
+        planner.book.shares[s].leader_kwh + planner.book.shares[s].follower_kwh for s in home
+    )
     planner, first, second = to_and_fro(town, share * saved * 3600 / 45.0)
-    meetings = planner.meetings()
+    meetings = planner.book.meetings()
     meetings.add(second.traversals)
     best = best_departure(planner, first, meetings)
     assert best.waits_s == pytest.approx([45.0 if waits else 0.0])
     if waits:
         assert best.cost_kwh - first.cost_kwh == pytest.approx(share * saved)
     assert longest_wait_s(planner, first) == pytest.approx(
-        sum(planner.shares[s].follower_kwh for s in home) / (share * saved) * 45.0
+        sum(planner.book.shares[s].follower_kwh for s in home) / (share * saved) * 45.0
     )
 
 
@@ -192,11 +198,13 @@ def test_a_wait_at_a_stop_may_have_a_price_of_its_own(
     planner, first, second = to_and_fro(town, price_kw=1e3)
     assert first.route is not None
     home = first.route.legs[1].path
-    saved = sum(planner.shares[s].leader_kwh + planner.shares[s].follower_kwh for s in home)
+    saved = sum(
+        planner.book.shares[s].leader_kwh + planner.book.shares[s].follower_kwh for s in home
+    )
     priced = replace(planner.problem, standing_kw=share * saved * 3600 / 45.0)
     assert (priced.price_of_standing_kw, priced.price_of_time_kw) == (priced.standing_kw, 1e3)
     planner = Planner(priced, planner.snapshot, planner.travels, 3.0, 10.0)
-    meetings = planner.meetings()
+    meetings = planner.book.meetings()
     meetings.add(second.traversals)
     best = best_departure(planner, first, meetings)
     assert best.waits_s == pytest.approx([45.0 if waits else 0.0])
@@ -220,7 +228,7 @@ def test_the_settings_price_of_a_wait_at_a_stop_reaches_the_planner(town: Town) 
 def test_the_paper_s_objective_has_no_waits_on_the_way(town: Town) -> None:
     """Its schedule manager shifts departures from depots only."""
     planner, first, second = to_and_fro(town, objective="paper")
-    meetings = planner.meetings()
+    meetings = planner.book.meetings()
     meetings.add(second.traversals)
     assert [i.waits_s for i in alternatives(planner, first, meetings)] == []
     assert longest_wait_s(planner, first) == 0.0
@@ -247,7 +255,7 @@ def test_a_wait_makes_no_stop_late_and_nobody_back_late(town: Town) -> None:
     assert on_time.waits_s == (10.0, 10.0)
     assert planner.itinerary(0, ("s0", "s1"), legs, None, (400.0, 0.0)) is None
     assert planner.itinerary(0, ("s0", "s1"), legs, None, (0.0, 600.0)) is None
-    meetings = planner.meetings()
+    meetings = planner.book.meetings()
     meetings.add(second.traversals)
     found = list(alternatives(planner, first, meetings))
     assert all(i.route is not None and i.route.visits[2].arrival_s <= 410.0 for i in found)
@@ -263,7 +271,7 @@ def test_greedy_scheduling_never_saves_less_and_keeps_routes(town: Town) -> None
     before, after = choice_of(planner, itineraries), choice_of(planner, moved)
     assert before.saving_kwh == 0
     one_platoon = sum(
-        planner.shares[s].leader_kwh + 3 * planner.shares[s].follower_kwh
+        planner.book.shares[s].leader_kwh + 3 * planner.book.shares[s].follower_kwh
         for s in moved[0].traversals
     )
     assert after.saving_kwh == pytest.approx(one_platoon)
@@ -302,12 +310,12 @@ def test_later_meetings_count_as_often_as_gates_are_open_at_the_hour(
     first, second = (planner.itinerary(n, (f"s{n}",), planner.legs(n, (f"s{n}",))) for n in (0, 1))
     assert first is not None
     assert second is not None
-    meetings = planner.meetings()
+    meetings = planner.book.meetings()
     meetings.add(second.traversals)
     best = best_departure(planner, first, meetings)
     assert (best.waits_s[0] > 0) == meet
     if meet:
-        shares = planner.shares
+        shares = planner.book.shares
         expected = sum(
             (shares[s].leader_kwh + shares[s].follower_kwh)
             * (usual_share + (open_now - usual_share) * math.exp(-passages[0][0] / PERSISTENCE_S))

@@ -29,7 +29,7 @@ def plan(
     ]
     problem, snapshot = town(stops, vans, seed=2)
     planner = Planner(problem, snapshot, [Travel(problem, roads_of(problem, snapshot))], 3.0)
-    meetings, present = Meetings(planner.shares, 3.0), []
+    meetings, present = Meetings(planner.book.shares, 3.0), []
     for n, route in enumerate(routes):
         itinerary = planner.itinerary(n, tuple(route), planner.legs(n, route))
         assert itinerary is not None
@@ -47,13 +47,13 @@ def test_crossed_routes_are_disentangled(town: Town) -> None:
     still served once, and the road is left as it was.
     """
     planner, present, meetings = plan(town, CROSSED, FREE, [0, 0, 0, 0])
-    before = {s: list(meetings.on(s)) for s in planner.shares}
+    before = {s: list(meetings.on(s)) for s in planner.book.shares}
     (best, *_) = best_exchanges(planner, present, meetings, 3, np.random.default_rng(1))
     assert {best[0].number, best[1].number} == {0, 1}
     assert sorted(best[0].stops + best[1].stops) == ["s0", "s1", "s2", "s3"]
     now = choice_of(planner, sorted(best, key=lambda i: i.number)).objective_kwh
     assert now < choice_of(planner, present).objective_kwh - 0.01
-    assert {s: list(meetings.on(s)) for s in planner.shares} == before
+    assert {s: list(meetings.on(s)) for s in planner.book.shares} == before
 
 
 def test_the_best_comes_first(town: Town) -> None:

@@ -89,7 +89,7 @@ def planned(
 def test_a_van_waits_at_a_hub_until_another_comes_by() -> None:
     """It pays for the stop and not for the time, and both save from there on."""
     planner, early, late = planned(problem())
-    meetings = planner.meetings()
+    meetings = planner.book.meetings()
     meetings.add(late.traversals)
     best = best_departure(planner, early, meetings)
     assert best.route is not None
@@ -97,7 +97,7 @@ def test_a_van_waits_at_a_hub_until_another_comes_by() -> None:
     hub = best.route.visits[1]
     # The other passes the hub at full speed, and this one starts from rest: it leaves before.
     assert APART_S - 60 < hub.wait_s < APART_S
-    shares = planner.shares["m-e"]
+    shares = planner.book.shares["m-e"]
     together = shares.leader_kwh + shares.follower_kwh
     # Both of them, and on the way home until they part.
     assert meetings.gain_kwh(best.traversals) >= together - 1e-9
@@ -111,7 +111,7 @@ def test_without_a_hub_on_its_way_nobody_waits(hubs: tuple[str, ...]) -> None:
     """A hub at the other depot would be a detour of 40 km; at its own stop a wait costs wages."""
     planner, early, late = planned(problem(hubs))
     assert list(over_hubs(planner, early)) == []
-    meetings = planner.meetings()
+    meetings = planner.book.meetings()
     meetings.add(late.traversals)
     assert best_departure(planner, early, meetings).key == early.key
 
@@ -121,7 +121,7 @@ def test_a_wait_that_is_paid_for_has_to_pay() -> None:
     found, snapshot = problem()
     dear = replace(found, price_of_waiting_kw=found.price_of_time_kw)
     planner, early, late = planned((dear, snapshot))
-    meetings = planner.meetings()
+    meetings = planner.book.meetings()
     meetings.add(late.traversals)
     assert best_departure(planner, early, meetings).key == early.key
 

@@ -29,7 +29,7 @@ def present_plan(town: Town, **first: object) -> tuple[Planner, list[Itinerary],
     roads = roads_of(problem, snapshot)
     lured = Travel(problem, roads, 0.5 * roads.cost_kwh * (np.arange(len(roads.ids)) % 2))
     planner = Planner(problem, snapshot, [Travel(problem, roads), lured], 3.0)
-    meetings, present = Meetings(planner.shares, 3.0), []
+    meetings, present = Meetings(planner.book.shares, 3.0), []
     for n in range(3):
         stops = (f"s{2 * n}", f"s{2 * n + 1}")
         itinerary = planner.itinerary(n, stops, planner.legs(n, stops))
@@ -45,16 +45,16 @@ def test_options_are_few_distinct_and_feasible(town: Town, seed: int) -> None:
     over the same stops, within its window; the road is left as it was.
     """
     planner, present, meetings = present_plan(town)
-    before = {s: list(meetings.on(s)) for s in planner.shares}
+    before = {s: list(meetings.on(s)) for s in planner.book.shares}
     options = options_for(planner, present[0], present, meetings, 5, np.random.default_rng(seed))
     assert options[0] is present[0]
     assert 2 <= len(options) <= 5
     assert len({option.key for option in options}) == len(options)
-    low, high = planner.window_s(0)
+    low, high = planner.windows.of(0)
     for option in options:
         assert (option.number, set(option.stops)) == (0, {"s0", "s1"})
         assert low - 1e-9 <= option.depart_s <= high + 1e-9
-    assert {s: list(meetings.on(s)) for s in planner.shares} == before
+    assert {s: list(meetings.on(s)) for s in planner.book.shares} == before
 
 
 def test_the_best_answer_to_the_others_is_among_the_options(town: Town) -> None:
@@ -94,7 +94,7 @@ def test_vehicles_that_can_only_meet_if_both_move_get_the_departure_for_it(town:
     vans = [{"depart_by_s": 120.0}, {"ready_s": 30.0, "depart_by_s": 150.0}]
     problem, snapshot = town(["33", "33"], vans)
     planner = Planner(problem, snapshot, [Travel(problem, roads_of(problem, snapshot))], 3.0)
-    meetings, present = Meetings(planner.shares, 3.0), []
+    meetings, present = Meetings(planner.book.shares, 3.0), []
     for n, depart_s in enumerate((0.0, 150.0)):
         itinerary = planner.itinerary(n, (f"s{n}",), planner.legs(n, (f"s{n}",)), depart_s)
         assert itinerary is not None

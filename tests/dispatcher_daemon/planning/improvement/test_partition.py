@@ -29,9 +29,9 @@ def graph_of(
         itinerary = planner.itinerary(n, visits, planner.legs(n, visits))
         assert itinerary is not None
         present.append(itinerary)
-    windows = [planner.window_s(n) for n in range(len(present))]
+    windows = [planner.windows.of(n) for n in range(len(present))]
     waits = [longest_wait_s(planner, itinerary) for itinerary in present]
-    return opportunity_graph(present, windows, waits, planner.shares, 3.0), planner, present
+    return opportunity_graph(present, windows, waits, planner.book.shares, 3.0), planner, present
 
 
 def test_an_edge_weighs_what_two_vans_could_save(town: Town) -> None:
@@ -39,7 +39,7 @@ def test_an_edge_weighs_what_two_vans_could_save(town: Town) -> None:
     windows = [{"depart_by_s": 60.0}, {"ready_s": 62.0, "depart_by_s": 90.0}]
     graph, planner, (first, second) = graph_of(town, ["33", "33"], windows)
     shared = set(first.traversals) & set(second.traversals)
-    shares = [planner.shares[s] for s in shared]
+    shares = [planner.book.shares[s] for s in shared]
     assert len(shared) == len(first.traversals)
     assert graph.edges[0, 1]["weight"] == pytest.approx(
         sum(s.leader_kwh + s.follower_kwh for s in shares)
@@ -60,7 +60,9 @@ def test_a_wait_at_a_stop_brings_vans_together_on_the_way_home(town: Town) -> No
     graph, planner, present = graph_of(town, ["33", "33"], [{}, {"ready_s": 63.1}])
     assert present[0].route is not None
     home = present[0].route.legs[1].path
-    saved = sum(planner.shares[s].leader_kwh + planner.shares[s].follower_kwh for s in home)
+    saved = sum(
+        planner.book.shares[s].leader_kwh + planner.book.shares[s].follower_kwh for s in home
+    )
     assert graph.edges[0, 1]["weight"] == pytest.approx(saved)
 
 

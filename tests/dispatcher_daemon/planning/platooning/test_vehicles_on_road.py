@@ -148,8 +148,8 @@ def test_those_on_the_road_are_on_the_roads(city: Instance, sent: tuple[VehicleP
     """A cycle's roads begin with them, under numbers that no vehicle of its fleet has."""
     users = on_road(sent, 0)
     planner = Planner(city.problem, city.snapshot, [], 3.0, on_road=(*users, *users))
-    (one, two) = planner.on_road[0], planner.on_road[len(users)]
-    meetings = planner.meetings()
+    (one, two) = planner.book.on_road[0], planner.book.on_road[len(users)]
+    meetings = planner.book.meetings()
     # Everybody is there twice, so that they platoon; one less saves less, and the gain comes back.
     lost = meetings.remove(two)
     assert lost < 0.0

@@ -13,7 +13,8 @@ from dispatcher_daemon.planning.roads.arrays import roads_of
 from dispatcher_daemon.planning.roads.routes import Route, StopVisit
 from dispatcher_daemon.planning.roads.travel import Travel
 from dispatcher_daemon.planning.routes.continuing import planned_waits_s
-from dispatcher_daemon.planning.routes.itineraries import MAX_WAIT_S, Planner
+from dispatcher_daemon.planning.routes.itineraries import Planner
+from dispatcher_daemon.planning.routes.windows import MAX_WAIT_S
 from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
 from slipstream.messages import PlannedStop, VehiclePlan
 
@@ -69,7 +70,7 @@ def standing(
 def test_a_wait_goes_on_in_a_plan_that_is_out_before_it_ends(town: Town) -> None:
     """It leaves in 8 s and has its new plan before: without the wait it would leave at once."""
     planner = standing(town(["33"], [{}]), ends_s=-300.0, departs_s=8.0, fixed=True)
-    assert planner.window_s(0) == (8.0, 8.0)
+    assert planner.windows.of(0) == (8.0, 8.0)
     itinerary = planner.itinerary(0, ("s0",), planner.legs(0, ("s0",)))
     assert itinerary is not None
     assert itinerary.route is not None
@@ -85,7 +86,7 @@ def test_who_stands_may_stay_until_ten_minutes_after_service(
 ) -> None:
     """And as long as planned; it leaves no sooner than its new plan is out, or service ends."""
     planner = standing(town(["33"], [{}]), ends_s=ends_s, departs_s=60.0, fixed=False)
-    assert planner.window_s(0) == pytest.approx((max(REFERENCE_S, ends_s), last_s))
+    assert planner.windows.of(0) == pytest.approx((max(REFERENCE_S, ends_s), last_s))
     at_once = planner.itinerary(0, ("s0",), planner.legs(0, ("s0",)))
     assert at_once is not None
     assert at_once.depart_s == pytest.approx(max(REFERENCE_S, ends_s))

@@ -28,7 +28,7 @@ def test_departure_windows_count_from_the_reference_time(town: Town) -> None:
     planner = planner_of(
         town(["33"], [{}, {"ready_s": 5.0}, {"ready_s": 5.0, "depart_by_s": 65.0}])
     )
-    assert [planner.window_s(n) for n in range(3)] == [(10.0, 10.0), (15.0, 15.0), (15.0, 75.0)]
+    assert [planner.windows.of(n) for n in range(3)] == [(10.0, 10.0), (15.0, 15.0), (15.0, 75.0)]
 
 
 def test_an_itinerary_costs_its_legs_and_passes_what_it_drives(town: Town) -> None:

@@ -102,8 +102,8 @@ def test_a_platoon_saves_by_the_types_of_leader_and_followers(town: Town) -> Non
     problem, snapshot = small(town)
     mixed = with_types(problem, None, "truck_40t")
     planner = Planner(mixed, snapshot, [], 3.0)
-    assert isinstance(planner.meetings(), Meetings)
-    segment = next(iter(planner.shares))
+    assert isinstance(planner.book.meetings(), Meetings)
+    segment = next(iter(planner.book.shares))
     length = mixed.network.segments[segment].length_m
     speed = snapshot.segments[segment].speed_mps
     car, truck = (mixed.profile_of(v) for v in mixed.fleet.vehicles[:2])
@@ -112,7 +112,7 @@ def test_a_platoon_saves_by_the_types_of_leader_and_followers(town: Town) -> Non
         physics = car.physics if profile is car else truck.physics
         return drag_saving_kwh(length, min(speed, 25.0), eta, physics)
 
-    meetings = planner.meetings()
+    meetings = planner.book.meetings()
     meetings.add({segment: [(0.0, 50.0, (0,))]})
     gain = meetings.add({segment: [(1.0, 51.0, (1,))]})
     close = reductions_at("truck", 9.144)
@@ -126,7 +126,7 @@ def test_a_platoon_saves_by_the_types_of_leader_and_followers(town: Town) -> Non
     before = saved(truck, close.leader)
     after = saved(truck, close.middle) + saved(car, ETA_LEADER)
     assert gain == pytest.approx(after - before)
-    assert planner.shares == open_shares(mixed, snapshot, car)
+    assert planner.book.shares == open_shares(mixed, snapshot, car)
 
 
 def test_energies_of_a_route_are_those_of_its_vehicle(town: Town) -> None:

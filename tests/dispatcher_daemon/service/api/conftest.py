@@ -141,14 +141,15 @@ def serve(
             )
             reader = stack.enter_context(open_reader(url))
             watch = dispatcher.fleet_watch
-            watched = AlarmSource(
-                dispatcher,
-                settings,
-                demo.network,
-                SilentBus(),
-                database,
-                server.events.publish,
-                lambda names: None,
+            watched = stack.enter_context(
+                AlarmSource(
+                    dispatcher,
+                    settings,
+                    demo.network,
+                    SilentBus(),
+                    database,
+                    server.events.publish,
+                )
             )
             values: dict[str, Any] = {
                 "settings": settings,

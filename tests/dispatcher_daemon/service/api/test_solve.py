@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
+from dispatcher_daemon.fleet.learning import Learned
 from dispatcher_daemon.forms.problem import RoutingProblem
 from dispatcher_daemon.service.api.solving import FullError, SolveJobs, jobs
 from dispatcher_daemon.service.api.solving.worker import SolveTask, plan
-from dispatcher_daemon.service.fleet_watch import Learned
 from dispatcher_daemon.settings import DispatcherSettings
 from slipstream.errors import InputError
 

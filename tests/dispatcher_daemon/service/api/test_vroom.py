@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
+from dispatcher_daemon.fleet.learning import Learned
 from dispatcher_daemon.service.api.solving import Job, vroom
-from dispatcher_daemon.service.fleet_watch import Learned
 from dispatcher_daemon.settings import DispatcherSettings
 from slipstream.errors import InputError
 

@@ -30,7 +30,7 @@ def watched(demo: RoutingProblem) -> tuple[Log, Dispatcher, AlarmSource, list[tu
     def announce(kind: str, value: Any) -> None:
         told.append((kind, value))
 
-    source = AlarmSource(dispatcher, SETTINGS, demo.network, log, log, announce, lambda names: None)
+    source = AlarmSource(dispatcher, SETTINGS, demo.network, log, log, announce)
     return log, dispatcher, source, told
 
 
@@ -64,7 +64,7 @@ def test_a_cycle_that_fails_and_a_pause_are_told(
         raise ValueError("boom")
 
     with monkeypatch.context() as patch:
-        patch.setattr("dispatcher_daemon.service.dispatcher.dispatcher.run_cycle", broken)
+        patch.setattr("dispatcher_daemon.service.dispatcher.runner.run_cycle", broken)
         dispatcher.run_cycle()
     source.update()
     assert kinds(log) == ["cycle_failed"]

@@ -196,7 +196,7 @@ def test_an_insertion_that_takes_too_long_is_dropped(
         desk.dispatcher.run_cycle()
         desk.intake.submit([request("o", node="02")])
         with monkeypatch.context() as patch:
-            patch.setattr("dispatcher_daemon.service.dispatcher.insertion.INSERTION_S", 0.0)
+            patch.setattr("dispatcher_daemon.service.dispatcher.runner.INSERTION_S", 0.0)
             desk.dispatcher.insert(["o"])
         told = desk.intake.show("o")
         assert told.state == "open"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import threading
 import time
@@ -17,6 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dispatcher_daemon.fleet import fleet_from
+from dispatcher_daemon.fleet.file import FleetFile
 from dispatcher_daemon.fleet.tracking import HIDDEN
 from dispatcher_daemon.forms.problem import RoutingProblem
 from dispatcher_daemon.service.dispatcher import Dispatcher
@@ -67,13 +69,22 @@ class Desk:
 
 
 @contextmanager
-def opened(problem: RoutingProblem, path: Path, solve: Solve = SOLVE) -> Iterator[Desk]:
+def opened(
+    problem: RoutingProblem, path: Path, solve: Solve = SOLVE, fleet_file: FleetFile | None = None
+) -> Iterator[Desk]:
     """A dispatcher as it starts, on what the one before has stored."""
     url, bus = f"sqlite:///{path / 'a.db'}", Bus()
     with open_database(url) as database, open_reader(url) as reader:
         records = database.load_fleet(time.time_ns())
         dispatcher = Dispatcher(
-            SETTINGS, problem.network, problem.fleet, bus, database, solve, records=records
+            SETTINGS,
+            problem.network,
+            problem.fleet,
+            bus,
+            database,
+            solve,
+            fleet_file=fleet_file,
+            records=records,
         )
         intake = OrderIntake(dispatcher.fleet_watch, database, reader, problem.network)
         yield Desk(dispatcher, intake, bus, database)
@@ -527,14 +538,15 @@ def test_a_stop_of_the_file_takes_its_id_over_when_a_callers_order_has_ended(
     """Until then it is not planned, and the log and the cycle's report say so."""
     data = district.fleet.model_dump(mode="json", exclude_none=True)
     data["stops"].append({"id": "o", "node": "22"})
+    path = tmp_path / "later.json"
+    path.write_text(json.dumps(data))
     later = fleet_from(data, district.network, "later")
-    with opened(district, tmp_path) as desk:
+    with opened(district, tmp_path, fleet_file=FleetFile(str(path), district.network)) as desk:
         watch = desk.dispatcher.fleet_watch
         watch.situation(district.fleet, 1, time.time_ns(), 1.0)
         desk.intake.submit([request("o")])
         assert watch.situation(later, 1, time.time_ns(), 1.0).hidden == ("o",)
         assert desk.intake.show("o").node == "11"
-        desk.dispatcher._fleet = later
         desk.dispatcher.run_cycle()
         assert "callers' orders have their ids: o" in caplog.text
         last = desk.dispatcher.delivery.last

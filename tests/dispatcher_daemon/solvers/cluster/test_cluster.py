@@ -17,7 +17,7 @@ import pytest
 
 from dispatcher_daemon import metrics
 from dispatcher_daemon.planning import FleetPlan, plan_fleet
-from dispatcher_daemon.service.daemon import with_cluster
+from dispatcher_daemon.planning.cycle.solving import Solving
 from dispatcher_daemon.settings import (
     CitySettings,
     ClusterSettings,
@@ -37,7 +37,6 @@ from dispatcher_daemon.solvers.workers.pool import (
     GRACE_S,
     Job,
     Solve,
-    SolverPool,
     solve_in_process,
 )
 from dispatcher_daemon.solvers.workers.processes import WorkerExecutor
@@ -236,14 +235,13 @@ def test_a_dispatcher_plans_by_its_setting(address: str, expected: Any) -> None:
     """By the settings' cluster if there is one; alone if nobody is at its address."""
     settings = DispatcherSettings(city=CITY, cluster=ClusterSettings(address=address))
     solvers, before = [ExactSolver()], answered()
-    with SolverPool(solvers, 2) as pool:
-        solve, executor, slots = with_cluster(settings, solvers, pool, WorkerExecutor(2))
-        with executor:
-            if address == "local":
-                wait_until(lambda: metrics.CLUSTER_PROCESSES._value.get() == 2)
-            assert stops_of(plan(executor, solve, 600.0)) == expected
-            assert slots is not None
-            assert slots() == (2 if address == "local" else 0)
+    with Solving(settings, solvers, in_routes=True) as solving:
+        solving.join_cluster()
+        if address == "local":
+            wait_until(lambda: metrics.CLUSTER_PROCESSES._value.get() == 2)
+        assert stops_of(plan(solving.executor, solving.solve, 600.0)) == expected
+        assert solving.slots is not None
+        assert solving.slots() == (2 if address == "local" else 0)
     assert (answered() > before) == (address == "local")
 
 

@@ -16,7 +16,7 @@ import json, math, os, time
 
 from dispatcher_daemon.service.api.solving import SolveJobs
 from dispatcher_daemon.service.api.solving.vroom import VroomTask
-from dispatcher_daemon.service.fleet_watch import Learned
+from dispatcher_daemon.fleet.learning import Learned
 from dispatcher_daemon.solvers.quantum.hardware.service import ServiceWorker
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver

@@ -340,12 +340,13 @@ def test_closing_frees_a_waiting_cycle(
 def test_there_is_no_job_manager_without_a_device(tmp_path: Path) -> None:
     """By default nothing of it is there; opening a job manager starts no process yet."""
     with open_database(f"sqlite:///{tmp_path}/x.db") as database:
-        assert open_job_manager(DispatcherSettings(), solve_in_process([]), database) is None
+        with open_job_manager(DispatcherSettings(), solve_in_process([]), database) as none:
+            assert none is None
         hardware = HardwareSettings(backend="fake:FakeBoston")
         manager = open_job_manager(
             DispatcherSettings(hardware=hardware), solve_in_process([]), database
         )
-        assert manager is not None
+        assert isinstance(manager, JobManager)
         assert manager.health().line is None
         assert isinstance(manager._thread._ledger._clock_ns, MonotonicUtcClock)
         assert manager._cycle_s == DispatcherSettings().deadline_s
