@@ -41,12 +41,10 @@ def _forms():
         "frames": (0, 1, 2**63),
         "coverage": (0, 1, 1.01, "NaN"),
         "surplus": (1,),
-        "schema": ("1.0", "1.7", "2.0", 1),
     }.items():
         yield from ((f"{name}={value!r}", {name: value}) for value in values)
     yield "unknown", {"y_e": None, "reason": "uncertain"}
     yield "empty", {"y_e": None, "reason": "too_few_vehicles", "features": None, "vehicles": 0}
-    yield "newer", {"schema": "1.7", "surplus": 1}
 
 
 def _feature_forms():
