@@ -5,9 +5,8 @@ Imports nothing of the edge, so that a command line can take its bounds and defa
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, ClassVar, Final, Literal, Self
+from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -28,8 +27,6 @@ Pair = tuple[Coordinate, Coordinate]
 
 class SourceSettings(Settings):
     """Where frames come from: a recorded clip or a camera (``[source]``)."""
-
-    renamed: ClassVar[Mapping[str, str]] = {"stall_s": "stall_timeout_s"}
 
     clip: Path | Annotated[tuple[Path, ...], Field(min_length=1)] | None = Field(
         default=None,
@@ -72,8 +69,6 @@ class SourceSettings(Settings):
 class DetectorSettings(Settings):
     """How vehicles are detected (``[detector]``)."""
 
-    renamed: ClassVar[Mapping[str, str]] = {"max_overlap": "nms_iou"}
-
     backend: str | None = Field(
         default=None,
         min_length=1,
@@ -115,8 +110,6 @@ class DetectorSettings(Settings):
 class TrackerSettings(Settings):
     """How vehicles are tracked (``[tracker]``)."""
 
-    renamed: ClassVar[Mapping[str, str]] = {"sure_score": "high_score"}
-
     high_score: Share = Field(
         default=0.5,
         description="Detections from this score on are assigned first and may start a track.",
@@ -140,8 +133,6 @@ class TrackerSettings(Settings):
 
 class StabilitySettings(Settings):
     """Thresholds of the stability flag and what a flag requires (``[stability]``)."""
-
-    renamed: ClassVar[Mapping[str, str]] = {"sure_sigmas": "confidence_sigmas"}
 
     max_speed_cv: Annotated[float, Field(gt=0, le=1)] = Field(
         default=0.12, description="Coefficient of variation of speed, σ_v / v̄, dimensionless."
@@ -176,11 +167,6 @@ class StabilitySettings(Settings):
 
 class WatchSettings(Settings):
     """When a camera is at fault (``[watch]``)."""
-
-    renamed: ClassVar[Mapping[str, str]] = {
-        "sample_s": "sample_interval_s",
-        "moved_share": "max_shift_share",
-    }
 
     sample_interval_s: Annotated[float, Field(gt=0, le=1)] = Field(
         default=0.2, description="Media time between two frames that are examined, s."
@@ -234,8 +220,6 @@ class PreviewSettings(Settings):
 
 class TrackSettings(Settings):
     """How a recorded video is processed (`slipstream track`)."""
-
-    renamed: ClassVar[Mapping[str, str]] = {"every_s": "state_interval_s"}
 
     window_s: WindowSeconds = Field(default=10.0, description="Length of the feature window, s.")
     state_interval_s: StateInterval = Field(

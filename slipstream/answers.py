@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import queue
 import threading
@@ -10,7 +11,7 @@ from typing import Any, Final
 
 import zenoh
 
-from slipstream.messages import ENCODING, versioned
+from slipstream.messages import ENCODING, check_version
 from slipstream.service import LogLimiter
 
 log = logging.getLogger(__name__)
@@ -24,7 +25,6 @@ MAX_WAITING: Final = 256
 MAX_QUESTION_BYTES: Final = 2**20
 _BUSY: Final = b'{"problem":"too many questions wait","mend":"ask again later"}'
 _OVERSIZED: Final = b'{"problem":"the question is larger than 1 MiB","mend":"send less at once"}'
-_VERSION: Final = b'{"problem":"another major schema version","mend":"ask in that of the keys"}'
 _PATTERN: Final = b'{"problem":"a pattern of keys","mend":"ask for one key"}'
 
 
@@ -95,11 +95,12 @@ class Answers:
             query.reply_err(_BUSY)
         else:
             try:
-                question = _question(query)
-            except ValueError:
-                query.reply_err(_VERSION)
+                check_version(str(query.encoding))
+            except ValueError as error:
+                refusal = {"problem": str(error), "mend": "ask in the version that is read"}
+                query.reply_err(json.dumps(refusal).encode())
             else:
-                self._waiting.put((query, key, question))
+                self._waiting.put((query, key, b"" if payload is None else payload.to_bytes()))
 
     def close(self) -> None:
         """Let go of what waits; the answerer does not run once it has returned."""
@@ -124,10 +125,3 @@ class Answers:
                     log.exception("a question on %s has no answer", key)
             # zenoh ends a question when its last reference is gone.
             del item, query
-
-
-def _question(query: Any) -> bytes:
-    """The payload. Raises ValueError: it is of another major version."""
-    if query.payload is None:
-        return b""
-    return versioned(str(query.encoding), query.payload.to_bytes())

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import difflib
 import json
-import logging
 import os
 import re
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, Final, Literal, Self, TypeVar, get_args
+from typing import Any, Final, Literal, Self, TypeVar, get_args
 
 from pydantic import (
     BaseModel,
@@ -33,8 +32,6 @@ from slipstream.plain_words import words_of
 DEMO_NETWORK: Final = "demo"
 """Name of the network that comes along; see `slipstream.sumo_net`."""
 
-log = logging.getLogger(__name__)
-
 
 def _stop_at_first_faulty_row(schema: Any) -> None:
     if isinstance(schema, dict):
@@ -47,16 +44,9 @@ def _stop_at_first_faulty_row(schema: Any) -> None:
 
 
 class Settings(BaseModel):
-    """Base of all settings: unknown keys are refused.
-
-    Attributes:
-        renamed: present name by former name. A former name is read for one more version, with a
-            warning.
-    """
+    """Base of all settings: unknown keys are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
-
-    renamed: ClassVar[Mapping[str, str]] = {}
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
@@ -243,7 +233,6 @@ def check(data: object, model: type[M], source: str | Path) -> M:
         InputError: naming the offending key that helps most and what it should be; its `others` are
             the further ones, at most `MAX_FAULTS` in all.
     """
-    data = _with_present_names(data, model, source)
     try:
         text = json.dumps(data, default=str)
     except RecursionError:
@@ -266,50 +255,6 @@ def load(path: Path, model: type[S]) -> S:
         InputError: see `read_toml` and `check`.
     """
     return check(read_toml(path), model, path)
-
-
-def _with_present_names(
-    data: object, annotation: object, source: str | Path, path: tuple[str, ...] = ()
-) -> object:
-    """The data with former key names replaced, wherever ``annotation`` has settings models.
-
-    Raises:
-        InputError: a table has both names of a key.
-    """
-    if isinstance(data, list | tuple):
-        (inner, *_) = get_args(annotation) or (None,)
-        if model_of(inner, Settings) is None:
-            return data
-        return [
-            _with_present_names(row, inner, source, (*path, _name_of_row(row, number)))
-            if isinstance(row, Mapping)
-            else row
-            for number, row in enumerate(data)
-        ]
-    model = model_of(annotation, Settings)
-    if model is None or not isinstance(data, Mapping):
-        return data
-    table: dict[str, object] = {}
-    for key, value in data.items():
-        name = model.renamed.get(key, key)
-        if name != key:
-            if name in data:
-                raise InputError(
-                    source,
-                    f"the former name of {name}, which is given too",
-                    "remove it",
-                    key=".".join((*path, key)),
-                )
-            log.warning(
-                "%s: %s is deprecated, the key is now %s",
-                source,
-                ".".join((*path, key)),
-                ".".join((*path, name)),
-            )
-        field = model.model_fields.get(name)
-        inner = None if field is None else field.annotation
-        table[name] = _with_present_names(value, inner, source, (*path, name))
-    return table
 
 
 def model_of(annotation: object, base: type[M]) -> type[M] | None:

@@ -16,7 +16,7 @@ from typing import Any, Final, Literal, get_args
 import zenoh
 from prometheus_client import Counter
 
-from slipstream.messages import ENCODING, versioned
+from slipstream.messages import ENCODING, check_version
 from slipstream.service import LogLimiter
 
 log = logging.getLogger(__name__)
@@ -39,11 +39,12 @@ _OURS: Final = zenoh.Encoding(ENCODING)
 
 Outcome = Literal["taken", "superseded", "dropped", "oversized", "version"]
 OUTCOMES: Final[tuple[Outcome, ...]] = get_args(Outcome)
+_LOST: Final = ("dropped", "oversized", "version")
 SAMPLES = Counter(
     "slipstream_bus_samples",
     "Samples received, by what became of them: taken by the handler, superseded by a later one of "
     "their key before that, dropped as too many waited, refused as oversized, or as of another "
-    "major schema version.",
+    "schema version.",
     ["subscription", "outcome"],
 )
 
@@ -55,12 +56,14 @@ MISSED = Counter(
 
 
 def lost() -> int:
-    """Number of samples that this process dropped or refused as oversized, since its start."""
+    """Number of samples that this process dropped, or refused as oversized or of another schema
+    version, since its start.
+    """
     return sum(
         int(sample.value)
         for metric in SAMPLES.collect()
         for sample in metric.samples
-        if sample.name.endswith("_total") and sample.labels["outcome"] in ("dropped", "oversized")
+        if sample.name.endswith("_total") and sample.labels["outcome"] in _LOST
     )
 
 
@@ -110,7 +113,7 @@ class Inbox:
                 payload = content.to_bytes()
                 if sample.encoding != _OURS:
                     try:
-                        payload = versioned(str(sample.encoding), payload)
+                        check_version(str(sample.encoding))
                     except ValueError as error:
                         lines.append(("version", f"{key}: a message of {error}, is refused"))
                         continue

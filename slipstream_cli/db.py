@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 import time
 from dataclasses import asdict
 from pathlib import Path
@@ -57,14 +56,9 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
 
 def upgrade(options: argparse.Namespace) -> int:
     """Create or upgrade the schema."""
-    from storage import UntrustedClockError, open_database
+    from storage import open_database
 
-    with open_database(options.url) as database:
-        try:
-            # What versions before stored of each cycle is converted here at once.
-            database.tidy(time.time_ns())
-        except UntrustedClockError as error:
-            print(f"slipstream: {error}", file=sys.stderr)
+    open_database(options.url).close()
     _report(options, {"url": options.url, "upgraded": True}, f"{options.url}: up to date")
     return 0
 
@@ -111,10 +105,9 @@ def prune(options: argparse.Namespace) -> int:
             database.tidy(time.time_ns())
         if options.keep_mb is not None:
             count += database.trim(options.keep_mb)
-        problem = database.shrink()
-    line = f"{count} cycles deleted" + (f"; {problem}" if problem else "")
-    data = {"url": options.url, "deleted_cycles": count, "not_shrunk": problem}
-    _report(options, data, line)
+        database.shrink()
+    data = {"url": options.url, "deleted_cycles": count}
+    _report(options, data, f"{count} cycles deleted")
     return 0
 
 

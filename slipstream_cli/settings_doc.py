@@ -39,8 +39,7 @@ holds it to the models.
 
 A daemon reads one TOML file: `slipstream COMMAND --config FILE.toml` with edge, dispatcher, agent,
 dashboard, scheduler or worker. `slipstream check FILE.toml` validates it. Unknown keys are refused
-by name. A former name of a key is read for one more version, with a warning in the log; a key may
-not be given under both names.
+by name.
 "required" stands for a key that has to be given, "–" for no default value or no bound.
 """
 
@@ -70,7 +69,6 @@ class Key:
 
     Attributes:
         path: dotted, from the top of the file.
-        former: the key's former name within its section, or "".
     """
 
     path: str
@@ -78,7 +76,6 @@ class Key:
     default: str
     bounds: str
     description: str
-    former: str
 
 
 @dataclass(frozen=True)
@@ -99,7 +96,6 @@ def sections(model: type[BaseModel], path: str = "", values: object = None) -> I
         values: an instance whose values are the defaults; None: the fields' own.
     """
     properties = model.model_json_schema()["properties"]
-    former = {new: old for old, new in getattr(model, "renamed", {}).items()}
     keys: list[Key] = []
     nested: list[Section] = []
     for name, field in model.model_fields.items():
@@ -123,7 +119,6 @@ def sections(model: type[BaseModel], path: str = "", values: object = None) -> I
                 default="required" if field.is_required() else _value(default),
                 bounds=", ".join(_bounds(schema)) or "–",
                 description=field.description or "",
-                former=former.get(name, ""),
             )
         )
     yield Section(path, (model.__doc__ or "").strip().split("\n\n")[0], tuple(keys))
@@ -147,10 +142,6 @@ def page() -> str:
 def _table(section: Section) -> str:
     columns = ["key", "type", "default", "bounds", "meaning"]
     rows = [[f"`{k.path}`", k.type, k.default, k.bounds, k.description] for k in section.keys]
-    if any(key.former for key in section.keys):
-        columns.append("former name")
-        for row, key in zip(rows, section.keys, strict=True):
-            row.append(f"`{key.former}`" if key.former else "")
     cells = [[cell.replace("|", "\\|") for cell in row] for row in rows]
     return markdown_table(columns, cells, left=range(len(columns)))
 

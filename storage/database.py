@@ -20,7 +20,7 @@ from storage.jobs import QuantumJob
 from storage.models import CycleRow
 from storage.opening import open_path
 from storage.rows import cycle_row
-from storage.traffic import conversion, gates, recent, rollup_table
+from storage.traffic import gates, recent, rollup_table
 from storage.traffic.gates import GateState
 from storage.traffic.rollups import RollUp
 from storage.upkeep import Upkeep
@@ -88,7 +88,6 @@ class Database(Upkeep):
                 recent.save(session, report.cycle, report.gates, states)
                 if known is None:
                     known = gates.at(session, report.cycle)
-                    known = conversion.known_after(session, known)
                 if report.gates or report.status != "failed":
                     changed = gates.changes(known, gates.states_of(report.gates))
                     gates.save(session, report.cycle, changed)
@@ -231,8 +230,8 @@ def open_database(url: str, *, create: bool = True, owned: bool = False) -> Data
 
     Raises:
         InputError: the URL is invalid, or the database is missing (with ``create`` False), a
-            directory, not writable, no database, damaged, another program's, written by a
-            newer version, or owned by another process (with ``owned`` True).
+            directory, not writable, no database, damaged, another program's, written by another
+            version, or owned by another process (with ``owned`` True).
         StorageError: there is no room, or the disk has a fault.
     """
     parsed = parse_url(url)

@@ -2,7 +2,7 @@
 clock. Those of traffic are in `storage.traffic.models`.
 
 Times are UTC nanoseconds. Parts that are only read together with their row (a plan's stops and
-segments, a state's features, a cycle's unserved stops) are JSON as in `slipstream.messages`.
+segments, a cycle's unserved stops) are JSON as in `slipstream.messages`.
 """
 
 from __future__ import annotations
@@ -68,8 +68,8 @@ class CycleRow(Base):
     baseline_driving_s: Mapped[float | None]
     cooperative_driving_s: Mapped[float | None]
     price_of_time_kw: Mapped[float | None]
-    unserved: Mapped[list[Any]] = mapped_column(server_default="[]")
-    carriers: Mapped[list[Any]] = mapped_column(server_default="[]")
+    unserved: Mapped[list[Any]]
+    carriers: Mapped[list[Any]]
 
     solver_runs: Mapped[list[SolverRunRow]] = relationship(
         cascade="all, delete-orphan", order_by="SolverRunRow.position", passive_deletes=True
@@ -103,21 +103,6 @@ class SolverRunRow(Base):
     two_qubit_depth: Mapped[int | None]
 
 
-class GateRow(Base):
-    """One segment's platooning gate in one cycle (a Gate), as versions before 0013 stored it."""
-
-    __tablename__ = "gates"
-
-    cycle: Mapped[int] = _cycle_key()
-    position: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
-    segment: Mapped[str]
-    y_e: Mapped[int | None]
-    reason: Mapped[str | None]
-    age_s: Mapped[float | None]
-    speed_mps: Mapped[float | None]
-    open: Mapped[bool]
-
-
 class PlanRow(Base):
     """One vehicle's plan from one cycle (a VehiclePlan), and what became of it (a PlanRecord)."""
 
@@ -132,10 +117,10 @@ class PlanRow(Base):
     energy_kwh: Mapped[float]
     stops: Mapped[list[Any]]
     segments: Mapped[list[Any]]
-    advice: Mapped[dict[str, Any]] = mapped_column(server_default="{}")
+    advice: Mapped[dict[str, Any]]
     continues: Mapped[int | None]
-    status: Mapped[str] = mapped_column(server_default="done", index=True)
-    status_ns: Mapped[int] = mapped_column(server_default="0")
+    status: Mapped[str] = mapped_column(index=True)
+    status_ns: Mapped[int]
     status_reason: Mapped[str | None]
     segment_energy: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
 
@@ -156,25 +141,6 @@ class PlanChangeRow(Base):
     time_ns: Mapped[int]
     status: Mapped[str]
     reason: Mapped[str | None]
-
-
-class StateRow(Base):
-    """A SegmentState that a cycle used, as versions before 0013 stored it."""
-
-    __tablename__ = "segment_states"
-
-    cycle: Mapped[int] = _cycle_key()
-    segment: Mapped[str] = mapped_column(primary_key=True)
-    rsu: Mapped[str] = mapped_column(primary_key=True)
-    sequence: Mapped[int]
-    time_ns: Mapped[int]
-    window_s: Mapped[float]
-    y_e: Mapped[int | None]
-    reason: Mapped[str | None]
-    vehicles: Mapped[int]
-    frames: Mapped[int]
-    coverage: Mapped[float]
-    features: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
 
 
 class InputPartRow(Base):
@@ -257,8 +223,8 @@ class VehicleRow(Base):
     reports_progress: Mapped[bool]
     answered_ns: Mapped[int | None]
     left_out_until: Mapped[int]
-    booked: Mapped[float] = mapped_column(server_default="0")
-    rested_ns: Mapped[int] = mapped_column(server_default="0")
+    booked: Mapped[float]
+    rested_ns: Mapped[int]
     rested_break: Mapped[int | None]
     answer: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
 
@@ -286,8 +252,8 @@ class SpeedRow(Base):
     hour: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
     count: Mapped[float]
     speed_mps: Mapped[float]
-    states: Mapped[float] = mapped_column(server_default="0")
-    calm: Mapped[float] = mapped_column(server_default="0")
+    states: Mapped[float]
+    calm: Mapped[float]
 
 
 class EventRow(Base):

@@ -38,7 +38,7 @@ from storage.models import CycleRow, PlanRow
 from storage.past import CycleSums, OrderEnd
 from storage.rows import cycle_report, vehicle_plan
 from storage.tables import Tables
-from storage.traffic import history, rollup_table
+from storage.traffic import history, recent, rollup_table
 from storage.traffic.history import SegmentAt
 from storage.traffic.rollups import MINUTE_S, RollUp
 
@@ -182,7 +182,7 @@ class Reader:
 
     def plan_changes(self, vehicle: str, cycles: Collection[int]) -> tuple[PlanChange, ...]:
         """Changes of the status of a vehicle's plans from some cycles, by cycle, the first one
-        first; none of those that a version before has stored.
+        first.
         """
         with self._read_session() as session:
             if session is None:
@@ -195,7 +195,7 @@ class Reader:
         Empty for cycles older than `storage.upkeep.STATES_KEPT_H`; see `segments_at`.
         """
         with self._read_session() as session:
-            return () if session is None else history.states_of(session, cycle)
+            return () if session is None else recent.states(session, cycle)
 
     def segments_at(self, time_ns: int) -> tuple[SegmentAt, ...]:
         """Gate and features of every watched segment at a moment of the kept past.

@@ -10,30 +10,25 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-import msgspec
-
 from slipstream.energy_ledger import PlanEnergy
 from slipstream.messages import (
     CarrierSummary,
     CycleReport,
     EnergySummary,
     Gate,
-    SegmentState,
     SolverReport,
     Unserved,
     VehiclePlan,
 )
-from storage.models import CycleRow, GateRow, PlanRow, SolverRunRow, StateRow
+from storage.models import CycleRow, PlanRow, SolverRunRow
 
 _MAPPED_FIELDS = {"solvers", "gates", "energy", "unserved", "carriers", "plans"}
 """Fields of a CycleReport that `cycle_row` maps one by one."""
 _CYCLE_FIELDS = tuple(name for name in CycleReport.model_fields if name not in _MAPPED_FIELDS)
 _ENERGY_FIELDS = tuple(EnergySummary.model_fields)
 _SOLVER_FIELDS = tuple(SolverReport.model_fields)
-_GATE_FIELDS = tuple(Gate.model_fields)
 _PLAN_FIELDS = tuple(VehiclePlan.model_fields)
 _BY_SEGMENT = ("driven_kwh", "saved_drag_kwh")
-_STATE_FIELDS = SegmentState.__struct_fields__
 
 
 def cycle_row(
@@ -114,16 +109,6 @@ def _plan_energy_values(energy: PlanEnergy | None) -> dict[str, Any] | None:
     # To a milliwatt hour: with all digits they would be a third of a plan's row.
     rounded = {name: [round(kwh, 6) for kwh in getattr(energy, name)] for name in _BY_SEGMENT}
     return asdict(energy) | rounded
-
-
-def gate(row: GateRow) -> Gate:
-    """Read a Gate back from its row."""
-    return Gate.model_validate(_fields(row, _GATE_FIELDS))
-
-
-def segment_state(row: StateRow) -> SegmentState:
-    """Read a SegmentState back from its row."""
-    return msgspec.convert(_fields(row, _STATE_FIELDS), SegmentState)
 
 
 def _fields(row: object, names: Sequence[str]) -> dict[str, object]:

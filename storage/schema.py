@@ -46,10 +46,10 @@ def current(connection: Connection) -> str | None:
 
 
 def check_ownership(connection: Connection, source: str) -> None:
-    """Check that the database is empty or Slipstream's, and not newer than this program.
+    """Check that the database is empty or Slipstream's, of a revision that this program knows.
 
     Raises:
-        InputError: it holds another program's tables, or a revision unknown to this program.
+        InputError: it holds another program's tables, or an older or newer revision than known.
     """
     revision = current(connection)
     if revision is None:
@@ -61,6 +61,13 @@ def check_ownership(connection: Connection, source: str) -> None:
                 "give a file of its own",
             )
         return
+    if revision < min(_known()):
+        raise InputError(
+            source,
+            f"was written by a Slipstream before the first release (schema {revision}, read from "
+            f"{min(_known())} on)",
+            "move it away, or give another: a new one is made",
+        )
     if revision not in _known():
         raise InputError(
             source,

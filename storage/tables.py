@@ -17,6 +17,7 @@ from sqlalchemy import (
     Connection,
     Double,
     LargeBinary,
+    MetaData,
     SmallInteger,
     Table,
     Text,
@@ -26,7 +27,7 @@ from sqlalchemy import (
 from sqlalchemy.orm import Session
 
 from slipstream.errors import InputError
-from storage.models import Base, CycleRow, GateRow, StateRow
+from storage.models import Base, CycleRow
 from storage.traffic import recent
 from storage.traffic.models import cycle_traffic
 
@@ -35,8 +36,32 @@ BATCH: Final = 5_000
 _TIMES: Final = ("hour_ns", "started_ns", "began_ns", "time_ns", "submitted_ns", "since_ns")
 """What a row's time is, in a table whose rows belong to no cycle."""
 
-_RECENT: Final = (GateRow.__tablename__, StateRow.__tablename__)
-"""Tables that recent cycles have one compressed row for."""
+_RECENT: Final = {
+    "gates": Table(
+        "gates",
+        MetaData(),
+        *(Column(name, BigInteger) for name in ("cycle", "position")),
+        Column("segment", Text),
+        Column("y_e", BigInteger),
+        Column("reason", Text),
+        *(Column(name, Double) for name in ("age_s", "speed_mps")),
+        Column("open", Boolean),
+    ),
+    "segment_states": Table(
+        "segment_states",
+        MetaData(),
+        Column("cycle", BigInteger),
+        *(Column(name, Text) for name in ("segment", "rsu")),
+        *(Column(name, BigInteger) for name in ("sequence", "time_ns")),
+        Column("window_s", Double),
+        Column("y_e", BigInteger),
+        Column("reason", Text),
+        *(Column(name, BigInteger) for name in ("vehicles", "frames")),
+        Column("coverage", Double),
+        Column("features", JSON),
+    ),
+}
+"""What is read of `cycle_traffic` in place of its compressed rows, as tables of their own."""
 
 Kind = Literal["integer", "real", "boolean", "text", "json", "time"]
 
@@ -56,7 +81,8 @@ class TableColumn:
 
 def table_names() -> tuple[str, ...]:
     """The tables that can be read, by name: all but those of compressed parts."""
-    return tuple(sorted(name for name, table in Base.metadata.tables.items() if _is_plain(table)))
+    stored = {name for name, table in Base.metadata.tables.items() if _is_plain(table)}
+    return tuple(sorted(stored | _RECENT.keys()))
 
 
 class Tables:
@@ -83,7 +109,7 @@ class Tables:
         """The rows of a table in the order of its primary key, `batch` at a time.
 
         Those of a cycle count by its start, others by their own time; a table without times is
-        given whole. Gates and states of recent cycles come after those of the versions before.
+        given whole.
 
         Args:
             table: its name.
@@ -95,6 +121,9 @@ class Tables:
             InputError: there is no such table.
         """
         wanted = _table(table)
+        if table in _RECENT:
+            yield from self._recent(table, from_ns, to_ns)
+            return
         query = select(
             *(
                 cast(column, Text).label(column.name) if _kind(column) == "json" else column
@@ -107,13 +136,11 @@ class Tables:
         options = {"yield_per": batch}
         with self._connection.execute(query, execution_options=options) as found:
             yield from found.partitions()
-        if table in _RECENT:
-            yield from self._recent(table, from_ns, to_ns)
 
     def _recent(
         self, table: str, from_ns: int | None, to_ns: int | None
     ) -> Iterator[Sequence[Sequence[Any]]]:
-        """The rows that recent cycles have in place of rows of a table, a cycle at a time."""
+        """Gates or states of recent cycles, a cycle at a time."""
         query = select(cycle_traffic.c.cycle).order_by(cycle_traffic.c.cycle)
         condition = _between(cycle_traffic, from_ns, to_ns)
         if condition is not None:
@@ -127,7 +154,7 @@ class Tables:
 
 
 def _expanded(session: Session, table: str, cycle: int) -> Iterator[dict[str, Any]]:
-    if table == GateRow.__tablename__:
+    if table == "gates":
         for position, gate in enumerate(recent.gates(session, cycle, cycle).get(cycle, ())):
             yield {**gate.model_dump(), "cycle": cycle, "position": position}
         return
@@ -141,7 +168,7 @@ def _is_plain(table: Table) -> bool:
 
 
 def _table(name: str) -> Table:
-    table = Base.metadata.tables.get(name)
+    table = _RECENT.get(name, Base.metadata.tables.get(name))
     if table is None or not _is_plain(table):
         raise InputError("export", f"no table {name!r}", f"use one of: {', '.join(table_names())}")
     return table

@@ -14,7 +14,7 @@ from slipstream.errors import InputError
 from storage import energy_ledger, events, fleet, inputs, jobs, retention
 from storage.models import CycleRow
 from storage.retention import Pace
-from storage.traffic import conversion, gates, recent, rollup_table
+from storage.traffic import gates, recent, rollup_table
 from storage.writer import Writer
 
 MIN_JOB_DAYS: Final = 2.0
@@ -178,33 +178,19 @@ class Upkeep(Writer):
                 pages = self._pages()
         return trimmed
 
-    def shrink(self) -> str | None:
+    def shrink(self) -> None:
         """Give the free pages of an SQLite file back to the file system.
-
-        A file of a version before is made able to do so first, which takes a lock on it for its
-        length and room for twice its contents.
-
-        Returns:
-            Why the file could not shrink; None if it has.
 
         Raises:
             StorageError: the database cannot be written.
         """
-        if not self._is_sqlite:
-            return None
-        with self._raw() as cursor:
-            incremental = cursor.execute("PRAGMA auto_vacuum").fetchone()[0]
-        if not incremental:
-            return self._convert()
         self._give_all_back()
-        return None
 
     def tidy(self, now_ns: int, *, budget_s: float | None = None) -> bool:
         """Delete traffic that is too old, in small transactions.
 
         States as they came go after `STATES_KEPT_H`, minutes after `MINUTES_KEPT_H`, hours and
-        changes of gates with the cycles, inputs of cycles after `inputs.KEEP_DAYS`. What versions
-        before stored of cycles is converted.
+        changes of gates with the cycles, inputs of cycles after `inputs.KEEP_DAYS`.
 
         Args:
             now_ns: UTC.
@@ -242,7 +228,6 @@ class Upkeep(Writer):
             ("gates", lambda session, pace: self._prune_gates(session, pace) and budget_s is None),
             ("states", delete_states),
             ("inputs", delete_inputs),
-            ("conversion", lambda session, _: conversion.convert_oldest(session, states_ns)),
         )
         first, began, unfinished = self._step, False, False
         for place in range(first, first + len(steps)):

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import logging
-import shutil
 import sqlite3
 import threading
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import closing, contextmanager
 from typing import Final, Self
 
 from sqlalchemy import Engine, func, select, text
@@ -20,7 +19,7 @@ from slipstream.errors import InputError
 from storage import retention
 from storage.engine import DAMAGED, NO_DATABASE, StorageError, sqlite_path
 from storage.models import CycleRow
-from storage.ownership import WRITE_LOCK, FileOwner, OwnedError, Owner
+from storage.ownership import WRITE_LOCK, OwnedError, Owner
 
 log = logging.getLogger(__name__)
 
@@ -28,8 +27,6 @@ PRUNE_BATCH: Final = 200
 """Cycles deleted in one transaction, at most; a cycle to be recorded waits for one."""
 WRITE_WITHIN_S: Final = 30.0
 """What any other writer waits for its turn, s: longer than a step of those before it takes."""
-MAX_CONVERSION_BYTES: Final = 10**9
-"""Size up to which a file of a version before is made able to shrink when the dispatcher starts."""
 
 
 class Writer:
@@ -50,7 +47,7 @@ class Writer:
         self._lost: str | None = None
         self._paces: defaultdict[str, retention.Pace] = defaultdict(retention.Pace)
         self._engine, self._owner = reopen()
-        self._prepare_files()
+        self._make_reserve()
 
     def close(self) -> None:
         """Close all connections; the last one checkpoints the write-ahead log."""
@@ -70,25 +67,12 @@ class Writer:
     def _is_sqlite(self) -> bool:
         return self._engine.dialect.name == "sqlite"
 
-    def _prepare_files(self) -> None:
-        """Make an owner's reserve file, and a small file of a version before able to shrink."""
+    def _make_reserve(self) -> None:
+        """Make an owner's reserve file."""
         if self._owner is None or not self._is_sqlite:
             return
-        path = sqlite_path(self._engine.url)
-        if not retention.make_reserve(path):
+        if not retention.make_reserve(sqlite_path(self._engine.url)):
             log.warning("%s: no room for its reserve file", self._source)
-        with self._raw() as cursor:
-            incremental = cursor.execute("PRAGMA auto_vacuum").fetchone()[0]
-        if incremental:
-            return
-        problem: str | None = "the file is too large to be rewritten at a start"
-        if path.stat().st_size <= MAX_CONVERSION_BYTES:
-            try:
-                problem = self._convert()
-            except StorageError as error:
-                problem = str(error)
-        if problem is not None:
-            log.warning("%s: %s; see `slipstream db prune` in operations.md", self._source, problem)
 
     @contextmanager
     def _write_session(self, within_s: float = WRITE_WITHIN_S) -> Iterator[Session]:
@@ -166,7 +150,7 @@ class Writer:
             log.warning("%s; it was opened anew", self._lost)
             self._lost = None
             self._forget()
-            self._prepare_files()
+            self._make_reserve()
 
     def _forget(self) -> None:
         """Forget what was known of the database that is replaced."""
@@ -230,21 +214,3 @@ class Writer:
         """Copy the write-ahead log into the file and truncate it, if no reader is in the way."""
         with self._raw() as cursor:
             cursor.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
-
-    def _convert(self) -> str | None:
-        """Rewrite a file of a version before so that it can shrink; see `shrink`."""
-        path = sqlite_path(self._engine.url)
-        pages = self._pages()
-        needed = 2.2 * pages.used * pages.size
-        if shutil.disk_usage(path.parent).free < needed:
-            return f"the file cannot shrink: that needs {needed / 1e6:.0f} MB of free disk once"
-        with ExitStack() as stack:
-            if self._owner is None:
-                try:
-                    stack.callback(FileOwner(path).close)
-                except InputError as error:
-                    return f"the file cannot shrink: {error.problem}; stop it and prune again"
-            with self._raw() as cursor:
-                cursor.execute("VACUUM")
-            self._empty_log()
-        return None

@@ -65,19 +65,10 @@ async def act(
     client = ApiClient(page.settings.dispatcher_api, "dispatcher_api")
     answer = await run_in_threadpool(_call, client, call_of(action), token.strip())
     text = told(action)
-    if action.reason is not None and answer.status == 422 and "reason" in _field(answer):
-        # A dispatcher of the version before takes none here.
-        call = call_of(action.model_copy(update={"reason": None}))
-        answer = await run_in_threadpool(_call, client, call, token.strip())
-        text += " The dispatcher's version does not keep the reason."
     _log(action, remote, answer)
     if answer.status >= 400:
         raise _refusal(answer)
     return Response(encoded({"text": text}), media_type="application/json")
-
-
-def _field(answer: Answer) -> str:
-    return str(answer.document.get("field") or "")
 
 
 def _call(client: ApiClient, call: Call, token: str) -> Answer:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import ClassVar
-
 from pydantic import Field
 
 from dispatcher_daemon.settings.solvers import SolverName
@@ -13,8 +10,6 @@ from slipstream.config import Settings
 
 class SearchSettings(Settings):
     """Length of the search for base routes, in iterations, so that a result can be repeated."""
-
-    renamed: ClassVar[Mapping[str, str]] = {"most_penalty_kwh": "max_penalty_kwh"}
 
     rounds: int = Field(
         default=15, ge=0, le=10_000, description="Number of rounds after the first search."
@@ -58,8 +53,6 @@ class SearchSettings(Settings):
 
 class CitySettings(Settings):
     """The route form: base routes, blocks and sweeps."""
-
-    renamed: ClassVar[Mapping[str, str]] = {"most_sweeps": "max_sweeps"}
 
     search: SearchSettings = Field(
         default=SearchSettings(), description="The search of base routes."

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import ClassVar, Self
+from typing import Self
 
 from pydantic import Field, model_validator
 
@@ -12,16 +11,6 @@ from slipstream.config import Settings
 
 class HardwareSettings(Settings):
     """A quantum device beside the solvers: its jobs, budget and circuit breaker."""
-
-    renamed: ClassVar[Mapping[str, str]] = {
-        "most_pending": "max_pending_jobs",
-        "most_poll_s": "max_poll_s",
-        "call_limit_s": "call_timeout_s",
-        "give_up_after_s": "job_timeout_s",
-        "faults": "fault_threshold",
-        "rest_s": "open_s",
-        "most_rest_s": "max_open_s",
-    }
 
     backend: str = Field(
         default="",

@@ -161,8 +161,6 @@ def facts_of(record: bytes) -> CycleFacts:
     """
     own = json.loads(record)
     try:
-        # Records of the version before have no insertions.
-        known = {"inserted": (), **own}
-        return _FACTS.validate_python({name: known[name] for name in _FIELDS})
+        return _FACTS.validate_python({name: own[name] for name in _FIELDS})
     except (KeyError, TypeError) as error:
         raise ValueError(f"its record cannot be read: {error!r}") from None

@@ -1,7 +1,7 @@
 """Messages on the bus: one pydantic model each, JSON in UTF-8, and the key expressions.
 
 All models refuse unknown fields and wrong types, so that a message that is not what its key
-promises is noticed where it arrives; `decode` reads newer minor versions too. Times are UTC in
+promises is noticed where it arrives. Times are UTC in
 nanoseconds since 1970; units are in names.
 """
 
@@ -23,9 +23,8 @@ from slipstream.messages.base import (
     Model,
     NonNegative,
     TimeNs,
+    check_version,
     decode,
-    take_minor,
-    versioned,
 )
 from slipstream.messages.dispatch import (
     ALL_API,
@@ -226,6 +225,7 @@ __all__ = [
     "api_key",
     "bare_preview_key",
     "capture_time_ns",
+    "check_version",
     "decode",
     "driver_key",
     "order_key",
@@ -245,7 +245,5 @@ __all__ = [
     "spat_key",
     "state_key",
     "stopped_key",
-    "take_minor",
-    "versioned",
     "with_capture_time",
 ]

@@ -2,45 +2,23 @@
 
 from __future__ import annotations
 
-import re
 from functools import cache, lru_cache
-from typing import Annotated, Any, Final, Protocol, Self, TypeVar, get_args, runtime_checkable
+from typing import Annotated, Any, Final, Protocol, Self, TypeVar, runtime_checkable
 from urllib.parse import quote
 
 import msgspec
 from msgspec import Meta
-from prometheus_client import Counter
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
-from pydantic_core import CoreSchema, ErrorDetails, core_schema, from_json, to_json
+from pydantic_core import CoreSchema, ErrorDetails, core_schema
 
 from slipstream.errors import InputError
 
-ROOT: Final = "slipstream/v1"
-SCHEMA: Final = "1.0"
-"""Version of all messages, MAJOR.MINOR; a message without one is of 1.0.
-
-From the next release on a new field with a default makes a new minor version, which older receivers
-read as far as they know it; anything else makes a new major version, and a new `ROOT`.
-"""
-ENCODING: Final = f"application/json;version={SCHEMA}"
-"""zenoh's encoding of each message: its format and, as the suffix, its version. Receivers of 0.1.0
-do not look at it; a field in the payload they would refuse.
-"""
-
-_MAJOR, _MINOR = (int(part) for part in SCHEMA.split("."))
+SCHEMA: Final = 1
+"""Version of all messages, of one release. A message of another one is refused."""
+ROOT: Final = f"slipstream/v{SCHEMA}"
 _MARK: Final = "application/json;version="
-_VERSION: Final = re.compile(r"(0|[1-9][0-9]{0,5})\.(0|[1-9][0-9]{0,5})")
-_OPENING: Final = b'{"schema":"%b",' % SCHEMA.encode()
-# Receivers of 0.1.0 refuse the field, so only minor versions that they cannot read anyway have it:
-# what is stored or handed on without its encoding is still read as far as it is known.
-_SENT: Final = b"{" if _MINOR == 0 else _OPENING
-_MAX_UNKNOWN_FIELDS: Final = 1000
-
-UNKNOWN_FIELDS = Counter(
-    "slipstream_bus_unknown_fields",
-    "Fields left out of messages of a newer minor schema version, by message.",
-    ["message"],
-)
+ENCODING: Final = f"{_MARK}{SCHEMA}"
+"""zenoh's encoding of each message: its format and, as the suffix, its version."""
 
 _MAX_INT: Final = 2**63 - 1
 
@@ -62,11 +40,11 @@ class Message(Protocol):
 
     @classmethod
     def read(cls, payload: bytes) -> Self:
-        """Read one from JSON without a schema version; a ValueError says why it is none."""
+        """Read one from JSON; a ValueError says why it is none."""
         ...
 
     def to_bytes(self) -> bytes:
-        """Encode as UTF-8 JSON; above 1.0 with the schema version as the first field."""
+        """Encode as UTF-8 JSON."""
         ...
 
 
@@ -82,7 +60,7 @@ class Model(BaseModel):
 
     def to_bytes(self) -> bytes:
         """See `Message`."""
-        return _SENT + self.model_dump_json()[1:].encode()
+        return self.model_dump_json().encode()
 
 
 class Compact(msgspec.Struct, frozen=True, forbid_unknown_fields=True, gc=False):
@@ -106,7 +84,7 @@ class Compact(msgspec.Struct, frozen=True, forbid_unknown_fields=True, gc=False)
         """
         payload = msgspec.json.encode(self)
         self.read(payload)
-        return _SENT + payload[1:]
+        return payload
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: object, handler: object) -> CoreSchema:
@@ -131,9 +109,7 @@ C = TypeVar("C", bound=Compact)
 
 
 def decode(model: type[M], payload: bytes, source: str) -> M:
-    """Read one message of this major version.
-
-    Of a newer minor version unknown fields are left out and counted; of others they are refused.
+    """Read one message; unknown fields are refused.
 
     Args:
         model: the message type that the key promises.
@@ -144,11 +120,7 @@ def decode(model: type[M], payload: bytes, source: str) -> M:
         InputError: the payload is not such a message.
     """
     try:
-        if payload.startswith(_OPENING):
-            return model.read(b"{" + payload[len(_OPENING) :])
-        if b'"schema"' not in payload:
-            return model.read(payload)
-        return _decode_other(model, payload, source)
+        return model.read(payload)
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
         raise _refusal(model, source, first["msg"], _path(first)) from None
@@ -163,112 +135,15 @@ def _decoder(model: type[C]) -> msgspec.json.Decoder[C]:
     return msgspec.json.Decoder(model)
 
 
-def _decode_other(model: type[M], payload: bytes, source: str) -> M:
-    """Read a message whose version has to be looked for."""
-    try:
-        content = from_json(payload)
-    except ValueError as error:
-        raise _refusal(model, source, str(error), None) from None
-    if not isinstance(content, dict) or "schema" not in content:
-        return model.read(payload)
-    minor = take_minor(content, model, source)
-    if issubclass(model, Compact):
-        unknown = _leave_out(model, content) if minor > _MINOR else 0
-        if unknown > _MAX_UNKNOWN_FIELDS:
-            raise _refusal(model, source, f"{unknown} unknown fields", None)
-        UNKNOWN_FIELDS.labels(model.__name__).inc(unknown)
-        return _validated(model, content)
-    try:
-        return _validated(model, content)
-    except ValidationError as error:
-        if minor <= _MINOR or not _leave_unknown_out(content, error):
-            raise
-        known = _validated(model, content)
-        UNKNOWN_FIELDS.labels(model.__name__).inc(error.error_count())
-        return known
-
-
-def take_minor(content: dict[str, Any], model: type[object], source: str) -> int:
-    """Take the schema version off a message's fields; its minor part, 0 without one.
-
-    Args:
-        content: the fields; `schema` is removed.
-        model: for the error line.
-        source: likewise.
+def check_version(encoding: str) -> None:
+    """Check the version in a sample's encoding; without one it says nothing.
 
     Raises:
-        InputError: it is no version, or one of another major version.
+        ValueError: it is another version than `SCHEMA`.
     """
-    if "schema" not in content:
-        return 0
-    version = content.pop("schema")
-    parts = _VERSION.fullmatch(version) if isinstance(version, str) else None
-    if parts is None:
-        raise _refusal(model, source, "not a version as MAJOR.MINOR", "schema")
-    if int(parts[1]) != _MAJOR:
-        raise InputError(
-            source,
-            f"a {model.__name__} of schema {version}, where {SCHEMA} is read",
-            "bring sender and receiver to one version",
-            key="schema",
-        )
-    return int(parts[2])
-
-
-def versioned(encoding: str, payload: bytes) -> bytes:
-    """A payload as `decode` reads it: a newer minor version of its encoding stands in it too.
-
-    Args:
-        encoding: zenoh's, of the sample; without a version it says nothing of the payload.
-        payload: of the sample.
-
-    Raises:
-        ValueError: the encoding has another major version, or one that is none.
-    """
-    if not encoding.startswith(_MARK):
-        return payload
-    version = encoding[len(_MARK) :]
-    parts = _VERSION.fullmatch(version)
-    if parts is None or int(parts[1]) != _MAJOR:
+    version = encoding.removeprefix(_MARK)
+    if version != encoding and version != str(SCHEMA):
         raise ValueError(f"schema {version[:20]!r}, where {SCHEMA} is read")
-    if int(parts[2]) <= _MINOR or not payload.startswith(b"{") or b'"schema"' in payload:
-        return payload
-    return b'{"schema":"%b",' % version.encode() + payload[1:]
-
-
-def _validated(model: type[M], content: object) -> M:
-    # By way of JSON: its strict rules take a list for a tuple.
-    return model.read(to_json(content, inf_nan_mode="constants"))
-
-
-def _leave_out(kind: type[Compact], content: dict[str, Any]) -> int:
-    """Remove fields that a Compact does not have, and its parts do not; how many."""
-    known = {field.name: field.type for field in msgspec.structs.fields(kind)}
-    unknown = content.keys() - known
-    for name in unknown:
-        del content[name]
-    count = len(unknown)
-    for name, value in content.items():
-        for inner in (known[name], *get_args(known[name])):
-            if isinstance(value, dict) and isinstance(inner, type) and issubclass(inner, Compact):
-                count += _leave_out(inner, value)
-    return count
-
-
-def _leave_unknown_out(content: Any, error: ValidationError) -> bool:
-    """Remove the unknown fields; False if something else is wrong too."""
-    if error.error_count() > _MAX_UNKNOWN_FIELDS:
-        return False
-    found = error.errors(include_url=False, include_input=False, include_context=False)
-    if any(fault["type"] != "extra_forbidden" for fault in found):
-        return False
-    for fault in found:
-        *way, name = fault["loc"]
-        place = content
-        for part in way:
-            place = place[part]
-        del place[name]
-    return True
 
 
 def _without_references(schema: Any, parts: dict[str, Any]) -> Any:

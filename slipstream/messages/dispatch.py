@@ -105,7 +105,7 @@ class CycleReport(Model):
         default=(), description="Stops that no plan visits; senders before this field left none."
     )
     carriers: tuple[CarrierSummary, ...] = Field(
-        default=(), description="Where the vehicles are of several; senders before: none."
+        default=(), description="Where the vehicles are of several."
     )
 
 
@@ -161,24 +161,22 @@ class DispatcherHealth(Model):
     cycles_failed: Count
     states_received: Count
     bad_messages: Count
-    states_refused: Count = Field(
-        default=0, description="States that were read and not admitted; senders before: 0."
-    )
+    states_refused: Count = Field(default=0, description="States that were read and not admitted.")
     messages_lost: Count = Field(
-        default=0, description="Messages too large, or too many to handle; senders before: 0."
+        default=0,
+        description="Messages too large, too many to handle, or of another version.",
     )
     stops: Count = Field(
         default=0,
-        description="Times that the dispatcher itself stood still for seconds; senders before: 0.",
+        description="Times that the dispatcher itself stood still for seconds.",
     )
     states_missed_here: Count = Field(
         default=0,
-        description="States missed because of that, which no RSU is blamed for; senders before: 0.",
+        description="States missed because of that, which no RSU is blamed for.",
     )
     rsus: Annotated[tuple[RsuReception, ...], Field(max_length=20)] = Field(
         default=(),
-        description="Those with the most states missed, then with the clock furthest off; senders "
-        "before: none.",
+        description="Those with the most states missed, then with the clock furthest off.",
     )
     next_cycle_ns: TimeNs | None
     rss_mb: NonNegative
@@ -198,20 +196,19 @@ class DispatcherHealth(Model):
     )
     vehicles_silent: Count = Field(default=0, description="Those of them that do not now.")
     silent: Annotated[tuple[SilentVehicle, ...], Field(max_length=200)] = Field(
-        default=(), description="Those, with most orders first; senders before: none."
+        default=(), description="Those, with most orders first."
     )
     unheard: Annotated[tuple[Identifier, ...], Field(max_length=200)] = Field(
         default=(),
         description="Vehicles that have orders by a plan and have never sent anything: nobody "
-        "knows whether they drive; senders before: none.",
+        "knows whether they drive.",
     )
     orders: dict[OrderState, Count] = Field(
-        default_factory=dict, description="Number of orders by state; senders before: none."
+        default_factory=dict, description="Number of orders by state."
     )
     database_set_aside: str | None = Field(
         default=None,
-        description="File that a damaged database became when this dispatcher started; senders "
-        "before: null.",
+        description="File that a damaged database became when this dispatcher started.",
     )
     paused: bool = Field(
         default=False,
@@ -219,8 +216,7 @@ class DispatcherHealth(Model):
     )
     solver_fault: str | None = Field(
         default=None,
-        description="Why it has no solver that works, or no search for routes; senders before: "
-        "null.",
+        description="Why it has no solver that works, or no search for routes.",
     )
 
 

@@ -53,7 +53,7 @@ class PlannedSegment(Model):
     drafting_share: Annotated[float, Field(ge=0, le=1)] | None = Field(
         default=None,
         description="Share of the segment on which the platoon is expected to be close; null: "
-        "alone, or from a sender before this field.",
+        "alone.",
     )
     leg: Count = Field(description="Which leg between two stops it belongs to.")
     length_m: Positive | None = Field(

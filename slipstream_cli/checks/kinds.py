@@ -113,12 +113,10 @@ def part_of(path: Path, kind: str) -> Checked | None:
     model = models.get(kind) or _models().get(kind)
     if model is None or not isinstance(data, dict):
         return None
-    renamed = getattr(model, "renamed", {})
-    given = {renamed.get(key, key): value for key, value in data.items()}
     content = SimpleNamespace()
     for name, info in model.model_fields.items():
         key = info.alias or name
-        if key not in given:
+        if key not in data:
             if not info.is_required():
                 setattr(content, name, info.get_default(call_default_factory=True))
             continue
@@ -126,7 +124,7 @@ def part_of(path: Path, kind: str) -> Checked | None:
         fields: dict[str, Any] = {name: (info.annotation, info)}
         part = create_model("Part", **fields)
         try:
-            setattr(content, name, getattr(check({key: given[key]}, part, path), name))
+            setattr(content, name, getattr(check({key: data[key]}, part, path), name))
         except InputError:
             continue
     fleet: Any = None

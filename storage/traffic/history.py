@@ -9,10 +9,9 @@ from typing import Final
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from slipstream.messages import Gate, SegmentState
-from storage.models import CycleRow, StateRow
-from storage.rows import segment_state
-from storage.traffic import conversion, gates, recent, rollup_table
+from slipstream.messages import Gate
+from storage.models import CycleRow
+from storage.traffic import gates, recent, rollup_table
 from storage.traffic.rollups import HOUR_S, MINUTE_S, RollUp, begin
 
 GATES_HOLD_S: Final = 900.0
@@ -39,7 +38,7 @@ def gates_of(session: Session, cycles: Sequence[int]) -> dict[int, tuple[Gate, .
     if not cycles:
         return {}
     first, last = cycles[0], cycles[-1]
-    stored = conversion.gates_of(session, first, last) | recent.gates(session, first, last)
+    stored = recent.gates(session, first, last)
     failed = session.scalars(
         select(CycleRow.cycle).where(
             CycleRow.cycle >= first, CycleRow.cycle <= last, CycleRow.status == "failed"
@@ -48,13 +47,6 @@ def gates_of(session: Session, cycles: Sequence[int]) -> dict[int, tuple[Gate, .
     # Changes do not tell that nothing was known in a cycle.
     stored = dict.fromkeys(failed, ()) | stored
     return gates.in_cycles(session, [n for n in cycles if n not in stored]) | stored
-
-
-def states_of(session: Session, cycle: int) -> tuple[SegmentState, ...]:
-    """States that a cycle used; empty if they are not kept any more."""
-    query = select(StateRow).where(StateRow.cycle == cycle).order_by(StateRow.segment, StateRow.rsu)
-    of_before = tuple(segment_state(row) for row in session.scalars(query))
-    return of_before or recent.states(session, cycle)
 
 
 def segments_at(session: Session, time_ns: int) -> tuple[SegmentAt, ...]:

@@ -43,7 +43,7 @@ def add(session: Session, minutes: Sequence[RollUp]) -> None:
     if not minutes:
         return
     last_ns = _extreme(session, func.max, MINUTE_S)
-    put(session, minutes, known_until_ns=last_ns)
+    _put(session, minutes, last_ns)
     touched = {begin(part.began_ns, HOUR_S) for part in minutes}
     present_ns = max(touched)
     if last_ns is not None:
@@ -56,7 +56,7 @@ def add(session: Session, minutes: Sequence[RollUp]) -> None:
         _make_hour(session, hour_ns)
 
 
-def put(session: Session, rollups: Iterable[RollUp], *, known_until_ns: int | None = 2**62) -> None:
+def _put(session: Session, rollups: Iterable[RollUp], known_until_ns: int | None) -> None:
     """Store roll-ups; what is stored of the same segments and periods is merged with them.
 
     Args:

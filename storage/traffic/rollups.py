@@ -77,29 +77,6 @@ def begin(time_ns: int, period_s: int) -> int:
     return time_ns // period_ns * period_ns
 
 
-def rollup(state: SegmentState, period_s: int = MINUTE_S) -> RollUp:
-    """The roll-up of one state."""
-    spreads = {}
-    if state.features is not None:
-        for name in FEATURES:
-            estimate = getattr(state.features, name)
-            if estimate is not None:
-                spreads[name] = Spread(estimate.value, estimate.value, estimate.value)
-    return RollUp(
-        segment=state.segment,
-        period_s=period_s,
-        began_ns=begin(state.time_ns, period_s),
-        count=1,
-        stable=int(state.y_e == 1),
-        turbulent=int(state.y_e == 0),
-        measured=int(state.features is not None),
-        gaps=int("mean_gap_m" in spreads),
-        vehicles_mean=state.vehicles,
-        vehicles_max=state.vehicles,
-        features=spreads,
-    )
-
-
 def merge(parts: Sequence[RollUp]) -> RollUp:
     """The roll-up of all states of several ones of the same segment and period; at least one."""
     first = parts[0]

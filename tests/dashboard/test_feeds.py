@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-import sqlite3
-from pathlib import Path
-
 import pytest
 
 import storage
 from dashboard.feeds import HistoryFeed
 from dashboard.live import LiveData
-from dashboard.panels import PANELS, card_html
-from dashboard.selection import Selection
-from dashboard.view import build_view
 from slipstream.errors import InputError
 from slipstream.service import LogLimiter
 
 S = 1_000_000_000
-DATA = Path(__file__).parent / "data"
-"""Dumps of three cycles and a quantum job, each written by the version with that schema."""
 
 
 @pytest.fixture
@@ -43,33 +35,6 @@ def test_history_appears_with_the_database(tmp_path, live, world, now_ns):
         database.record_cycle(world.cycle(2, now_ns + S), [], [])
     feed.refresh()
     assert [report.cycle for report in live.snapshot().cycles] == [1, 2]
-
-
-@pytest.mark.parametrize("revision", ["0003", "0004"])
-def test_a_database_of_a_former_version_serves_the_page(tmp_path, live, world, now_ns, revision):
-    """A file that a former version wrote opens, is upgraded, and fills the page's panels."""
-    path = tmp_path / "former.db"
-    former = sqlite3.connect(path)
-    former.executescript((DATA / f"database_{revision}.sql").read_text(encoding="utf-8"))
-    former.close()
-    url = f"sqlite:///{path}"
-    with storage.open_database(url) as database:
-        assert database.next_cycle_number() == 4
-        assert [job.tag for job in database.jobs_since(0)] == ["t1"]
-        feed = HistoryFeed(url, live, 100, LogLimiter())
-        feed.refresh()
-    assert storage.check(url).ok
-    snapshot = live.snapshot()
-    assert snapshot.history_problem is None
-    assert snapshot.cycles[-1] == world.cycle(3, now_ns)
-    assert snapshot.plans == {van: world.plan(van, 3, now_ns) for van in ("van-a", "van-b")}
-    view = build_view(snapshot, now_ns, stale_after_s=5.0, silent_after_s=30.0)
-    shown = {panel.name: panel.html(view) for panel in PANELS}
-    assert "Last dispatch cycle: #3" in shown["cycle"]
-    assert "Energy of the last 3 cycles" in shown["history"]
-    assert "c2 → c1" in card_html(view, Selection("van", "van-a"), None)
-    road = card_html(view, Selection("road", "avenue_east"), None)
-    assert "Platooning open in cycle #3" in road
 
 
 def test_only_new_cycles_are_read(tmp_path, live, world, now_ns, monkeypatch):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import ClassVar
 
 import pytest
 from pydantic import Field
@@ -50,7 +49,6 @@ def test_type_default_bounds_and_former_name_are_shown() -> None:
     class Outer(Settings):
         """The top."""
 
-        renamed: ClassVar[dict[str, str]] = {"most_jobs": "max_jobs"}
         max_jobs: int | None = Field(default=None, ge=1, description="Jobs.")
         names: tuple[str, ...] = Field(default=("a", "b"), min_length=1, description="Names.")
         path: Path = Field(description="A path.")
@@ -59,7 +57,6 @@ def test_type_default_bounds_and_former_name_are_shown() -> None:
     top, inner = sections(Outer)
     jobs, names, path = top.keys
     assert (jobs.type, jobs.default, jobs.bounds) == ("integer", "–", "≥ 1")
-    assert jobs.former == "most_jobs"
     assert (names.type, names.default) == ("list of text", '`["a", "b"]`')
     assert names.bounds == "entries ≥ 1"
     assert (path.type, path.default) == ("path", "required")

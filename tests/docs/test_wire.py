@@ -9,6 +9,7 @@ import pytest
 
 from slipstream import messages
 from slipstream.messages import (
+    ENCODING,
     ROOT,
     SCHEMA,
     Message,
@@ -53,9 +54,9 @@ KEYS = {
 
 
 def test_the_schema_version_is_the_one_that_is_sent() -> None:
-    """The page names it, and the keys carry its major part."""
+    """The page names it and its encoding."""
     assert f"`{SCHEMA}`" in PAGE
-    assert ROOT.endswith(f"/v{SCHEMA.partition('.')[0]}")
+    assert f"`{ENCODING}`" in PAGE
 
 
 @pytest.mark.parametrize("key", sorted(KEYS))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import ClassVar
 
 import pytest
 from pydantic import Field
@@ -126,50 +125,6 @@ def test_defaults_listen_and_talk_on_loopback_only() -> None:
     """Nothing is open to the world by default."""
     assert all("127.0.0.1" in endpoint for endpoint in BusSettings().connect)
     assert ServiceSettings().metrics_port == 0
-
-
-class Camera(Settings):
-    """A row of a table of its own."""
-
-    renamed: ClassVar = {"hold_s": "debounce_s"}
-    id: str
-    debounce_s: float = 1.0
-
-
-class Watch(Settings):
-    """Settings with a key that had another name."""
-
-    renamed: ClassVar = {"most_frames": "max_frames"}
-    max_frames: int = 1
-    camera: Camera | None = None
-    cameras: tuple[Camera, ...] = ()
-
-
-def test_a_former_name_is_read_with_one_line_that_names_both(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    """A settings file of the version before still works, in nested tables and lists too."""
-    path = tmp_path / "example.toml"
-    path.write_text(
-        "most_frames = 3\n[camera]\nid = 'a'\nhold_s = 2.0\n[[cameras]]\nid = 'b'\nhold_s = 4.0"
-    )
-    settings = load(path, Watch)
-    assert settings.max_frames == 3
-    assert settings.camera == Camera(id="a", debounce_s=2.0)
-    assert settings.cameras == (Camera(id="b", debounce_s=4.0),)
-    assert [record.message.removeprefix(f"{path}: ") for record in caplog.records] == [
-        "most_frames is deprecated, the key is now max_frames",
-        "camera.hold_s is deprecated, the key is now camera.debounce_s",
-        "cameras.b.hold_s is deprecated, the key is now cameras.b.debounce_s",
-    ]
-
-
-def test_both_names_of_a_key_are_refused(tmp_path: Path) -> None:
-    """Which of the two values is meant cannot be known."""
-    path = tmp_path / "example.toml"
-    path.write_text("most_frames = 3\nmax_frames = 4")
-    with pytest.raises(InputError, match="most_frames: the former name of max_frames"):
-        load(path, Watch)
 
 
 @pytest.mark.parametrize("given", ["user = 'edge-north'", "password_file = 'bus-password'"])

@@ -70,7 +70,7 @@ def test_never_set_up(tmp_path):
     assert report.schema_version is None
 
 
-def test_the_command_says_it_in_a_sentence(url, make_cycle, tmp_path, capsys):
+def test_the_command_says_it_in_a_sentence(url, make_cycle, tmp_path, capsys, monkeypatch):
     """Sound with its cycles, of an older schema with what to run, damaged with the first fault."""
     path = Path(url.removeprefix("sqlite:///"))
 
@@ -88,12 +88,14 @@ def test_the_command_says_it_in_a_sentence(url, make_cycle, tmp_path, capsys):
     size = f"{path.stat().st_size / 1e6:.1f} MB"
     sound = f"{path}: sound, schema {head}, 2 cycles from {begins} to {ends}, {size}"
     assert told() == (0, sound)
-    with closing(sqlite3.connect(path)) as old:
-        old.execute("UPDATE alembic_version SET version_num = '0004'")
-        old.commit()
-    status, line = told()
+    with monkeypatch.context() as patch:
+        patch.setattr("storage.schema.head", lambda: "0999")
+        status, line = told()
+        refused = pytest.raises(storage.StorageError, match="has not upgraded it yet")
+        with storage.open_reader(url) as reader, refused:
+            reader.latest_cycle()
     assert status == 1
-    assert f"schema 0004, where this version has {head}: run slipstream db upgrade" in line
+    assert f"schema {head}, where this version has 0999: run slipstream db upgrade" in line
     (tmp_path / "empty.db").touch()
     status, line = told(f"sqlite:///{tmp_path / 'empty.db'}")
     assert (status, line.partition(": ")[2]) == (1, "no schema yet; run slipstream db upgrade")

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import os
 import random
-import sqlite3
 import subprocess
 import time
 from collections.abc import Iterator
-from contextlib import closing, suppress
+from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -21,7 +20,6 @@ from slipstream.errors import InputError
 from slipstream.messages import Estimate
 from slipstream_cli.main import main
 from storage import retention
-from storage.ownership import FileOwner
 
 DAY_NS = 86_400_000_000_000
 PERIOD_NS = DAY_NS // 6
@@ -153,44 +151,10 @@ def test_cycles_of_a_clock_that_was_behind_stay(url, make_cycle):
     assert _stored(url) == [15]
 
 
-def test_the_upgrade_trusts_the_newest_cycle(url, make_cycle):
-    """A database of the version before gets the time of its newest cycle; an empty one has none."""
+def test_an_empty_database_has_no_trusted_time(url, make_cycle):
+    """Until its first cycle, which gives it one."""
     right_ns = make_cycle(1)[0].started_ns
     with storage.open_database(url) as database:
-        _fill(database, make_cycle, 1, 3, right_ns)
-    with closing(sqlite3.connect(_path(url))) as old:
-        newer = (
-            "clock",
-            "speeds",
-            "movements",
-            "vehicles",
-            "order_changes",
-            "plan_changes",
-            "orders",
-        )
-        traffic = ("segment_rollups", "gate_changes", "cycle_traffic", "segments")
-        inputs = ("input_uses", "cycle_inputs", "input_parts")
-        for table in (*newer, *traffic, *inputs, "events", "energy_ledger"):
-            old.execute(f"DROP TABLE {table}")
-        old.execute("DROP INDEX ix_plans_status")
-        lives = ("continues", "status", "status_ns", "status_reason", "segment_energy")
-        for column in lives:
-            old.execute(f"ALTER TABLE plans DROP COLUMN {column}")
-        for column in (
-            "baseline_driving_s",
-            "cooperative_driving_s",
-            "price_of_time_kw",
-            "carriers",
-        ):
-            old.execute(f"ALTER TABLE cycles DROP COLUMN {column}")
-        old.execute("UPDATE alembic_version SET version_num = '0004'")
-        old.commit()
-    with storage.open_database(url) as database:
-        assert database.prune(90.0, right_ns) == 0
-        with pytest.raises(storage.UntrustedClockError):
-            database.prune(90.0, right_ns + 400 * DAY_NS)
-    empty = url.replace(".db", "-empty.db")
-    with storage.open_database(empty) as database:
         assert database.prune(90.0, right_ns) == 0
         database.record_cycle(*make_cycle(1))
         with pytest.raises(storage.UntrustedClockError):
@@ -351,61 +315,6 @@ def test_a_slow_disk_is_not_held_for_long(any_url, make_cycle, monkeypatch):
     assert max(taken[4:]) <= 0.04
 
 
-def _of_before(url: str, make_cycle, cycles: int) -> None:
-    """A database as versions before made it: pages that are free stay in the file."""
-    _path(url).parent.mkdir()
-    with closing(sqlite3.connect(_path(url))) as old:
-        old.execute("CREATE TABLE x (y)")
-        old.execute("DROP TABLE x")
-    with storage.open_database(url) as database:
-        with database._raw() as cursor:
-            assert cursor.execute("PRAGMA auto_vacuum").fetchone()[0] == 0
-        for number in range(1, cycles + 1):
-            database.record_cycle(*make_cycle(number))
-
-
-def _auto_vacuum(url: str) -> int:
-    with closing(sqlite3.connect(_path(url))) as connection:
-        return int(connection.execute("PRAGMA auto_vacuum").fetchone()[0])
-
-
-def test_a_file_of_before_is_converted_at_a_start(url, make_cycle):
-    """The dispatcher's start makes a small one able to shrink; nothing in it changes."""
-    _of_before(url, make_cycle, 20)
-    with storage.open_reader(url) as reader:
-        before = reader.cycles(limit=99)
-        with storage.open_database(url, owned=True) as database:
-            assert reader.cycles(limit=99) == before
-            assert database.next_cycle_number() == 21
-    assert _auto_vacuum(url) == 2
-    assert storage.check(url).ok
-
-
-def test_a_large_file_of_before_is_converted_by_the_command(
-    url, make_cycle, monkeypatch, capsys, caplog
-):
-    """The start leaves it, with a line; the command converts it unless a dispatcher runs."""
-    monkeypatch.setattr("storage.writer.MAX_CONVERSION_BYTES", 0)
-    _of_before(url, make_cycle, 120)
-    before = _path(url).stat().st_size
-    command = ["db", "prune", "--url", url, "--keep-mb", "0"]
-    with storage.open_database(url, owned=True):
-        assert "too large to be rewritten" in caplog.text
-        assert main(command) == 0
-        assert "stop it and prune again" in capsys.readouterr().out
-    assert _auto_vacuum(url) == 0
-    with monkeypatch.context() as patch:
-        patch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=0))
-        assert main(command) == 0
-    assert "MB of free disk once" in capsys.readouterr().out
-    assert _auto_vacuum(url) == 0
-    assert main(command) == 0
-    assert capsys.readouterr().out == "0 cycles deleted\n"
-    assert _auto_vacuum(url) == 2
-    assert _path(url).stat().st_size < before / 2
-    assert storage.check(url).ok
-
-
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
     """A file system of 32 MB of its own."""
@@ -480,13 +389,3 @@ def test_a_reserve_that_has_no_room_is_left_out(small_disk, make_cycle, caplog):
         database.record_cycle(*make_cycle(1))
     assert "no room for its reserve file" in caplog.text
     assert not retention.reserve_path(_path(url)).exists()
-
-
-def test_only_one_process_converts_at_a_time(url, make_cycle):
-    """A file that another process owns is not rewritten under it."""
-    _of_before(url, make_cycle, 3)
-    owner = FileOwner(_path(url))
-    with storage.open_database(url) as database:
-        assert "another dispatcher" in (database.shrink() or "")
-        owner.close()
-        assert database.shrink() is None

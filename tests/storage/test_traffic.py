@@ -1,12 +1,9 @@
-"""Gates and states in little room: the past of every segment, and what versions before stored."""
+"""Gates and states in little room: the past of every segment."""
 
 from __future__ import annotations
 
-import json
 import random
-import sqlite3
 import time
-from contextlib import closing
 from pathlib import Path
 
 import msgspec
@@ -15,15 +12,39 @@ import pytest
 import storage
 from dispatcher_daemon.service import store
 from slipstream.messages import Estimate
-from storage import RollUpBuffer, upkeep
+from storage import RollUp, RollUpBuffer, upkeep
 from storage.traffic import rollup_table
-from storage.traffic.rollups import HOUR_S, MAX_MINUTES, MINUTE_S, merge, rollup
+from storage.traffic.models import FEATURES
+from storage.traffic.rollups import HOUR_S, MAX_MINUTES, MINUTE_S, Spread, begin, merge
 
 MINUTE_NS = 60 * 10**9
 HOUR_NS = 60 * MINUTE_NS
 DAY_NS = 24 * HOUR_NS
 START_NS = 1_790_000_000 * 10**9 // HOUR_NS * HOUR_NS
 """On the hour."""
+
+
+def _rollup(state, period_s=MINUTE_S):
+    """The roll-up of one state."""
+    spreads = {}
+    if state.features is not None:
+        for name in FEATURES:
+            estimate = getattr(state.features, name)
+            if estimate is not None:
+                spreads[name] = Spread(estimate.value, estimate.value, estimate.value)
+    return RollUp(
+        segment=state.segment,
+        period_s=period_s,
+        began_ns=begin(state.time_ns, period_s),
+        count=1,
+        stable=int(state.y_e == 1),
+        turbulent=int(state.y_e == 0),
+        measured=int(state.features is not None),
+        gaps=int("mean_gap_m" in spreads),
+        vehicles_mean=state.vehicles,
+        vehicles_max=state.vehicles,
+        features=spreads,
+    )
 
 
 def _gate(report, name, *, is_open):
@@ -164,7 +185,7 @@ def test_rollups_are_those_of_all_states(any_url, make_cycle):
         assert hour.count == 5
         assert hour.features["mean_speed_mps"] == pytest.approx((16.25, 5.0, 30.0))
         assert "mean_gap_m" not in hour.features
-        expected = merge([rollup(state, HOUR_S) for state in [*states[:4], late]])
+        expected = merge([_rollup(state, HOUR_S) for state in [*states[:4], late]])
         for name, spread in expected.features.items():
             assert hour.features[name] == pytest.approx(spread, rel=1e-6)
         assert hour.vehicles_mean == expected.vehicles_mean
@@ -184,7 +205,7 @@ def test_rollups_are_those_of_all_states(any_url, make_cycle):
 def test_the_last_hour_before_a_pause_is_kept(any_url, make_cycle):
     """Its minutes go after two days without a state: the hour is made of all of them, for good."""
     cycle = make_cycle(1)
-    minutes = [rollup(_state(cycle, "a", START_NS + n * MINUTE_NS, 9.0)) for n in range(4)]
+    minutes = [_rollup(_state(cycle, "a", START_NS + n * MINUTE_NS, 9.0)) for n in range(4)]
     with storage.open_database(any_url) as database, storage.open_reader(any_url) as reader:
         database.record_cycle(*_cycle(cycle, 1, START_NS, {"a": True}))
         database.add_rollups(minutes)
@@ -193,14 +214,14 @@ def test_the_last_hour_before_a_pause_is_kept(any_url, make_cycle):
         for _ in range(2):
             (hour,) = reader.rollups("a", 0, 2**62, period_s=HOUR_S)
             assert (hour.began_ns, hour.count) == (START_NS, 4)
-            database.add_rollups([rollup(_state(cycle, "a", START_NS + 3 * DAY_NS, 9.0))])
+            database.add_rollups([_rollup(_state(cycle, "a", START_NS + 3 * DAY_NS, 9.0))])
 
 
 def test_no_value_is_beyond_what_a_column_takes(any_url, make_cycle):
     """Values near 0 are 0 and huge ones the largest; means of them can be stored, too."""
     cycle = make_cycle(1)
     parts = [
-        rollup(_state(cycle, name, START_NS + hour * HOUR_NS, speed))
+        _rollup(_state(cycle, name, START_NS + hour * HOUR_NS, speed))
         for hour in range(2)
         for name, speed in (("tiny", 1e-50), ("huge", 1e300), ("small", -2e-37))
     ]
@@ -290,7 +311,7 @@ def test_each_kind_of_old_traffic_has_its_turn(url, make_cycle, monkeypatch):
         database.add_rollups(buffer.take())
         for number in (1, 2):
             database.record_cycle(*_cycle(cycle, number, START_NS, {"a": True}))
-        for _ in range(6):
+        for _ in range(5):
             database.tidy(START_NS + 3 * DAY_NS, budget_s=0.0)
         assert reader.states(1) == ()
         assert len(reader.rollups("a", 0, 2**62)) == 29
@@ -301,7 +322,7 @@ def test_deletion_keeps_up_where_a_call_has_time_for_one_step(
     url, make_cycle, monkeypatch, catch_up_s, left
 ):
     """On a machine on which each step takes all the time of a call, three minutes go in a step,
-    one kind of six in a call, and five minutes come in each cycle.
+    one kind of five in a call, and five minutes come in each cycle.
     """
     monkeypatch.setattr(rollup_table, "ROWS_A_STEP", 3)
     monkeypatch.setattr(upkeep, "MINUTES_KEPT_H", 1 / 15)
@@ -320,92 +341,6 @@ def test_deletion_keeps_up_where_a_call_has_time_for_one_step(
         minutes = len(reader.rollups("a", 0, 2**62))
         assert minutes >= left if catch_up_s == 0.0 else minutes <= left
         assert not database.tidy(now_ns)
-
-
-def _store_as_before(url, cycle) -> None:
-    """Move a cycle's gates and states to where versions before 0013 stored them."""
-    report, _, states = cycle
-    with closing(sqlite3.connect(url.removeprefix("sqlite:///"))) as old:
-        old.execute("DELETE FROM cycle_traffic WHERE cycle = ?", (report.cycle,))
-        old.execute("DELETE FROM gate_changes WHERE cycle = ?", (report.cycle,))
-        rows = [
-            ("gates", {"cycle": report.cycle, "position": place, **gate.model_dump()})
-            for place, gate in enumerate(report.gates)
-        ]
-        for state in states:
-            row = {"cycle": report.cycle, **msgspec.to_builtins(state)}
-            rows.append(("segment_states", row | {"features": json.dumps(row["features"])}))
-        for table, row in rows:
-            marks = ", ".join(f":{name}" for name in row)
-            old.execute(f"INSERT INTO {table} ({', '.join(row)}) VALUES ({marks})", row)
-        old.commit()
-
-
-def test_what_versions_before_stored_is_converted_in_steps(url, make_cycle):
-    """It reads the same until it is a day old; then gates are changes and states hours, oldest
-    first, and cycles stored meanwhile are not touched.
-    """
-    shown = [{"a": True}, {"a": True}, {"a": False}, {"a": True, "b": True}]
-    times = [START_NS + number * HOUR_NS for number in range(4)]
-    before = [
-        _cycle(make_cycle(1), number, times[number - 1], gates)
-        for number, gates in enumerate(shown, start=1)
-    ]
-    before = [
-        (report, plans, [msgspec.structs.replace(state, time_ns=time_ns) for state in states])
-        for (report, plans, states), time_ns in zip(before, times, strict=True)
-    ]
-    with storage.open_database(url) as database:
-        for cycle in before:
-            database.record_cycle(*cycle)
-    for cycle in before:
-        _store_as_before(url, cycle)
-    with storage.open_database(url) as database, storage.open_reader(url) as reader:
-        new = _cycle(make_cycle(1), 5, START_NS + 4 * HOUR_NS, {"a": False, "b": True})
-        database.record_cycle(*new)
-        assert reader.cycles(9) == tuple(report for report, _, _ in [*before, new])
-        assert reader.states(3) == tuple(before[2][2])
-        # Nothing is old yet; then one cycle a call, as far as the time allows.
-        database.tidy(times[0] + DAY_NS)
-        assert reader.states(1) == tuple(before[0][2])
-        database.tidy(times[2] + DAY_NS + 1, budget_s=1e9)
-        assert [len(reader.states(number)) for number in range(1, 6)] == [0, 0, 0, 2, 2]
-        stored = reader.cycles(9)
-        assert [_open(report.gates) for report in stored] == [*shown, {"a": False, "b": True}]
-        assert stored[3:] == (before[3][0], new[0])
-        hours = reader.rollups("a", 0, 2**62, period_s=HOUR_S)
-        assert [(hour.began_ns, hour.count) for hour in hours] == [(ns, 1) for ns in times[:3]]
-        assert storage.check(url).ok
-        database.tidy(times[3] + 2 * DAY_NS)
-        connection = sqlite3.connect(url.removeprefix("sqlite:///"))
-        for table in ("gates", "segment_states"):
-            assert connection.execute(f"SELECT count(*) FROM {table}").fetchone() == (0,)
-        connection.close()
-        assert [_open(report.gates) for report in reader.cycles(9)][:4] == shown
-
-
-@pytest.mark.parametrize("converted", [0, 1])
-def test_gates_of_before_an_upgrade_do_not_last_beyond_it(url, make_cycle, converted):
-    """The first cycle after it says what it knows of each segment, however much of the former
-    ones is converted by then.
-    """
-    shown = [{"a": True, "b": True}, {"a": False, "b": True}, {"a": True}, {"a": True}]
-    cycles = [
-        _cycle(make_cycle(1), number, START_NS + number * HOUR_NS, gates)
-        for number, gates in enumerate(shown, start=1)
-    ]
-    with storage.open_database(url) as database:
-        for cycle in cycles[:2]:
-            database.record_cycle(*cycle)
-    for cycle in cycles[:2]:
-        _store_as_before(url, cycle)
-    with storage.open_database(url) as database, storage.open_reader(url) as reader:
-        if converted:
-            database.tidy(START_NS + HOUR_NS + DAY_NS + 1)
-        for cycle in cycles[2:]:
-            database.record_cycle(*cycle)
-        database.tidy(START_NS + 2 * DAY_NS)
-        assert [_open(report.gates) for report in reader.cycles(9)] == shown
 
 
 def test_a_thousand_segments_take_little_room(url, make_cycle, figure):

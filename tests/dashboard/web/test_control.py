@@ -124,22 +124,6 @@ def test_refusals_pass_through(serve: Callable[..., Served], api: Any) -> None:
     assert "Authorization" not in unknown.json["mend"]
 
 
-def test_a_dispatcher_that_takes_no_reason_is_asked_without_and_that_is_said(
-    serve: Callable[..., Served], api: Any
-) -> None:
-    """One of the version before: the action is done all the same."""
-    address, asked = api
-    page = serve(allow_control=True, dispatcher_api=address)
-    wanted = {"action": "pin", "subject": "order/strict", "vehicle": "van-1", "reason": "ice"}
-    answer = act(page, wanted)
-    assert answer.status == 200
-    assert answer.json["text"].endswith("does not keep the reason.")
-    assert [body for *_, body in asked] == [
-        b'{"vehicle": "van-1", "reason": "ice"}',
-        b'{"vehicle": "van-1"}',
-    ]
-
-
 def test_what_is_no_action_does_not_leave_the_page(serve: Callable[..., Served], api: Any) -> None:
     """No token, a form of another site, another site's script, no JSON, too much of it."""
     address, asked = api

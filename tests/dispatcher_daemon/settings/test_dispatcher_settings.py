@@ -1,12 +1,10 @@
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from dashboard.settings import DashboardSettings
 from dispatcher_daemon.settings import AdviceSettings, DispatcherSettings, PriceSettings
-from slipstream.config import Settings, check, load
+from slipstream.config import Settings, check
 from slipstream.errors import InputError
 from slipstream.messages import DrivingAdvice
 from slipstream_cli.settings_doc import sections
@@ -56,61 +54,6 @@ def test_bad_settings_are_named(data: dict[str, object], part: str) -> None:
 
 SHARED = ("bus", "service")
 """Sections that other rooms define."""
-
-FORMER = """
-[city]
-most_sweeps = 7
-
-[city.search]
-most_penalty_kwh = 0.5
-
-[hardware]
-backend = "fake:FakeBoston"
-most_pending = 3
-most_poll_s = 50.0
-call_limit_s = 15.0
-give_up_after_s = 900.0
-faults = 4
-rest_s = 30.0
-most_rest_s = 1200.0
-"""
-PRESENT = """
-[city]
-max_sweeps = 7
-
-[city.search]
-max_penalty_kwh = 0.5
-
-[hardware]
-backend = "fake:FakeBoston"
-max_pending_jobs = 3
-max_poll_s = 50.0
-call_timeout_s = 15.0
-job_timeout_s = 900.0
-fault_threshold = 4
-open_s = 30.0
-max_open_s = 1200.0
-"""
-
-
-def test_a_settings_file_with_the_former_keys_still_loads(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    """It means the same as one with the present keys, and each former key is named in a warning."""
-    former, present = tmp_path / "former.toml", tmp_path / "present.toml"
-    former.write_text(FORMER, encoding="utf-8")
-    present.write_text(PRESENT, encoding="utf-8")
-    expected = load(present, DispatcherSettings)
-    assert caplog.messages == []
-    assert load(former, DispatcherSettings) == expected
-    assert expected != DispatcherSettings()
-    city, hardware = type(expected.city), type(expected.hardware)
-    search = type(expected.city.search)
-    for section, model in (("city", city), ("city.search", search), ("hardware", hardware)):
-        for old, new in model.renamed.items():
-            line = f"{section}.{old} is deprecated, the key is now {section}.{new}"
-            assert any(line in message for message in caplog.messages)
-    assert len(caplog.messages) == 9
 
 
 def test_every_key_has_a_description() -> None:

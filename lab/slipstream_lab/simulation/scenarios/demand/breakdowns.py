@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar, Final, Self
+from typing import Annotated, Final, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -27,8 +27,6 @@ Seconds = Annotated[float, Field(ge=0, le=86400, allow_inf_nan=False)]
 
 class Breakdown(Settings):
     """A car that breaks down in the rightmost lane of one of some segments."""
-
-    renamed: ClassVar[Mapping[str, str]] = {"lasts_s": "duration_s"}
 
     name: Identifier
     segments: Annotated[tuple[Identifier, ...], Field(min_length=1)] = Field(

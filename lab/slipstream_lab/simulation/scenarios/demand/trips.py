@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar, Final
+from typing import Annotated, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -47,8 +47,6 @@ class Zone(Settings):
 class Flow(Settings):
     """Trips of one purpose."""
 
-    renamed: ClassVar[Mapping[str, str]] = {"reach_m": "decay_length_m"}
-
     name: Identifier
     trips: Annotated[int, Field(ge=1, le=1_000_000)] = Field(description="A day.")
     origin: Identifier = Field(description="Name of a zone.")
@@ -64,8 +62,6 @@ class Flow(Settings):
 
 class DemandSettings(Settings):
     """The demand of a day."""
-
-    renamed: ClassVar[Mapping[str, str]] = {"shortest_m": "min_trip_m"}
 
     zones: dict[Identifier, Zone]
     flows: Annotated[tuple[Flow, ...], Field(min_length=1)]

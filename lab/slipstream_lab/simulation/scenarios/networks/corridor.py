@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Annotated, ClassVar, Final
+from collections.abc import Iterator
+from typing import Annotated, Final
 
 from pydantic import Field
 
@@ -22,12 +22,6 @@ _MARGIN_M: Final = 300.0
 
 class CorridorSettings(Settings):
     """Shape of the corridor."""
-
-    renamed: ClassVar[Mapping[str, str]] = {
-        "leaving_m": "deceleration_lane_m",
-        "between_m": "ramp_spacing_m",
-        "joining_m": "acceleration_lane_m",
-    }
 
     length_m: Annotated[float, Field(ge=3000, le=200_000)] = 40_000.0
     spacing_m: Annotated[float, Field(ge=2500, le=20_000)] = Field(
