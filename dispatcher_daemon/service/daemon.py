@@ -11,20 +11,18 @@ from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
 from dispatcher_daemon import metrics
-from dispatcher_daemon.fleet.file import FleetFile
-from dispatcher_daemon.planning import search_within
-from dispatcher_daemon.planning.cycle.cycle import form_of
+from dispatcher_daemon.fleet import FleetFile
+from dispatcher_daemon.planning.cycle import form_of
+from dispatcher_daemon.planning.routes import search_within
 from dispatcher_daemon.service.dispatcher import AlarmSource, Announce, Dispatcher, announce_nothing
 from dispatcher_daemon.service.intake import OrderAnswers, OrderIntake
 from dispatcher_daemon.service.on_demand import Gathering
 from dispatcher_daemon.service.schedule import CycleScheduler
 from dispatcher_daemon.service.store import database_fault, open_checked_database, open_in_turn
 from dispatcher_daemon.settings import ApiSettings, DispatcherSettings
-from dispatcher_daemon.solvers.protocol import Solver
+from dispatcher_daemon.solvers import Solver, configured_solvers
 from dispatcher_daemon.solvers.quantum.hardware import open_job_manager
-from dispatcher_daemon.solvers.registry import configured_solvers
-from dispatcher_daemon.solvers.workers.pool import Solve, SolverPool
-from dispatcher_daemon.solvers.workers.processes import WorkerExecutor
+from dispatcher_daemon.solvers.workers import Solve, SolverPool, WorkerExecutor
 from slipstream.admission import check_rsus
 from slipstream.bus import Bus
 from slipstream.messages import ALL_RSU_HEALTH, ALL_STATES, ALL_STOPPED, position_key
@@ -318,9 +316,9 @@ def with_cluster(
     """
     if settings.cluster.address is None:
         return pool, executor, None
-    from dispatcher_daemon.solvers.cluster import client, fallback
+    from dispatcher_daemon.solvers.cluster import Cluster, ClusterExecutor, cluster_solve
 
     workers = settings.city.search.workers
-    cluster = client.Cluster(settings.cluster, workers, solvers, (search_within,))
-    solve = fallback.cluster_solve(cluster, solvers, pool)
-    return solve, fallback.ClusterExecutor(cluster, executor, workers), lambda: cluster.slots
+    cluster = Cluster(settings.cluster, workers, solvers, (search_within,))
+    solve = cluster_solve(cluster, solvers, pool)
+    return solve, ClusterExecutor(cluster, executor, workers), lambda: cluster.slots

@@ -11,13 +11,9 @@ from typing import Final, Literal
 
 import numpy as np
 
-from dispatcher_daemon.fleet import Fleet
-from dispatcher_daemon.planning import (
-    refused_platoons,
-    route_cycle,
-    servable_part,
-)
+from dispatcher_daemon.fleet import Fleet, Passage
 from dispatcher_daemon.planning.arc_form import ArcForm, arc_cycle, arc_form, arc_form_obstacle
+from dispatcher_daemon.planning.improvement import refused_platoons
 from dispatcher_daemon.planning.plans import (
     Candidate,
     Cycle,
@@ -29,10 +25,12 @@ from dispatcher_daemon.planning.plans import (
     summarise,
     vehicle_accounts,
 )
-from dispatcher_daemon.planning.platooning import JudgedPair, Passage, Place
+from dispatcher_daemon.planning.platooning import JudgedPair, Place
 from dispatcher_daemon.planning.roads import RoutedArc
+from dispatcher_daemon.planning.route_form import route_cycle
+from dispatcher_daemon.planning.routes import servable_part
 from dispatcher_daemon.settings import DispatcherSettings
-from dispatcher_daemon.solvers.workers.pool import Solve
+from dispatcher_daemon.solvers.workers import Solve
 from slipstream.energy import total
 from slipstream.energy_ledger import PlanEnergy
 from slipstream.errors import InputError

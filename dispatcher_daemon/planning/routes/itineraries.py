@@ -9,12 +9,11 @@ from functools import cached_property
 from itertools import pairwise
 from typing import Final
 
-from dispatcher_daemon.fleet.commitments import Commitment
-from dispatcher_daemon.forms.problem import RoutingProblem
+from dispatcher_daemon.fleet import Commitment, RoadUser
+from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.platooning import (
     Meetings,
     OpenPassages,
-    RoadUser,
     Shares,
     Traversals,
     counted_drafting,
@@ -36,7 +35,7 @@ from dispatcher_daemon.planning.routes.continuing import (
     departure_s,
     planned_waits_s,
 )
-from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
+from dispatcher_daemon.traffic import TrafficSnapshot
 
 S_PER_H: Final = 3600.0
 _ROUNDING_S: Final = 1e-6

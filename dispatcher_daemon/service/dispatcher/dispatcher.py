@@ -9,14 +9,13 @@ from collections.abc import Collection, Mapping
 from concurrent.futures import Executor
 
 from dispatcher_daemon import metrics
-from dispatcher_daemon.fleet import Fleet
-from dispatcher_daemon.fleet.file import FleetFile
+from dispatcher_daemon.fleet import Fleet, FleetFile
 from dispatcher_daemon.fleet.tracking import HIDDEN, Situation
-from dispatcher_daemon.forms.problem import RoutingProblem, routing_problem
-from dispatcher_daemon.planning import NO_VEHICLE
-from dispatcher_daemon.planning.cycle.cycle import CycleResult, cycle_seed, run_cycle
+from dispatcher_daemon.forms import RoutingProblem, routing_problem
+from dispatcher_daemon.planning.cycle import CycleResult, cycle_seed, run_cycle
 from dispatcher_daemon.planning.plans import Cycle
 from dispatcher_daemon.planning.replay import InputEncoder, Recorder
+from dispatcher_daemon.planning.route_form import NO_VEHICLE
 from dispatcher_daemon.service.dispatcher.control import Control
 from dispatcher_daemon.service.dispatcher.delivery import PlanDelivery
 from dispatcher_daemon.service.dispatcher.health import HealthPublisher
@@ -29,7 +28,7 @@ from dispatcher_daemon.service.fleet_watch import FleetWatch
 from dispatcher_daemon.service.store import CyclePruner, CycleStore
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.quantum.hardware import JobManager
-from dispatcher_daemon.solvers.workers.pool import Solve
+from dispatcher_daemon.solvers.workers import Solve
 from slipstream.energy_ledger import PlanEnergy
 from slipstream.errors import InputError
 from slipstream.messages import SegmentState, Unserved, VehiclePlan

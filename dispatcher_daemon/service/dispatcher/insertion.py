@@ -9,11 +9,11 @@ from typing import Final
 
 from dispatcher_daemon import metrics
 from dispatcher_daemon.fleet.tracking import fleet_of
-from dispatcher_daemon.forms.problem import routing_problem
-from dispatcher_daemon.planning import Insertion, insert_stops
-from dispatcher_daemon.planning.cycle.cycle import cycle_seed
+from dispatcher_daemon.forms import routing_problem
+from dispatcher_daemon.planning.cycle import cycle_seed
 from dispatcher_daemon.planning.plans import Cycle, plan_energies
 from dispatcher_daemon.planning.replay import InputEncoder
+from dispatcher_daemon.planning.routes import Insertion, insert_stops
 from dispatcher_daemon.service.dispatcher.delivery import PlanDelivery
 from dispatcher_daemon.service.dispatcher.receiver import StateReceiver
 from dispatcher_daemon.service.dispatcher.reports import insertion_report

@@ -2,11 +2,32 @@
 
 from __future__ import annotations
 
+from dispatcher_daemon.solvers.quantum.backends.aer import (
+    DECOUPLED,
+    IDLE,
+    TWIRLED,
+    AerBackend,
+    NoisyBackend,
+    fake_target,
+)
 from dispatcher_daemon.solvers.quantum.backends.base import Backend, Sampled
-from dispatcher_daemon.solvers.quantum.backends.jobs import JobService
+from dispatcher_daemon.solvers.quantum.backends.ibm_account import find_access
+from dispatcher_daemon.solvers.quantum.backends.jobs import (
+    FaultKind,
+    JobService,
+    JobView,
+    ServiceFault,
+)
+from dispatcher_daemon.solvers.quantum.backends.noise import DeviceNoise, blocks_of
+from dispatcher_daemon.solvers.quantum.backends.targets import (
+    Depths,
+    compare_depths,
+    transpile_dense,
+    transpile_on,
+    two_qubit_depth,
+    two_qubit_gates,
+)
 from slipstream.errors import InputError
-
-__all__ = ["Backend", "Sampled", "open_backend", "open_service"]
 
 
 def open_backend(text: str) -> Backend:
@@ -22,12 +43,8 @@ def open_backend(text: str) -> Backend:
     """
     service, _, name = text.partition(":")
     if text == "aer":
-        from dispatcher_daemon.solvers.quantum.backends.aer import AerBackend
-
         return AerBackend()
     if service == "aer" and name:
-        from dispatcher_daemon.solvers.quantum.backends.aer import NoisyBackend, fake_target
-
         device, plus, ending = name.partition("+")
         backend = NoisyBackend(device, plus + ending)
         fake_target(device)
@@ -68,3 +85,28 @@ def open_service(text: str) -> JobService:
         f"there is no job service {text!r}",
         "use ibm:NAME, ibm:least-busy or fake:FakeBoston",
     )
+
+
+__all__ = [
+    "DECOUPLED",
+    "IDLE",
+    "TWIRLED",
+    "Backend",
+    "Depths",
+    "DeviceNoise",
+    "FaultKind",
+    "JobView",
+    "NoisyBackend",
+    "Sampled",
+    "ServiceFault",
+    "blocks_of",
+    "compare_depths",
+    "fake_target",
+    "find_access",
+    "open_backend",
+    "open_service",
+    "transpile_dense",
+    "transpile_on",
+    "two_qubit_depth",
+    "two_qubit_gates",
+]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-from dispatcher_daemon.solvers.quantum.backends import Backend, open_backend
-from dispatcher_daemon.solvers.quantum.backends.base import Sampled
+from dispatcher_daemon.solvers.quantum.backends import open_backend
+from dispatcher_daemon.solvers.quantum.backends.base import Backend, Sampled
 from dispatcher_daemon.solvers.quantum.backends.jobs import ServiceFault
 
 FALLBACK = "aer"

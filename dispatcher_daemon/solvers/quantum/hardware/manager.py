@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
-from dispatcher_daemon.settings import HARDWARE_SOLVER, DispatcherSettings
+from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.protocol import Outcome
 from dispatcher_daemon.solvers.quantum.backends.jobs import JobService
 from dispatcher_daemon.solvers.quantum.hardware.circuits import ChainCircuitBuilder, problem_key
@@ -22,7 +22,6 @@ from dispatcher_daemon.solvers.quantum.hardware.ledger import DeviceKind, JobSto
 from dispatcher_daemon.solvers.quantum.hardware.request import JobRequest
 from dispatcher_daemon.solvers.quantum.hardware.thread import JobThread
 from dispatcher_daemon.solvers.quantum.lc_qaoa import LcQaoaSolver
-from dispatcher_daemon.solvers.registry import make_solver
 from dispatcher_daemon.solvers.workers.pool import RESERVE, Job, Solve
 from slipstream.messages import HardwareHealth
 
@@ -154,8 +153,7 @@ def open_job_manager(
     hardware = settings.hardware
     if not hardware.backend:
         return None
-    solver = make_solver(HARDWARE_SOLVER, settings)
-    assert isinstance(solver, LcQaoaSolver)
+    solver = LcQaoaSolver(settings.lc_qaoa, settings.gamma)
     factory, kind = BackendServiceFactory(hardware.backend), device_kind(hardware.backend)
     thread = JobThread(hardware, kind, factory, ChainCircuitBuilder(solver), store)
     return JobManager(solve, thread, hardware.wait_s, settings.deadline_s)

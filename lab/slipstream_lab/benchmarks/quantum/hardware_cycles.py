@@ -15,17 +15,15 @@ from typing import Any, Final
 import psutil
 
 from dispatcher_daemon.fleet import load_fleet
-from dispatcher_daemon.forms.problem import RoutingProblem
-from dispatcher_daemon.planning.cycle.cycle import run_cycle
+from dispatcher_daemon.forms import RoutingProblem
+from dispatcher_daemon.planning.cycle import run_cycle
 from dispatcher_daemon.planning.plans import Cycle, verify_plans
 from dispatcher_daemon.settings import DispatcherSettings, HardwareSettings, LcQaoaSettings
-from dispatcher_daemon.solvers.protocol import Outcome
-from dispatcher_daemon.solvers.quantum.hardware import JobManager
-from dispatcher_daemon.solvers.quantum.hardware.thread import JobThread
-from dispatcher_daemon.solvers.quantum.lc_qaoa import LcQaoaSolver
-from dispatcher_daemon.solvers.registry import configured_solvers
-from dispatcher_daemon.solvers.workers.pool import RESERVE, Job, Solve, SolverPool
-from dispatcher_daemon.traffic.snapshot import SegmentTraffic, TrafficSnapshot
+from dispatcher_daemon.solvers import Outcome, configured_solvers
+from dispatcher_daemon.solvers.quantum import LcQaoaSolver
+from dispatcher_daemon.solvers.quantum.hardware import JobManager, JobThread
+from dispatcher_daemon.solvers.workers import RESERVE, Job, Solve, SolverPool
+from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot
 from slipstream.sumo_net import load_network
 from slipstream_lab.benchmarks.quantum.ansatz_builder import AnsatzBuilder
 from slipstream_lab.benchmarks.quantum.faulty_service import (

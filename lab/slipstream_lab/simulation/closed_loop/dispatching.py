@@ -10,11 +10,11 @@ from types import MappingProxyType
 from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.fleet.learning import History
 from dispatcher_daemon.fleet.tracking import FleetTracker
-from dispatcher_daemon.forms.problem import RoutingProblem
-from dispatcher_daemon.planning.cycle.cycle import cycle_seed, run_cycle
+from dispatcher_daemon.forms import RoutingProblem
+from dispatcher_daemon.planning.cycle import cycle_seed, run_cycle
 from dispatcher_daemon.planning.plans import Cycle
 from dispatcher_daemon.settings import AdviceSettings, DispatcherSettings
-from dispatcher_daemon.traffic.snapshot import Expectations, TrafficSnapshot, take_snapshot
+from dispatcher_daemon.traffic import Expectations, TrafficSnapshot, take_snapshot
 from slipstream.messages import (
     Message,
     PlanAcknowledgement,

@@ -16,7 +16,7 @@ import psutil
 import pytest
 
 from dispatcher_daemon import metrics
-from dispatcher_daemon.planning import FleetPlan, plan_fleet
+from dispatcher_daemon.planning.route_form import FleetPlan, plan_fleet
 from dispatcher_daemon.service.daemon import with_cluster
 from dispatcher_daemon.settings import (
     CitySettings,
