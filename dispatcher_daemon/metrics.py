@@ -8,7 +8,7 @@ from prometheus_client import REGISTRY, Counter, Gauge, Histogram
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
-from dispatcher_daemon.traffic.reception import Reception
+from dispatcher_daemon.traffic import Reception
 from slipstream.messages import CycleReport
 
 STATES = Counter(

@@ -4,36 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import entry_points
 from typing import Any, Final
 
 from slipstream.errors import InputError
-from slipstream.plugins import find_plugin
+from slipstream.logs import complain
 
-_PARTS: Final = "slipstream.laboratory"
-_COMMANDS: Final = "slipstream.commands"
 MEND: Final = "pip install ./lab in a checkout of Slipstream"
+_COMMANDS: Final = "slipstream.commands"
+_PARTS: Final = "slipstream.laboratory"
+
+Adder = Callable[..., Any]
 
 
-@cache
-def commands() -> Mapping[str, EntryPoint]:
-    """Sub-commands that installed packages add: what adds each to a parser, by name."""
-    return {point.name: point for point in entry_points(group=_COMMANDS)}
+def commands() -> Mapping[str, Adder]:
+    """What adds each sub-command of installed packages to a parser, by name."""
+    return _loaded(_COMMANDS)
 
 
-def find_part(name: str) -> Callable[..., Any] | None:
-    """A function that the laboratory gives to a command of the product; None: not installed.
-
-    Raises:
-        InputError: it is installed and cannot be loaded.
-    """
-    if not entry_points(group=_PARTS, name=name):
-        return None
-    built_in: Mapping[str, Callable[..., Any]] = {}
-    return find_plugin(_PARTS, name, built_in, "part of the laboratory")
+def find_part(name: str) -> Adder | None:
+    """A function that the laboratory gives to a command of the product; None: there is none."""
+    return _loaded(_PARTS).get(name)
 
 
-def part(name: str, asked: str) -> Callable[..., Any]:
+def part(name: str, asked: str) -> Adder:
     """As `find_part`, for what cannot be done without it.
 
     Args:
@@ -45,4 +39,18 @@ def part(name: str, asked: str) -> Callable[..., Any]:
     found = find_part(name)
     if found is None:
         raise InputError(asked, "the laboratory is not installed", MEND)
+    return found
+
+
+@cache
+def _loaded(group: str) -> Mapping[str, Adder]:
+    """Entry points of a group; one that cannot be loaded is told, and keeps no daemon from its
+    start.
+    """
+    found: dict[str, Adder] = {}
+    for point in entry_points(group=group):
+        try:
+            found[point.name] = point.load()
+        except Exception as error:
+            complain(f"slipstream {point.name}: {point.value} cannot be loaded: {error}")
     return found

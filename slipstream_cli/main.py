@@ -102,14 +102,9 @@ def parser() -> argparse.ArgumentParser:
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for module in COMMANDS.values():
         import_module(f"slipstream_cli.{module}").add_to(commands)
-    added = []
-    for name, point in laboratory.commands().items():
-        try:
-            point.load()(commands)
-        except Exception as error:  # a broken package must not keep a daemon from its start
-            complain(f"slipstream {name}: {point.value} cannot be loaded: {error}")
-        else:
-            added.append(name)
+    added = laboratory.commands()
+    for add_to in added.values():
+        add_to(commands)
     if added:
         groups["laboratory"] = tuple(added)
     return top

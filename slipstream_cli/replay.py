@@ -21,8 +21,8 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
 def run(options: argparse.Namespace) -> int:
     """Make it again and print what differs."""
     from dispatcher_daemon.planning.replay import replayed, restored_settings
-    from dispatcher_daemon.solvers.registry import configured_solvers
-    from dispatcher_daemon.solvers.workers.pool import solve_in_process
+    from dispatcher_daemon.solvers import configured_solvers
+    from dispatcher_daemon.solvers.workers import solve_in_process
 
     with stored_cycle(options) as (reader, stored), ThreadPoolExecutor(1) as thread:
         if stored.inputs is None:

@@ -43,8 +43,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
 
 def run(options: argparse.Namespace) -> int:
     """Make one."""
-    from dispatcher_daemon.service.api import Token, token_hash
-    from dispatcher_daemon.service.api.auth import TokenList
+    from dispatcher_daemon.service.api import Token, TokenList, token_hash
     from slipstream.config import check
 
     path: Path = options.file

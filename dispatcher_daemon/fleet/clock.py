@@ -23,7 +23,7 @@ _ANY_DAY: Final = "2000-01-01"
 
 
 def _is_clock(text: str) -> str:
-    parse(text)
+    parse_clock(text)
     return text
 
 
@@ -41,7 +41,7 @@ Clock = Annotated[str, AfterValidator(_is_clock)]
 ZoneName = Annotated[str, AfterValidator(_is_zone)]
 
 
-def parse(text: str) -> timedelta | datetime:
+def parse_clock(text: str) -> timedelta | datetime:
     """Read a `Clock`: the wall clock's time since midnight, at most a day; or a moment.
 
     Raises:
@@ -73,11 +73,11 @@ def seconds_after(
         zone: of times without one.
         reference_ns: the moment, UTC.
     """
-    found = moments(clocks, zone, reference_ns)
+    found = clock_moments(clocks, zone, reference_ns)
     return {key: (utc_ns(at) - reference_ns) / 1e9 for key, at in found.items()}
 
 
-def moments(
+def clock_moments(
     clocks: Mapping[str, str | None],
     zone: tzinfo,
     reference_ns: int,
@@ -101,7 +101,7 @@ def moments(
         shift: when the shift over midnight begins that breaks are in; None: there is none.
     """
     now = datetime.fromtimestamp(reference_ns // 10**9, zone)
-    read = {key: parse(text) for key, text in clocks.items() if text is not None}
+    read = {key: parse_clock(text) for key, text in clocks.items() if text is not None}
     daily = {key: at for key, at in read.items() if isinstance(at, timedelta)}
     day, first = now.date(), timedelta()
     if daily:
@@ -137,7 +137,7 @@ def _is_over(past: timedelta, now: datetime, last: timedelta, *, is_end: bool) -
 
 def over_midnight(clocks: Mapping[str, str | None]) -> bool:
     """Whether times of day begin on one day and end on the next."""
-    read = [parse(text) for text in clocks.values() if text is not None]
+    read = [parse_clock(text) for text in clocks.values() if text is not None]
     daily = [at for at in read if isinstance(at, timedelta)]
     return bool(daily) and daily[-1] < daily[0]
 
@@ -149,7 +149,9 @@ def check_order(clocks: Mapping[str, str | None]) -> None:
         ValueError: one is after the one that it should be before.
     """
     daily = {
-        k: at for k, text in clocks.items() if text and isinstance(at := parse(text), timedelta)
+        k: at
+        for k, text in clocks.items()
+        if text and isinstance(at := parse_clock(text), timedelta)
     }
     first = next(iter(daily.values()), timedelta())
     after = [

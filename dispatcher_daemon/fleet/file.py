@@ -6,7 +6,8 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
-from dispatcher_daemon.fleet import DEMO_FLEET, Fleet, fleet_from, load_fleet
+from dispatcher_daemon.fleet.loading import DEMO_FLEET, fleet_from, load_fleet
+from dispatcher_daemon.fleet.models import Fleet
 from slipstream.config import read_data
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork

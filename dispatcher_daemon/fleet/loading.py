@@ -11,7 +11,7 @@ from itertools import pairwise
 from pathlib import Path
 from zoneinfo import ZoneInfo
 
-from dispatcher_daemon.fleet.clock import given_twice, parse
+from dispatcher_daemon.fleet.clock import given_twice, parse_clock
 from dispatcher_daemon.fleet.models import Fleet
 from dispatcher_daemon.fleet.places import located, served, with_unknown_nodes
 from dispatcher_daemon.fleet.stops import DEPOT, Stop
@@ -269,7 +269,7 @@ def _break_faults(
     breaks = vehicle.breaks_at(ZoneInfo(fleet.time_zone), 0)
     for number, (first, second) in enumerate(pairwise(vehicle.breaks), 1):
         clocks = (*first.clocks.values(), *second.clocks.values())
-        if any(text is not None and isinstance(parse(text), datetime) for text in clocks):
+        if any(text is not None and isinstance(parse_clock(text), datetime) for text in clocks):
             continue  # Their distance is another one each day.
         one, other = breaks[number - 1], breaks[number]
         apart = one.latest_s < other.earliest_s or other.latest_s < one.earliest_s

@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 from dispatcher_daemon.fleet.clock import (
     Clock,
     check_order,
-    moments,
+    clock_moments,
     over_midnight,
     seconds_after,
 )
@@ -203,8 +203,8 @@ class Vehicle(Settings):
         }
         shift = None
         if over_midnight(self.clocks):
-            shift = next(iter(moments(self.clocks, zone, reference_ns).values()))
-        found = moments(clocks, zone, reference_ns, shift)
+            shift = next(iter(clock_moments(self.clocks, zone, reference_ns).values()))
+        found = clock_moments(clocks, zone, reference_ns, shift)
         named = ((name.split(), at) for name, at in found.items())
         return {(int(number), key): at for (number, key), at in named}
 

@@ -10,17 +10,16 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from dispatcher_daemon import metrics
-from dispatcher_daemon.fleet.file import FleetFile
-from dispatcher_daemon.planning.cycle.cycle import form_of
-from dispatcher_daemon.planning.cycle.solving import Solving
+from dispatcher_daemon.fleet import FleetFile
+from dispatcher_daemon.planning.cycle import Solving, form_of
 from dispatcher_daemon.service.dispatcher import AlarmSource, Dispatcher, announce_nothing
 from dispatcher_daemon.service.intake import OrderAnswers, OrderIntake
 from dispatcher_daemon.service.on_demand import Gathering
 from dispatcher_daemon.service.schedule import CycleScheduler
 from dispatcher_daemon.service.store import database_fault, open_checked_database, open_in_turn
 from dispatcher_daemon.settings import ApiSettings, DispatcherSettings
+from dispatcher_daemon.solvers import configured_solvers
 from dispatcher_daemon.solvers.quantum.hardware import open_job_manager
-from dispatcher_daemon.solvers.registry import configured_solvers
 from slipstream.admission import check_rsus
 from slipstream.bus import Bus
 from slipstream.messages import ALL_RSU_HEALTH, ALL_STATES, ALL_STOPPED, position_key

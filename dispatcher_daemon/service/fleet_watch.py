@@ -17,7 +17,7 @@ from dispatcher_daemon.fleet.tracking import (
     Situation,
     TrackedVehicle,
 )
-from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
+from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.energy_ledger import PlanEnergy
 from slipstream.errors import InputError
 from slipstream.messages import (

@@ -1,1 +1,45 @@
 """Solvers behind one protocol, and the worker processes that they run in."""
+
+from __future__ import annotations
+
+from dispatcher_daemon.solvers.cplex import CplexSolver
+from dispatcher_daemon.solvers.distribution import BitDistribution, uniform_bits, uniform_choices
+from dispatcher_daemon.solvers.exact import ExactSolver
+from dispatcher_daemon.solvers.heuristics import AnnealingSolver, TabuSolver
+from dispatcher_daemon.solvers.insertion import cheapest_insertion
+from dispatcher_daemon.solvers.protocol import (
+    BackendKind,
+    Execution,
+    Histogram,
+    Outcome,
+    Samples,
+    Solver,
+    Status,
+)
+from dispatcher_daemon.solvers.registry import BASELINE_SOLVER, configured_solvers, make_solver
+from dispatcher_daemon.solvers.sampling import Bits, descend, in_order, stages
+
+__all__ = [
+    "BASELINE_SOLVER",
+    "AnnealingSolver",
+    "BackendKind",
+    "BitDistribution",
+    "Bits",
+    "CplexSolver",
+    "ExactSolver",
+    "Execution",
+    "Histogram",
+    "Outcome",
+    "Samples",
+    "Solver",
+    "Status",
+    "TabuSolver",
+    "cheapest_insertion",
+    "configured_solvers",
+    "descend",
+    "in_order",
+    "make_solver",
+    "stages",
+    "uniform_bits",
+    "uniform_choices",
+]

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from dispatcher_daemon.forms.problem import ArcProblem
+from dispatcher_daemon.forms import ArcProblem
 
 MAX_STEPS = 500
 """Maximum number of search steps; the 16 arcs of the 25-variable instances need a few."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dispatcher_daemon.forms.problem import Problem
+from dispatcher_daemon.forms import Problem
 from dispatcher_daemon.solvers.protocol import Outcome, Status
 
 _OPTIMAL = (101, 102)  # within the gap of 1e-9 kWh that is asked for

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from dispatcher_daemon.forms.problem import BinaryProblem, Problem
+from dispatcher_daemon.forms import BinaryProblem, Problem
 from dispatcher_daemon.solvers.protocol import Outcome
 
 _ENUMERATED: Final = 22
@@ -50,7 +50,7 @@ class ExactSolver:
 
 
 def _least_state(problem: BinaryProblem) -> frozenset[int]:
-    from dispatcher_daemon.forms.enumerate import energies_of
+    from dispatcher_daemon.forms import energies_of
 
     coupling = np.zeros((problem.choices, problem.choices))
     for (first, second), saving in problem.pair_savings.items():

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dispatcher_daemon.forms import Encoding, QuboModel
-from dispatcher_daemon.forms.problem import Problem
+from dispatcher_daemon.forms import Encoding, Problem, QuboModel
 from dispatcher_daemon.solvers.protocol import Outcome
 from dispatcher_daemon.solvers.sampling import Bits, SampledBits, in_order, solve_by_sampling
 

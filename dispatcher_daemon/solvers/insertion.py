@@ -6,7 +6,7 @@ import time
 from dataclasses import dataclass
 from itertools import pairwise
 
-from dispatcher_daemon.forms.problem import ArcProblem, BinaryProblem, Problem, RouteProblem
+from dispatcher_daemon.forms import ArcProblem, BinaryProblem, Problem, RouteProblem
 from dispatcher_daemon.solvers.protocol import Outcome
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
-from dispatcher_daemon.forms.problem import Problem
+from dispatcher_daemon.forms import Problem
 from dispatcher_daemon.solvers.distribution import BitDistribution
 
 Status = Literal["optimal", "feasible", "infeasible", "timeout", "failed"]

@@ -10,8 +10,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from dispatcher_daemon.forms import Encoding, QuboModel, build_model, violations
-from dispatcher_daemon.forms.problem import BinaryProblem, Problem, RouteProblem
+from dispatcher_daemon.forms import (
+    BinaryProblem,
+    Encoding,
+    Problem,
+    QuboModel,
+    RouteProblem,
+    build_model,
+    violations,
+)
 from dispatcher_daemon.solvers.arc_repair import follow_arcs
 from dispatcher_daemon.solvers.distribution import BitDistribution
 from dispatcher_daemon.solvers.protocol import Execution, Histogram, Outcome, Samples

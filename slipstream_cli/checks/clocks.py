@@ -40,19 +40,19 @@ def clock_notes(path: Path, fleet: Fleet, reference_ns: int) -> tuple[str, ...]:
 
 def _times(fleet: Fleet, reference_ns: int) -> Iterator[tuple[str, str, str, datetime]]:
     """(row, key, text, moment) of each time of day."""
-    from dispatcher_daemon.fleet.clock import moments, parse
+    from dispatcher_daemon.fleet import clock_moments, parse_clock
 
     zone = ZoneInfo(fleet.time_zone)
     rows: tuple[Stop | Vehicle, ...] = (*fleet.stops, *fleet.vehicles)
     found = [
         (row.id, key, row.clocks[key], at)
         for row in rows
-        for key, at in moments(row.clocks, zone, reference_ns).items()
+        for key, at in clock_moments(row.clocks, zone, reference_ns).items()
     ]
     for vehicle in fleet.vehicles:
         for (number, key), at in vehicle.break_moments(zone, reference_ns).items():
             text = vehicle.breaks[number].clocks[key]
             found.append((vehicle.break_id(number), key, text, at))
     for name, key, text, at in found:
-        if text is not None and not isinstance(parse(text), datetime):
+        if text is not None and not isinstance(parse_clock(text), datetime):
             yield name, key, text, at

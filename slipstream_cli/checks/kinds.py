@@ -138,7 +138,7 @@ def part_of(path: Path, kind: str) -> Checked | None:
 
 def _models() -> Mapping[str, type[BaseModel]]:
     from dispatcher_daemon.fleet import Fleet
-    from dispatcher_daemon.service.api.auth import TokenList
+    from dispatcher_daemon.service.api import TokenList
     from edge_daemon.settings import CameraSettings
     from slipstream_cli.settings_doc import DAEMONS
 
@@ -192,7 +192,7 @@ def _check_dispatcher(path: Path, _: str | None) -> Checked:
     check_rsus(settings.rsus, roads, path)
     service, _, device = settings.hardware.backend.partition(":")
     if service == "fake":
-        from dispatcher_daemon.solvers.quantum.backends.aer import fake_target
+        from dispatcher_daemon.solvers.quantum.backends import fake_target
 
         try:
             fake_target(device)
@@ -237,7 +237,7 @@ def _check_worker(path: Path, _: str | None) -> Checked:
 
 
 def _check_tokens(path: Path, _: str | None) -> Checked:
-    from dispatcher_daemon.service.api.auth import TokenList
+    from dispatcher_daemon.service.api import TokenList
 
     return Checked(path, "tokens", load(path, TokenList))
 
@@ -247,11 +247,10 @@ def _check_fleet(path: Path, network: str | None) -> Checked:
 
 
 def _fleet(path: Path, roads: RoadNetwork | None) -> Checked:
-    from dispatcher_daemon.fleet import served
-    from dispatcher_daemon.fleet.file import FleetFile
-    from dispatcher_daemon.forms.problem import RoutingProblem
-    from dispatcher_daemon.planning import unservable
-    from dispatcher_daemon.traffic.snapshot import take_snapshot
+    from dispatcher_daemon.fleet import FleetFile, served
+    from dispatcher_daemon.forms import RoutingProblem
+    from dispatcher_daemon.planning.routes import unservable
+    from dispatcher_daemon.traffic import take_snapshot
     from slipstream.freshness import STALE_AFTER_S
     from slipstream.snapping import NO_CLASSES, lacks_classes
 

@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from collections.abc import Iterator
 from importlib.metadata import distributions
 from pathlib import Path
 
@@ -24,6 +25,63 @@ def test_imports_point_one_way() -> None:
         check=False,
     )
     assert result.returncode == 0, result.stdout + result.stderr
+
+
+_LOADED_LATE = {
+    # entries of processes
+    "dispatcher_daemon.service.daemon",
+    "dispatcher_daemon.solvers.cluster.members",
+    # HiGHS, the database
+    "dispatcher_daemon.forms.files",
+    "dispatcher_daemon.forms.milp",
+    "dispatcher_daemon.service.store",
+}
+"""Modules that others import by name, because not every process that needs their package may load
+them."""
+_IMPORT = re.compile(
+    r"^ *from ((?:dispatcher_daemon|vehicle_agent)[.\w]*) import (\([^)]*\)|.+)$", re.MULTILINE
+)
+
+
+def test_nobody_reaches_past_a_room() -> None:
+    """From outside a room of the dispatcher or the agent, imports name a package, which exports
+    what others use, and no module in it. Inside, no module takes a name from a package that it
+    lies in: the package imports its modules.
+    """
+    past, back = [], []
+    for importer, source, names in _imports():
+        for name in names:
+            target = f"{source}.{name}" if _is_module(source, name) else source
+            room = ".".join(target.split(".")[:2])
+            if f"{importer}.".startswith(f"{room}."):
+                back += [f"{importer}: {source}"] * importer.startswith(f"{target}.")
+            elif target.count(".") > 1 and _file(target).with_suffix(".py").is_file():
+                past += [f"{importer}: {target}"] * (target not in _LOADED_LATE)
+    assert not past
+    assert not back
+
+
+def _imports() -> Iterator[tuple[str, str, list[str]]]:
+    """Of each import from the dispatcher or the agent: who imports, from where, which names."""
+    for file in ROOT.glob("[!.]*/**/*.py"):
+        parts = file.relative_to(ROOT).with_suffix("").parts
+        if "tests" not in parts:
+            importer = ".".join(parts).removesuffix(".__init__")
+            for source, names in _IMPORT.findall(file.read_text()):
+                listed = re.sub(r"#.*", "", names).strip("()").split(",")
+                yield importer, source, [name.split()[0] for name in listed if name.strip()]
+
+
+def _file(name: str) -> Path:
+    return ROOT.joinpath(*name.split("."))
+
+
+def _is_module(package: str, name: str) -> bool:
+    """Whether what is imported is a module; a package may export a name that a module has too."""
+    file = _file(f"{package}.{name}")
+    if not (file.is_dir() or file.with_suffix(".py").is_file()):
+        return False
+    return f'"{name}"' not in file.with_name("__init__.py").read_text()
 
 
 def test_exactly_one_opencv_and_no_torch_are_installed() -> None:

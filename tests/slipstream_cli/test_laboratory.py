@@ -20,12 +20,11 @@ def install(monkeypatch: pytest.MonkeyPatch) -> Iterator[Install]:
 
     def only(*points: EntryPoint) -> None:
         found = EntryPoints(points)
-        for module in ("slipstream_cli.laboratory", "slipstream.plugins"):
-            monkeypatch.setattr(f"{module}.entry_points", found.select)
-        laboratory.commands.cache_clear()
+        monkeypatch.setattr("slipstream_cli.laboratory.entry_points", found.select)
+        laboratory._loaded.cache_clear()
 
     yield only
-    laboratory.commands.cache_clear()
+    laboratory._loaded.cache_clear()
 
 
 def refusal(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
@@ -67,8 +66,13 @@ def test_a_laboratory_that_cannot_be_loaded_keeps_no_daemon_from_its_start(
     install: Install, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Its command is missing, and a line says why; all others are there."""
-    install(EntryPoint("world", "no_such_package.world:add_to", "slipstream.commands"))
+    broken = "no_such_package.world:add_to"
+    install(
+        EntryPoint("world", broken, "slipstream.commands"),
+        EntryPoint("import-sets", broken, "slipstream.laboratory"),
+    )
     options = parser().parse_args(["dispatcher", "--config", "site.toml"])
     assert options.command == "dispatcher"
     told = capsys.readouterr().err
-    assert told.startswith("slipstream world: no_such_package.world:add_to cannot be loaded: ")
+    assert f"slipstream world: {broken} cannot be loaded: " in told
+    assert f"slipstream import-sets: {broken} cannot be loaded: " in told

@@ -10,7 +10,7 @@ from slipstream.messages import DrivingAdvice, SensedVehicle
 from slipstream.traction import PAPER_CAR, VehicleParameters
 from vehicle_agent.free_drive import free_drive_s
 from vehicle_agent.leg import Leg, StopLine, VehicleState
-from vehicle_agent.signals.timings import HORIZON_M, SignalTimings
+from vehicle_agent.signals import HORIZON_M, SignalTimings
 from vehicle_agent.speed.approach import Margins, arrival_speed_mps, choose_arrival_s
 from vehicle_agent.speed.coasting import CoastingModel, braked_mps
 from vehicle_agent.speed.envelope import HARD_MPS2

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from vehicle_agent.signals.timings import Green
+from vehicle_agent.signals import Green
 from vehicle_agent.speed.coasting import CoastingModel
 
 

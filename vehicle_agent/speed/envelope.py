@@ -29,7 +29,7 @@ from typing import Final, NamedTuple
 from slipstream.messages import SensedVehicle
 from vehicle_agent.free_drive import free_drive_s
 from vehicle_agent.leg import Leg, StopLine, VehicleState
-from vehicle_agent.signals.timings import SignalTimings
+from vehicle_agent.signals import SignalTimings
 
 HARD_MPS2: Final = 2.5
 """Rate of braking that everything known ahead can be met with; comfortable is up to 1.5."""

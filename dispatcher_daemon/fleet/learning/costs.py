@@ -10,7 +10,7 @@ import numpy as np
 from dispatcher_daemon.fleet.learning.history import HOUR_NS, HOURS, Array, History
 from dispatcher_daemon.fleet.learning.passages import Passages
 from dispatcher_daemon.fleet.learning.traces import STEP_S, PositionTraces
-from dispatcher_daemon.traffic.snapshot import Expectations
+from dispatcher_daemon.traffic import Expectations
 from slipstream.messages import VehiclePosition
 from slipstream.orders import MovementSum
 from slipstream.roads import RoadNetwork

@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from dispatcher_daemon.traffic.snapshot import Expectations, Movement
+from dispatcher_daemon.traffic import Expectations, Movement
 from slipstream.energy import PAPER_CAR, steady_energy_kwh
 from slipstream.errors import InputError
 from slipstream.files import MAX_RESULTS_BYTES, read_file

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from dispatcher_daemon.fleet.learning.costs import MovementCosts
 from dispatcher_daemon.fleet.learning.history import HOUR_NS, HOURS
 from dispatcher_daemon.fleet.learning.usual_traffic import UsualTraffic
-from dispatcher_daemon.traffic.snapshot import Expectations, TrafficSnapshot
+from dispatcher_daemon.traffic import Expectations, TrafficSnapshot
 from slipstream.messages import VehiclePosition
 from slipstream.orders import FleetRecords
 from slipstream.roads import RoadNetwork

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from dispatcher_daemon.fleet.learning.history import HOURS, OF_HOUR, Array, hour_weights
-from dispatcher_daemon.traffic.snapshot import MIN_SPEED_MPS, TrafficSnapshot
+from dispatcher_daemon.traffic import MIN_SPEED_MPS, TrafficSnapshot
 from slipstream.orders import SpeedSum
 from slipstream.roads import RoadNetwork
 

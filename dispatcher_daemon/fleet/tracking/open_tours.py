@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from dispatcher_daemon.fleet import Depot, Fleet, Stop, Vehicle
+from dispatcher_daemon.fleet.models import Fleet
+from dispatcher_daemon.fleet.stops import Depot, Stop
 from dispatcher_daemon.fleet.tracking.availability import Availability
 from dispatcher_daemon.fleet.tracking.order_stops import stop_of
 from dispatcher_daemon.fleet.tracking.orders import OrderBook
 from dispatcher_daemon.fleet.tracking.vehicle import TrackedVehicle
+from dispatcher_daemon.fleet.vehicles import Vehicle
 from slipstream.messages import VehiclePlan
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator
 from typing import Any, Final
 
-from dispatcher_daemon.fleet import DEPOT, Fleet, Stop
+from dispatcher_daemon.fleet.models import Fleet
+from dispatcher_daemon.fleet.stops import DEPOT, Stop
 from slipstream.orders import OrderRecord, utc
 
 OPENS_LATER: Final = "its window opens later"

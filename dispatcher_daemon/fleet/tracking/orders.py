@@ -8,7 +8,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, Final
 
-from dispatcher_daemon.fleet import Stop
+from dispatcher_daemon.fleet.stops import Stop
 from dispatcher_daemon.fleet.tracking.order_stops import details, opened
 from slipstream.messages import OrderRequest, OrderState, PlannedStop, VehiclePlan, Visit
 from slipstream.orders import FleetRecords, OrderChange, OrderRecord, utc, with_reason

@@ -7,11 +7,13 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from dispatcher_daemon.fleet import Fleet, Stop, Vehicle
 from dispatcher_daemon.fleet.commitments import Commitment
+from dispatcher_daemon.fleet.models import Fleet
+from dispatcher_daemon.fleet.road_users import RoadUser
+from dispatcher_daemon.fleet.stops import Stop
 from dispatcher_daemon.fleet.tracking.order_stops import stops_at
 from dispatcher_daemon.fleet.tracking.vehicle import TrackedVehicle
-from dispatcher_daemon.planning.platooning import RoadUser
+from dispatcher_daemon.fleet.vehicles import Vehicle
 from slipstream.orders import OrderRecord
 
 HIDDEN: Final = "a caller's order that has not ended has its id"

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Final
 
-from dispatcher_daemon.fleet import Fleet, Stop, Vehicle
 from dispatcher_daemon.fleet.commitments import Commitment
+from dispatcher_daemon.fleet.models import Fleet
+from dispatcher_daemon.fleet.road_users import on_road
+from dispatcher_daemon.fleet.stops import Stop
 from dispatcher_daemon.fleet.tracking.availability import Availability
 from dispatcher_daemon.fleet.tracking.claims import Claims
 from dispatcher_daemon.fleet.tracking.committing import behind_s, commitment
@@ -21,7 +23,7 @@ from dispatcher_daemon.fleet.tracking.plan_life import PlanLife
 from dispatcher_daemon.fleet.tracking.sightings import Sighting, Sightings, where
 from dispatcher_daemon.fleet.tracking.situation import Situation, cycle_fleet, nobody_free
 from dispatcher_daemon.fleet.tracking.vehicle import TrackedVehicle, loaded
-from dispatcher_daemon.planning.platooning import on_road
+from dispatcher_daemon.fleet.vehicles import Vehicle
 from slipstream.energy_ledger import PlanEnergy
 from slipstream.messages import (
     OrderState,

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from dispatcher_daemon.fleet import Break, Depot, Vehicle
+from dispatcher_daemon.fleet.stops import Depot
 from dispatcher_daemon.fleet.tracking.sightings import Sightings
+from dispatcher_daemon.fleet.vehicles import Break, Vehicle
 from slipstream.messages import PlanAcknowledgement, VehiclePosition, VehicleProgress
 from slipstream.orders import PlanRecord, PlanStatus, VehicleRecord
 

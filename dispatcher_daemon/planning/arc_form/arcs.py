@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from dispatcher_daemon.fleet import DEPOT
-from dispatcher_daemon.forms.problem import ArcProblem, CandidateArc, RoutingProblem
+from dispatcher_daemon.forms import ArcProblem, CandidateArc, RoutingProblem
 from dispatcher_daemon.planning.platooning import JudgedPair, judge_pairs, rewards
 from dispatcher_daemon.planning.roads import Leg, RoutedArc, candidate_arcs, least_energy_legs
-from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
+from dispatcher_daemon.traffic import TrafficSnapshot
 
 
 def arc_problem(

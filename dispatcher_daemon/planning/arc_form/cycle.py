@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from dispatcher_daemon.forms import build_model
-from dispatcher_daemon.forms.problem import ArcProblem
+from dispatcher_daemon.forms import ArcProblem, build_model
 from dispatcher_daemon.planning.arc_form.form import ArcForm
 from dispatcher_daemon.planning.plans import (
     Attempt,
@@ -15,7 +14,7 @@ from dispatcher_daemon.planning.plans import (
     attempt,
     solver_report,
 )
-from dispatcher_daemon.solvers.workers.pool import Job, Solve, solving_s
+from dispatcher_daemon.solvers.workers import Job, Solve, solving_s
 from slipstream.messages import SolverReport
 
 

@@ -7,17 +7,15 @@ from dataclasses import dataclass
 from typing import Literal
 
 from dispatcher_daemon.fleet import Fleet
-from dispatcher_daemon.forms import decode
-from dispatcher_daemon.forms.problem import ArcProblem
-from dispatcher_daemon.planning import Choice, Planner, choice_of, scheduled
+from dispatcher_daemon.forms import ArcProblem, decode
 from dispatcher_daemon.planning.arc_form.arcs import ArcParts, arc_parts_of
+from dispatcher_daemon.planning.improvement import Choice, choice_of, scheduled
 from dispatcher_daemon.planning.plans import Candidate, Cycle, Refusal
 from dispatcher_daemon.planning.platooning import JudgedPair
 from dispatcher_daemon.planning.roads import Route, RoutedArc, timetable
-from dispatcher_daemon.solvers.insertion import cheapest_insertion
-from dispatcher_daemon.solvers.protocol import Outcome
-from dispatcher_daemon.solvers.registry import BASELINE_SOLVER
-from dispatcher_daemon.solvers.workers.pool import Job, Solve
+from dispatcher_daemon.planning.routes import Planner
+from dispatcher_daemon.solvers import BASELINE_SOLVER, Outcome, cheapest_insertion
+from dispatcher_daemon.solvers.workers import Job, Solve
 from slipstream.vehicle_types import RoutingProfile
 
 

@@ -11,15 +11,10 @@ from typing import Final, Literal
 
 import numpy as np
 
-from dispatcher_daemon.fleet import Fleet
-from dispatcher_daemon.fleet.commitments import Commitment
-from dispatcher_daemon.forms.problem import RoutingProblem
-from dispatcher_daemon.planning import (
-    refused_platoons,
-    route_cycle,
-    servable_part,
-)
+from dispatcher_daemon.fleet import Commitment, Fleet, Passage, RoadUser
+from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.arc_form import ArcForm, arc_cycle, arc_form, arc_form_obstacle
+from dispatcher_daemon.planning.improvement import refused_platoons
 from dispatcher_daemon.planning.plans import (
     Candidate,
     Cycle,
@@ -31,11 +26,13 @@ from dispatcher_daemon.planning.plans import (
     summarise,
     vehicle_accounts,
 )
-from dispatcher_daemon.planning.platooning import JudgedPair, Passage, Place, RoadUser
+from dispatcher_daemon.planning.platooning import JudgedPair, Place
 from dispatcher_daemon.planning.roads import RoutedArc
+from dispatcher_daemon.planning.route_form import route_cycle
+from dispatcher_daemon.planning.routes import servable_part
 from dispatcher_daemon.settings import DispatcherSettings
-from dispatcher_daemon.solvers.workers.pool import Solve
-from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
+from dispatcher_daemon.solvers.workers import Solve
+from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.energy import total
 from slipstream.energy_ledger import PlanEnergy
 from slipstream.errors import InputError

@@ -8,11 +8,10 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from typing import Self
 
-from dispatcher_daemon.planning import search_within
+from dispatcher_daemon.planning.routes import search_within
 from dispatcher_daemon.settings import DispatcherSettings
-from dispatcher_daemon.solvers.protocol import Solver
-from dispatcher_daemon.solvers.workers.pool import Solve, SolverPool
-from dispatcher_daemon.solvers.workers.processes import WorkerExecutor
+from dispatcher_daemon.solvers import Solver
+from dispatcher_daemon.solvers.workers import Solve, SolverPool, WorkerExecutor
 
 log = logging.getLogger(__name__)
 

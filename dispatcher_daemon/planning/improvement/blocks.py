@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate, combinations, product
 
-from dispatcher_daemon.forms.problem import RouteOption, RouteProblem
+from dispatcher_daemon.forms import RouteOption, RouteProblem
 from dispatcher_daemon.planning.platooning import Change, Meetings, Traversal
 from dispatcher_daemon.planning.routes.itineraries import Itinerary
 

@@ -14,13 +14,12 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from typing import Final
 
+from dispatcher_daemon.fleet import Passage, RoadUser
 from dispatcher_daemon.planning.improvement.exchanges import exchanged
 from dispatcher_daemon.planning.plans import Gains
 from dispatcher_daemon.planning.platooning import (
     Approach,
     ExpectedDrafting,
-    Passage,
-    RoadUser,
     TimedPassage,
     platoons_of,
 )

@@ -28,8 +28,8 @@ from dispatcher_daemon.planning.roads import Route
 from dispatcher_daemon.planning.routes.itineraries import Itinerary, Planner
 from dispatcher_daemon.planning.routes.pyvrp_model import StopsByVehicle
 from dispatcher_daemon.settings import CitySettings
-from dispatcher_daemon.solvers.protocol import Outcome
-from dispatcher_daemon.solvers.workers.pool import Job, Solve
+from dispatcher_daemon.solvers import Outcome
+from dispatcher_daemon.solvers.workers import Job, Solve
 from slipstream.tracing import traced
 
 _BETTER_KWH = 1e-9

@@ -7,8 +7,8 @@ from math import fsum
 
 import networkx as nx
 
-from dispatcher_daemon.fleet.commitments import Commitment
-from dispatcher_daemon.forms.problem import RoutingProblem
+from dispatcher_daemon.fleet import Commitment
+from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.plans.candidates import Candidate
 from dispatcher_daemon.planning.plans.energy import RouteEnergy
 from dispatcher_daemon.planning.roads import Route

@@ -5,23 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from dispatcher_daemon.fleet.commitments import Commitment
-from dispatcher_daemon.forms.problem import RoutingProblem
+from dispatcher_daemon.fleet import Commitment, Passage, RoadUser
+from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.plans.energy import RouteEnergy, route_energy
 from dispatcher_daemon.planning.plans.messages import vehicle_plans
 from dispatcher_daemon.planning.plans.verify import verify_plans
 from dispatcher_daemon.planning.platooning import (
-    Passage,
     Place,
-    RoadUser,
     expected_drafting,
     form_platoons,
     joined_segments,
 )
 from dispatcher_daemon.planning.roads import Route
 from dispatcher_daemon.settings import DispatcherSettings
-from dispatcher_daemon.solvers.protocol import Outcome
-from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
+from dispatcher_daemon.solvers import Outcome
+from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.energy import Energy, total
 from slipstream.messages import SolverReport, VehiclePlan
 

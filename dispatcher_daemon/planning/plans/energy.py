@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from dispatcher_daemon.forms.problem import RoutingProblem
-from dispatcher_daemon.planning.platooning import Passage, Place, drag_reductions
+from dispatcher_daemon.fleet import Passage
+from dispatcher_daemon.forms import RoutingProblem
+from dispatcher_daemon.planning.platooning import Place, drag_reductions
 from dispatcher_daemon.planning.roads import Leg, Route
 from dispatcher_daemon.planning.roads.charge import battery_of, charges_kwh, leg_energy_kwh
 from slipstream.energy import (

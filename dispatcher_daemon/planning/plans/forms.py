@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Literal, Protocol
 
-from dispatcher_daemon.forms.problem import Problem
+from dispatcher_daemon.forms import Problem
 from dispatcher_daemon.planning.plans.candidates import Attempt, Candidate, Cycle, Refusal
 from dispatcher_daemon.planning.platooning import JudgedPair
 from dispatcher_daemon.planning.roads import RoutedArc
-from dispatcher_daemon.solvers.protocol import Outcome
-from dispatcher_daemon.solvers.workers.pool import Solve
+from dispatcher_daemon.solvers import Outcome
+from dispatcher_daemon.solvers.workers import Solve
 
 FormName = Literal["arc", "route"]
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from dispatcher_daemon.fleet.commitments import Commitment
-from dispatcher_daemon.forms.problem import RoutingProblem
+from dispatcher_daemon.fleet import Commitment, Passage
+from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.plans.energy import RouteEnergy, planned_charges_kwh
-from dispatcher_daemon.planning.platooning import Passage, Place
+from dispatcher_daemon.planning.platooning import Place
 from dispatcher_daemon.planning.roads import Route, planning_speed_mps
-from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
+from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.messages import (
     DrivingAdvice,
     PlannedCrossing,

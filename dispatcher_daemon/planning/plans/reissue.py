@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from dispatcher_daemon.fleet.commitments import Commitment
+from dispatcher_daemon.fleet import Commitment
 from dispatcher_daemon.planning.plans.messages import VALID_INTERVALS
 from slipstream.messages import PlannedSegment, VehiclePlan
 

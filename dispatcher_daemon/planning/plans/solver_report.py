@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from dispatcher_daemon.solvers.protocol import Outcome
+from dispatcher_daemon.solvers import Outcome
 from slipstream.messages import SolverReport
 
 

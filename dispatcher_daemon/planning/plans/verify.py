@@ -10,8 +10,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import pairwise
 
-from dispatcher_daemon.fleet import Fleet
-from dispatcher_daemon.fleet.commitments import Commitment
+from dispatcher_daemon.fleet import Commitment, Fleet
 from dispatcher_daemon.planning.plans.verify_vehicles import (
     access_faults,
     charge_faults,

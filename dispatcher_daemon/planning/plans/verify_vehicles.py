@@ -6,8 +6,7 @@ import math
 from collections.abc import Iterator
 from itertools import pairwise
 
-from dispatcher_daemon.fleet import Fleet
-from dispatcher_daemon.fleet.commitments import Commitment
+from dispatcher_daemon.fleet import Commitment, Fleet
 from slipstream.messages import PlannedSegment, VehiclePlan
 from slipstream.roads import RoadNetwork
 from slipstream.vehicle_types import RoutingProfile

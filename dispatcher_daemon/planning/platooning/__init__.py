@@ -12,7 +12,6 @@ from dispatcher_daemon.planning.platooning.meetings import (
     saving_kwh,
 )
 from dispatcher_daemon.planning.platooning.platoons import (
-    Passage,
     Place,
     TimedPassage,
     drag_reductions,
@@ -30,11 +29,9 @@ from dispatcher_daemon.planning.platooning.segment_order import Change
 from dispatcher_daemon.planning.platooning.shares import Shares, open_shares
 from dispatcher_daemon.planning.platooning.stretches import Traversal
 from dispatcher_daemon.planning.platooning.vehicles_on_road import (
-    RoadUser,
     counted_drafting,
     expected_drafting,
     joined_segments,
-    on_road,
     traversals_on_road,
 )
 
@@ -46,9 +43,7 @@ __all__ = [
     "MeetingBook",
     "Meetings",
     "OpenPassages",
-    "Passage",
     "Place",
-    "RoadUser",
     "Shares",
     "TimedPassage",
     "Traversal",
@@ -60,7 +55,6 @@ __all__ = [
     "form_platoons",
     "joined_segments",
     "judge_pairs",
-    "on_road",
     "open_shares",
     "pair_saving_kwh",
     "platoons_of",

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from dispatcher_daemon.fleet.commitments import Commitment
-from dispatcher_daemon.forms.problem import RoutingProblem
+from dispatcher_daemon.fleet import Commitment
+from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.platooning.meetings import Meetings, OpenPassages, Traversals
 from dispatcher_daemon.planning.platooning.shares import Shares, open_shares
 from dispatcher_daemon.planning.platooning.vehicles_on_road import (
@@ -14,7 +14,7 @@ from dispatcher_daemon.planning.platooning.vehicles_on_road import (
     traversals_on_road,
 )
 from dispatcher_daemon.planning.roads import Route
-from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
+from dispatcher_daemon.traffic import TrafficSnapshot
 
 
 class MeetingBook:

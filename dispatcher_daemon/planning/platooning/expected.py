@@ -12,7 +12,7 @@ from itertools import pairwise
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from dispatcher_daemon.forms.problem import RoutingProblem
+from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.platooning.closing_up import (
     CLOSE,
     STARTING,
@@ -22,7 +22,7 @@ from dispatcher_daemon.planning.platooning.closing_up import (
     onward,
 )
 from dispatcher_daemon.planning.roads import Leg, Route, planning_speed_mps
-from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
+from dispatcher_daemon.traffic import TrafficSnapshot
 
 LegFrom = tuple[str, tuple[str, ...]]
 """Node of the place that a vehicle left, and its path from there, or from where it was later on."""

@@ -7,16 +7,13 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, TypeVar
 
-from dispatcher_daemon.forms.problem import RoutingProblem
+from dispatcher_daemon.fleet import Passage
+from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.platooning.expected import ExpectedDrafting
 from dispatcher_daemon.planning.platooning.reductions import planned_reductions
 from dispatcher_daemon.planning.roads import Leg, Route
-from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
+from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.energy import ETA_ALONE
-
-Passage = tuple[str, int, int]
-"""A vehicle's passage of one segment: (vehicle, leg, position in the leg)."""
-
 
 Key = TypeVar("Key", bound=tuple[Any, ...])
 TimedPassage = tuple[float, float, Key]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dispatcher_daemon.forms.problem import RoutingProblem
+from dispatcher_daemon.forms import RoutingProblem
 from slipstream.drafting import DragReductions, reductions_at
 from slipstream.spacing import wanted_gap_m
 from slipstream.vehicle_types import RoutingProfile

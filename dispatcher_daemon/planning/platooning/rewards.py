@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from dispatcher_daemon.forms.problem import ArcReward, RoutingProblem
+from dispatcher_daemon.forms import ArcReward, RoutingProblem
 from dispatcher_daemon.planning.platooning.expected import Approach, ExpectedDrafting
 from dispatcher_daemon.planning.platooning.reductions import planned_reductions
 from dispatcher_daemon.planning.platooning.vehicles_on_road import counted_drafting
 from dispatcher_daemon.planning.roads import RoutedArc, planning_speed_mps
-from dispatcher_daemon.traffic.snapshot import SegmentTraffic, TrafficSnapshot
+from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot
 from slipstream.energy import drag_saving_kwh
 from slipstream.roads import Segment
 from slipstream.vehicle_types import RoutingProfile

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from dispatcher_daemon.forms.problem import RoutingProblem
+from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.platooning.reductions import planned_reductions
 from dispatcher_daemon.planning.roads import planning_speed_mps
-from dispatcher_daemon.traffic.snapshot import GateForecast, SegmentTraffic, TrafficSnapshot
+from dispatcher_daemon.traffic import GateForecast, SegmentTraffic, TrafficSnapshot
 from slipstream.energy import drag_saving_kwh
 from slipstream.roads import Segment
 from slipstream.vehicle_types import RoutingProfile

@@ -7,7 +7,6 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 
 from dispatcher_daemon.fleet.tracking import HIDDEN
-from dispatcher_daemon.planning import NO_VEHICLE, insert_stops
 from dispatcher_daemon.planning.cycle.cycle import run_cycle
 from dispatcher_daemon.planning.replay.inputs import (
     CycleRecord,
@@ -17,7 +16,9 @@ from dispatcher_daemon.planning.replay.inputs import (
 )
 from dispatcher_daemon.planning.replay.parts import PlanOf
 from dispatcher_daemon.planning.replay.trace import Player
-from dispatcher_daemon.solvers.workers.pool import Solve
+from dispatcher_daemon.planning.route_form import NO_VEHICLE
+from dispatcher_daemon.planning.routes import insert_stops
+from dispatcher_daemon.solvers.workers import Solve
 from slipstream.messages import CycleReport, Unserved, VehiclePlan
 from storage import StoredCycle
 

@@ -18,11 +18,11 @@ from typing import Any, Final
 
 from pydantic import TypeAdapter
 
-from dispatcher_daemon.forms.problem import routing_problem
-from dispatcher_daemon.planning import Insertion
-from dispatcher_daemon.planning.cycle.cycle import CycleResult, cycle_of
+from dispatcher_daemon.fleet import on_road
+from dispatcher_daemon.forms import routing_problem
+from dispatcher_daemon.planning.cycle import CycleResult
+from dispatcher_daemon.planning.cycle.cycle import cycle_of
 from dispatcher_daemon.planning.plans import Cycle
-from dispatcher_daemon.planning.platooning import on_road
 from dispatcher_daemon.planning.replay.networks import network_data, network_from
 from dispatcher_daemon.planning.replay.parts import (
     PlanOf,
@@ -41,8 +41,9 @@ from dispatcher_daemon.planning.replay.parts import (
     vehicles_data,
 )
 from dispatcher_daemon.planning.replay.trace import Trace
+from dispatcher_daemon.planning.routes import Insertion
 from dispatcher_daemon.settings import DispatcherSettings
-from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
+from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream import __version__
 from slipstream.explain import CycleFacts, facts_data
 from storage import CycleInputs, Part, StoredCycle

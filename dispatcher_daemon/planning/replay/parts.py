@@ -9,10 +9,18 @@ from typing import Any, Final
 
 from pydantic import TypeAdapter
 
-from dispatcher_daemon.fleet import ChargingStop, Depot, Fleet, Hub, NamedVehicleType, Stop, Vehicle
-from dispatcher_daemon.fleet.commitments import Commitment
+from dispatcher_daemon.fleet import (
+    ChargingStop,
+    Commitment,
+    Depot,
+    Fleet,
+    Hub,
+    NamedVehicleType,
+    Stop,
+    Vehicle,
+)
 from dispatcher_daemon.settings import DispatcherSettings
-from dispatcher_daemon.traffic.snapshot import Expectations, SegmentTraffic, planning_speed_mps
+from dispatcher_daemon.traffic import Expectations, SegmentTraffic, planning_speed_mps
 from slipstream.messages import VehiclePlan
 from slipstream.roads import RoadNetwork
 

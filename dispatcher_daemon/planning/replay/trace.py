@@ -16,10 +16,9 @@ from functools import partial
 from itertools import pairwise
 from typing import Any, Final, ParamSpec, Self, TypeVar
 
-from dispatcher_daemon.planning import Searched
-from dispatcher_daemon.solvers.protocol import Outcome, Status
-from dispatcher_daemon.solvers.workers.executor import TimedExecutor
-from dispatcher_daemon.solvers.workers.pool import Job, Solve
+from dispatcher_daemon.planning.routes import Searched
+from dispatcher_daemon.solvers import Outcome, Status
+from dispatcher_daemon.solvers.workers import Job, Solve, TimedExecutor
 
 ENDED_BY_TIME: Final = 0.5
 """Share of its deadline from which on a solver's answer may be one that time has ended. The shares

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dispatcher_daemon.planning.roads.arrays import Roads, roads_of
 from dispatcher_daemon.planning.roads.costs import planning_speed_mps, segment_cost_kwh
+from dispatcher_daemon.planning.roads.given import given_matrices
 from dispatcher_daemon.planning.roads.onward import leg_from, leg_onward, unhindered_s
 from dispatcher_daemon.planning.roads.routes import (
     Leg,
@@ -24,8 +25,10 @@ from dispatcher_daemon.planning.roads.travel import (
     searched_again,
 )
 from dispatcher_daemon.planning.roads.ways import Ways
+from dispatcher_daemon.planning.roads.weights import Floats
 
 __all__ = [
+    "Floats",
     "Leg",
     "Roads",
     "Route",
@@ -35,6 +38,7 @@ __all__ = [
     "candidate_arcs",
     "empty_leg",
     "fleet_travel",
+    "given_matrices",
     "lateness_by_window_s",
     "lateness_s",
     "least_energy_legs",

@@ -10,11 +10,11 @@ from typing import Final, Literal
 
 import numpy as np
 
-from dispatcher_daemon.forms.problem import RoutingProblem
+from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.roads.costs import follows_traffic, held_cost_kwh
 from dispatcher_daemon.planning.roads.turns import Basis, TurnCosts, search_weights
 from dispatcher_daemon.planning.roads.weights import Floats, Ints, Weights
-from dispatcher_daemon.traffic.snapshot import SegmentTraffic, TrafficSnapshot
+from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot
 from slipstream.energy import stop_energy_kwh
 from slipstream.roads import RoadNetwork
 from slipstream.vehicle_types import RoutingProfile

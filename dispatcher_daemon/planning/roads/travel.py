@@ -15,12 +15,12 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from dispatcher_daemon.fleet import Vehicle
-from dispatcher_daemon.forms.problem import RoutingProblem
+from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.roads.all_pairs import AllPairs
 from dispatcher_daemon.planning.roads.arrays import Roads, roads_of
 from dispatcher_daemon.planning.roads.routes import Leg, empty_leg
 from dispatcher_daemon.planning.roads.weights import Floats, Weights, k_shortest_paths
-from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
+from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.drive import DrivingStyle, plan_drive
 from slipstream.energy import drive_energy_kwh
 from slipstream.vehicle_types import RoutingProfile

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from dispatcher_daemon.planning.roads.weights import MIN_COST, Floats, Ints, Weights
-from dispatcher_daemon.traffic.snapshot import Expectations
+from dispatcher_daemon.traffic import Expectations
 from slipstream.drive import DrivingStyle
 from slipstream.energy import VehicleParameters, phase_energies, stop_energy_kwh
 

@@ -17,8 +17,8 @@ from dispatcher_daemon.planning.plans import (
     solver_report,
 )
 from dispatcher_daemon.planning.route_form.fleet_plan import FleetPlan, plan_fleet
-from dispatcher_daemon.solvers.protocol import Outcome
-from dispatcher_daemon.solvers.workers.pool import Solve
+from dispatcher_daemon.solvers import Outcome
+from dispatcher_daemon.solvers.workers import Solve
 from slipstream.messages import SolverReport
 
 BASE = "pyvrp"

@@ -14,7 +14,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from typing import Final
 
-from dispatcher_daemon.forms.problem import RoutingProblem
+from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.improvement.carriers import Accounts, nobody_worse_off
 from dispatcher_daemon.planning.improvement.options import add_discounted_ways
 from dispatcher_daemon.planning.improvement.sweeps import (
@@ -33,7 +33,7 @@ from dispatcher_daemon.planning.routes.itineraries import Itinerary, Planner
 from dispatcher_daemon.planning.routes.pyvrp_model import StopsByVehicle
 from dispatcher_daemon.planning.routes.servability import unservable, without
 from dispatcher_daemon.settings import CitySettings, SearchSettings
-from dispatcher_daemon.solvers.workers.pool import Solve
+from dispatcher_daemon.solvers.workers import Solve
 
 NO_ROOM: Final = "no vehicle has room and time for it"
 _NO_CHARGE: Final = "has no charge left for it"

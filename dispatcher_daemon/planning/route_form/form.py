@@ -11,8 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from dispatcher_daemon.forms import violations
-from dispatcher_daemon.forms.problem import RouteProblem
+from dispatcher_daemon.forms import RouteProblem, violations
 from dispatcher_daemon.planning.improvement.blocks import Block, build_block
 from dispatcher_daemon.planning.improvement.carriers import nobody_worse_off
 from dispatcher_daemon.planning.improvement.exchanges import best_exchanges
@@ -30,7 +29,7 @@ from dispatcher_daemon.planning.route_form.fleet_plan import (
     servable,
     with_ways,
 )
-from dispatcher_daemon.solvers.workers.pool import Solve
+from dispatcher_daemon.solvers.workers import Solve
 
 
 @dataclass(frozen=True)

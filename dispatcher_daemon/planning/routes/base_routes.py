@@ -14,7 +14,7 @@ from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 from typing import Final
 
-from dispatcher_daemon.forms.problem import RoutingProblem
+from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.roads import Ways
 from dispatcher_daemon.planning.routes.parts import (
     Part,
@@ -36,7 +36,7 @@ from dispatcher_daemon.planning.routes.pyvrp_search import (
     search_within,
 )
 from dispatcher_daemon.settings import SearchSettings
-from dispatcher_daemon.solvers.workers.executor import TimedExecutor
+from dispatcher_daemon.solvers.workers import TimedExecutor
 from slipstream.tracing import traced
 
 log = logging.getLogger(__name__)

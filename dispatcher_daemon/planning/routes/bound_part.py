@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import pairwise
 
-from dispatcher_daemon.fleet import Fleet
-from dispatcher_daemon.fleet.commitments import Commitment
-from dispatcher_daemon.forms.problem import RoutingProblem
+from dispatcher_daemon.fleet import Commitment, Fleet
+from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.plans import Cycle
 from dispatcher_daemon.planning.roads import Travel
 from dispatcher_daemon.planning.routes.continuing import best_order, committed_legs, departure_s

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from dispatcher_daemon.fleet import Vehicle
-from dispatcher_daemon.forms.problem import RoutingProblem
+from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.roads import Leg, Route, empty_leg, lateness_s, timed
 
 

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from dispatcher_daemon.fleet import Fleet
-from dispatcher_daemon.forms.problem import RoutingProblem
+from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.roads import Leg, Travel
 from dispatcher_daemon.planning.roads.charge import (
     TOLERANCE_KWH,

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from itertools import pairwise, permutations
 from typing import Final
 
-from dispatcher_daemon.fleet import Vehicle
-from dispatcher_daemon.fleet.commitments import Commitment
-from dispatcher_daemon.forms.problem import RoutingProblem
+from dispatcher_daemon.fleet import Commitment, Vehicle
+from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.roads import (
     Leg,
     Roads,

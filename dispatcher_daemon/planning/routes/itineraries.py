@@ -9,9 +9,9 @@ from functools import cached_property
 from itertools import pairwise
 from typing import Final
 
-from dispatcher_daemon.fleet.commitments import Commitment
-from dispatcher_daemon.forms.problem import RoutingProblem
-from dispatcher_daemon.planning.platooning import MeetingBook, RoadUser, Traversals
+from dispatcher_daemon.fleet import Commitment, RoadUser
+from dispatcher_daemon.forms import RoutingProblem
+from dispatcher_daemon.planning.platooning import MeetingBook, Traversals
 from dispatcher_daemon.planning.roads import (
     Leg,
     Route,
@@ -24,7 +24,7 @@ from dispatcher_daemon.planning.routes.breaks import with_breaks
 from dispatcher_daemon.planning.routes.charging_stops import Batteries
 from dispatcher_daemon.planning.routes.continuing import committed_legs
 from dispatcher_daemon.planning.routes.windows import Windows
-from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
+from dispatcher_daemon.traffic import TrafficSnapshot
 
 S_PER_H: Final = 3600.0
 _ROUNDING_S: Final = 1e-6

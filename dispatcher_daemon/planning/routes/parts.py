@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from dispatcher_daemon.fleet import Fleet, Vehicle
-from dispatcher_daemon.forms.problem import RoutingProblem
+from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.roads.weights import Floats
 from dispatcher_daemon.planning.routes.pyvrp_model import StopsByVehicle
 

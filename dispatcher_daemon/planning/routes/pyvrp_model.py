@@ -16,7 +16,7 @@ import numpy as np
 import pyvrp
 
 from dispatcher_daemon.fleet import Stop, Vehicle
-from dispatcher_daemon.forms.problem import RoutingProblem
+from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.roads import Ways
 from dispatcher_daemon.planning.roads.charge import battery_of, leg_energy_kwh
 from slipstream.vehicle_types import RoutingProfile

@@ -9,11 +9,11 @@ from itertools import pairwise
 from typing import Final
 
 from dispatcher_daemon.fleet import Fleet, Stop, Vehicle
-from dispatcher_daemon.forms.problem import RoutingProblem
+from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.roads import Leg, Travel, fleet_travel
 from dispatcher_daemon.planning.roads.charge import battery_of, leg_energy_kwh
 from dispatcher_daemon.planning.routes.charging_stops import with_charging_stops
-from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
+from dispatcher_daemon.traffic import TrafficSnapshot
 
 NO_WAY: Final = "node "
 WINDOW_CLOSES: Final = "its window closes"

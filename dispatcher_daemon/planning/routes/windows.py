@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
-from dispatcher_daemon.fleet.commitments import Commitment
-from dispatcher_daemon.forms.problem import RoutingProblem
+from dispatcher_daemon.fleet import Commitment
+from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.roads import Route, Travel
 from dispatcher_daemon.planning.routes.continuing import departure_s, planned_waits_s
 

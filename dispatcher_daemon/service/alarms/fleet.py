@@ -15,7 +15,8 @@ from dispatcher_daemon.fleet.tracking import (
     lateness,
     lateness_s,
 )
-from dispatcher_daemon.planning import NO_VEHICLE, NO_WAY, WINDOW_CLOSES
+from dispatcher_daemon.planning.route_form import NO_VEHICLE
+from dispatcher_daemon.planning.routes import NO_WAY, WINDOW_CLOSES
 from dispatcher_daemon.service.alarms.conditions import Condition
 from slipstream.orders import OrderRecord, utc
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Final
 
 from dispatcher_daemon.service.alarms.conditions import Condition
-from dispatcher_daemon.traffic.reception import MAX_RSUS, Reception
+from dispatcher_daemon.traffic import MAX_RSUS, Reception
 from slipstream.admission import refusal
 from slipstream.errors import InputError
 from slipstream.messages import RsuHealth, StoppedVehicles, decode, stopped_key

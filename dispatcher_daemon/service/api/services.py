@@ -16,7 +16,7 @@ from dispatcher_daemon.service.feeds.publisher import Feeds
 from dispatcher_daemon.service.fleet_watch import FleetWatch
 from dispatcher_daemon.service.intake import OrderIntake
 from dispatcher_daemon.settings import DispatcherSettings
-from dispatcher_daemon.traffic.states import LatestStates
+from dispatcher_daemon.traffic import LatestStates
 from slipstream.roads import RoadNetwork
 from storage import Reader
 

@@ -6,6 +6,7 @@ from dispatcher_daemon.service.dispatcher.dispatcher import Dispatcher
 from dispatcher_daemon.service.dispatcher.publishing import Announce, MessageBus, announce_nothing
 from dispatcher_daemon.service.dispatcher.runner import CycleOutcome, CycleRunner, Surroundings
 from dispatcher_daemon.service.dispatcher.watching import AlarmSource
+from dispatcher_daemon.service.fleet_watch import FleetWatch
 
 __all__ = [
     "AlarmSource",
@@ -15,6 +16,7 @@ __all__ = [
     "CycleOutcome",
     "CycleRunner",
     "Dispatcher",
+    "FleetWatch",
     "MessageBus",
     "PlanDelivery",
     "Surroundings",

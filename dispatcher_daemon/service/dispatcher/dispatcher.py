@@ -8,9 +8,8 @@ import time
 from collections.abc import Collection
 from concurrent.futures import Executor
 
-from dispatcher_daemon.fleet import Fleet
-from dispatcher_daemon.fleet.file import FleetFile
-from dispatcher_daemon.forms.problem import routing_problem
+from dispatcher_daemon.fleet import Fleet, FleetFile
+from dispatcher_daemon.forms import routing_problem
 from dispatcher_daemon.service.dispatcher.control import Control
 from dispatcher_daemon.service.dispatcher.delivery import PlanDelivery
 from dispatcher_daemon.service.dispatcher.health import HealthPublisher
@@ -23,7 +22,7 @@ from dispatcher_daemon.service.fleet_watch import FleetWatch
 from dispatcher_daemon.service.store import CyclePruner, CycleStore
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.quantum.hardware import JobManager
-from dispatcher_daemon.solvers.workers.pool import Solve
+from dispatcher_daemon.solvers.workers import Solve
 from slipstream.orders import FleetRecords
 from slipstream.roads import RoadNetwork
 from slipstream.service import LogLimiter

@@ -10,8 +10,7 @@ from typing import Protocol
 from dispatcher_daemon import metrics
 from dispatcher_daemon.service.dispatcher.publishing import Announce
 from dispatcher_daemon.settings import DispatcherSettings
-from dispatcher_daemon.traffic.snapshot import TrafficSnapshot, traffic_by
-from dispatcher_daemon.traffic.states import HARMLESS, LatestStates, Verdict
+from dispatcher_daemon.traffic import HARMLESS, LatestStates, TrafficSnapshot, Verdict, traffic_by
 from slipstream.admission import implausibility
 from slipstream.errors import InputError
 from slipstream.freshness import age_s

@@ -8,8 +8,7 @@ from collections.abc import Iterable, Mapping
 from typing import Final
 
 from dispatcher_daemon.planning.plans import Candidate
-from dispatcher_daemon.traffic.reception import Reception
-from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
+from dispatcher_daemon.traffic import Reception, TrafficSnapshot
 from slipstream.messages import CycleReport, RsuReception, Unserved
 
 _MAX_REPORTED: Final = 20

@@ -15,11 +15,12 @@ from typing import Final
 from dispatcher_daemon import metrics
 from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.fleet.tracking import HIDDEN, Situation, fleet_of
-from dispatcher_daemon.forms.problem import RoutingProblem
-from dispatcher_daemon.planning import NO_VEHICLE, insert_stops
-from dispatcher_daemon.planning.cycle.cycle import cycle_of, run_cycle
+from dispatcher_daemon.forms import RoutingProblem
+from dispatcher_daemon.planning.cycle import cycle_of, run_cycle
 from dispatcher_daemon.planning.plans import plan_energies
 from dispatcher_daemon.planning.replay import InputEncoder, Recorder
+from dispatcher_daemon.planning.route_form import NO_VEHICLE
+from dispatcher_daemon.planning.routes import insert_stops
 from dispatcher_daemon.service.dispatcher.delivery import PlanDelivery, PlannedCycle
 from dispatcher_daemon.service.dispatcher.reports import (
     error_text,
@@ -29,8 +30,8 @@ from dispatcher_daemon.service.dispatcher.reports import (
 )
 from dispatcher_daemon.service.fleet_watch import FleetWatch
 from dispatcher_daemon.settings import DispatcherSettings
-from dispatcher_daemon.solvers.workers.pool import Solve
-from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
+from dispatcher_daemon.solvers.workers import Solve
+from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.errors import InputError
 from slipstream.messages import CycleReport, SegmentState, Unserved
 from slipstream.service import LogLimiter

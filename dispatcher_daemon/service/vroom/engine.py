@@ -11,12 +11,11 @@ from typing import Final, Literal
 import numpy as np
 
 from dispatcher_daemon.fleet import Fleet, located, to_node_m, with_unknown_nodes
-from dispatcher_daemon.forms.problem import RoutingProblem
-from dispatcher_daemon.planning.roads import Travel, roads_of
-from dispatcher_daemon.planning.roads.weights import Floats
+from dispatcher_daemon.forms import RoutingProblem
+from dispatcher_daemon.planning.roads import Floats, Travel, roads_of
 from dispatcher_daemon.service.vroom.model import Ints, Matrices
 from dispatcher_daemon.service.vroom.schema import Coordinates
-from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
+from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork
 from slipstream.snapping import MAX_SNAP_M

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from dispatcher_daemon.planning.roads.given import given_matrices
+from dispatcher_daemon.planning.roads import given_matrices
 from dispatcher_daemon.service.vroom.build import build_problem, check_size
 from dispatcher_daemon.service.vroom.engine import RoadWays, RoutingEngine
 from dispatcher_daemon.service.vroom.model import Matrices, Problem

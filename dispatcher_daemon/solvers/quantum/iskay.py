@@ -17,8 +17,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from dispatcher_daemon.forms import Encoding, QuboModel, build_model
-from dispatcher_daemon.forms.problem import Problem
+from dispatcher_daemon.forms import Encoding, Problem, QuboModel, build_model
 from dispatcher_daemon.solvers.protocol import Execution, Outcome, Status
 from dispatcher_daemon.solvers.quantum.backends.ibm_account import Access
 from dispatcher_daemon.solvers.sampling import Bits, answer

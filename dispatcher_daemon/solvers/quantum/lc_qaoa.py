@@ -11,8 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dispatcher_daemon.forms import Encoding, QuboModel, build_model
-from dispatcher_daemon.forms.problem import Problem, RouteProblem
+from dispatcher_daemon.forms import Encoding, Problem, QuboModel, RouteProblem, build_model
 from dispatcher_daemon.settings import LcQaoaSettings
 from dispatcher_daemon.solvers.distribution import BitDistribution
 from dispatcher_daemon.solvers.pace import Pace, measure_pace

@@ -11,8 +11,7 @@ from dataclasses import dataclass, field
 
 import psutil
 
-from dispatcher_daemon.forms import Encoding, QuboModel, build_model
-from dispatcher_daemon.forms.problem import Problem, RouteProblem
+from dispatcher_daemon.forms import Encoding, Problem, QuboModel, RouteProblem, build_model
 from dispatcher_daemon.settings import QaoaSettings
 from dispatcher_daemon.solvers.protocol import Execution, Outcome
 from dispatcher_daemon.solvers.quantum.ansatz import linear_ramp

@@ -1,1 +1,31 @@
 """Where solvers run: worker processes under hard deadlines, any executor, or this process."""
+
+from __future__ import annotations
+
+from dispatcher_daemon.solvers.workers.executor import TimedExecutor, executor_solve
+from dispatcher_daemon.solvers.workers.pool import (
+    GRACE_S,
+    RESERVE,
+    Job,
+    Solve,
+    SolverPool,
+    error_line,
+    solve_in_process,
+    solving_s,
+)
+from dispatcher_daemon.solvers.workers.processes import Processes, WorkerExecutor
+
+__all__ = [
+    "GRACE_S",
+    "RESERVE",
+    "Job",
+    "Processes",
+    "Solve",
+    "SolverPool",
+    "TimedExecutor",
+    "WorkerExecutor",
+    "error_line",
+    "executor_solve",
+    "solve_in_process",
+    "solving_s",
+]

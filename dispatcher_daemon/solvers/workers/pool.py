@@ -18,7 +18,7 @@ from concurrent.futures import CancelledError, Future, ThreadPoolExecutor, Timeo
 from dataclasses import dataclass
 from typing import Literal, Protocol, Self
 
-from dispatcher_daemon.forms.problem import Problem
+from dispatcher_daemon.forms import Problem
 from dispatcher_daemon.solvers.protocol import Outcome, Solver
 from dispatcher_daemon.solvers.workers.processes import Processes
 from slipstream.tracing import traced

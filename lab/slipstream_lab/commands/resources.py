@@ -94,7 +94,7 @@ def _check(options: argparse.Namespace) -> None:
 
 
 def _benchmark() -> dict[str, QuboSize]:
-    from dispatcher_daemon.forms.arc import build_arc_model
+    from dispatcher_daemon.forms import build_arc_model
     from dispatcher_daemon.planning.arc_form import arc_problem_of
     from slipstream_lab.research.instances import open_instance
     from slipstream_lab.research.resources.counts import model_size

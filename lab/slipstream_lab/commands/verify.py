@@ -13,8 +13,7 @@ from slipstream.errors import InputError
 from slipstream_cli.progress import Progress
 
 if TYPE_CHECKING:
-    from dispatcher_daemon.forms import Encoding
-    from dispatcher_daemon.forms.problem import Problem
+    from dispatcher_daemon.forms import Encoding, Problem
     from slipstream_lab.research.proofs.proof import Proof
 
 _PAPER_GAMMA_KWH = 50.0
@@ -118,7 +117,7 @@ def _gamma(text: str) -> float | None:
 
 def _cases(options: argparse.Namespace) -> tuple[list[Case], dict[str, int]]:
     """What is to be checked, and what of all published instances is too large for it."""
-    from dispatcher_daemon.forms.enumerate import MAX_VARIABLES
+    from dispatcher_daemon.forms import MAX_VARIABLES
     from slipstream_lab.research.instances import instance_names
     from slipstream_lab.research.proofs.eliminate import MAX_CHOICES
 
@@ -172,8 +171,7 @@ def _problem(reference: str, options: argparse.Namespace) -> Problem:
 
 def _size(problem: Problem, encoding: Encoding) -> tuple[int, bool]:
     """Number of variables, and whether all their states can be looked at."""
-    from dispatcher_daemon.forms import build_model
-    from dispatcher_daemon.forms.enumerate import MAX_VARIABLES
+    from dispatcher_daemon.forms import MAX_VARIABLES, build_model
     from slipstream_lab.research.proofs.proof import can_prove
 
     if problem.choices > MAX_VARIABLES:

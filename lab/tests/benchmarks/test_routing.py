@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from dispatcher_daemon.forms.problem import Problem, RouteOption, RouteProblem
-from dispatcher_daemon.planning import initial_plans
 from dispatcher_daemon.planning.platooning import form_platoons
 from dispatcher_daemon.planning.roads import fleet_travel
+from dispatcher_daemon.planning.route_form import initial_plans
 from dispatcher_daemon.settings import CitySettings, SearchSettings
 from dispatcher_daemon.solvers.protocol import Outcome
 from slipstream.errors import InputError

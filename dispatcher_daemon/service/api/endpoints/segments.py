@@ -11,7 +11,7 @@ from dispatcher_daemon.service.api.auth import requires
 from dispatcher_daemon.service.api.parameters import After, Limit, Name
 from dispatcher_daemon.service.api.problems import Problem
 from dispatcher_daemon.service.api.services import Dispatch, Services
-from dispatcher_daemon.traffic.snapshot import judge
+from dispatcher_daemon.traffic import judge
 from slipstream.messages import Gate, SegmentState, TimeNs
 
 router = APIRouter(prefix="/v1/segments", tags=["segments"], dependencies=[requires("read")])

@@ -13,8 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
 from dispatcher_daemon.service.api.solving.worker import Task, run_task
-from dispatcher_daemon.solvers.workers.pool import error_line
-from dispatcher_daemon.solvers.workers.processes import Processes
+from dispatcher_daemon.solvers.workers import Processes, error_line
 from slipstream.errors import InputError
 
 log = logging.getLogger(__name__)

@@ -12,12 +12,12 @@ from pydantic import BaseModel, Field
 
 from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.fleet.learning import Learned
-from dispatcher_daemon.forms.problem import routing_problem
-from dispatcher_daemon.planning.cycle.cycle import cycle_of, run_cycle
+from dispatcher_daemon.forms import routing_problem
+from dispatcher_daemon.planning.cycle import cycle_of, run_cycle
 from dispatcher_daemon.settings import DispatcherSettings
-from dispatcher_daemon.solvers.registry import configured_solvers
-from dispatcher_daemon.solvers.workers.executor import executor_solve
-from dispatcher_daemon.traffic.snapshot import Expectations, TrafficSnapshot, traffic_by
+from dispatcher_daemon.solvers import configured_solvers
+from dispatcher_daemon.solvers.workers import executor_solve
+from dispatcher_daemon.traffic import Expectations, TrafficSnapshot, traffic_by
 from slipstream.errors import InputError
 from slipstream.messages import CycleReport, SegmentState, VehiclePlan
 from slipstream.roads import RoadNetwork

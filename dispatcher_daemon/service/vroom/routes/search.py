@@ -11,8 +11,7 @@ import pyvrp
 from pyvrp.exceptions import PenaltyBoundWarning
 from pyvrp.stop import MaxRuntime, MultipleCriteria, NoImprovement, StoppingCriterion
 
-from dispatcher_daemon.planning.routes.pyvrp_model import NO_PATH_MWH
-from dispatcher_daemon.planning.routes.pyvrp_search import HIGH_PENALTIES, search_parameters
+from dispatcher_daemon.planning.routes import HIGH_PENALTIES, NO_PATH_MWH, search_parameters
 from dispatcher_daemon.service.vroom.model import Problem, Task
 from dispatcher_daemon.service.vroom.routes.vrp_data import Routes, VrpData
 from dispatcher_daemon.service.vroom.timing import Timetable

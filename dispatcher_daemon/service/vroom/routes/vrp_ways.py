@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from dispatcher_daemon.planning.routes.pyvrp_model import NO_PATH_MWH
+from dispatcher_daemon.planning.routes import NO_PATH_MWH
 from dispatcher_daemon.service.vroom.model import COST_UNITS, FOREVER, NO_WAY, Task, Van
 
 _MAX_COST: Final = 10**9

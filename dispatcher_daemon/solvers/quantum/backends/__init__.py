@@ -2,69 +2,53 @@
 
 from __future__ import annotations
 
+from dispatcher_daemon.solvers.quantum.backends.aer import (
+    DECOUPLED,
+    IDLE,
+    TWIRLED,
+    NoisyBackend,
+    fake_target,
+)
 from dispatcher_daemon.solvers.quantum.backends.base import Backend, Sampled
-from dispatcher_daemon.solvers.quantum.backends.jobs import JobService
-from slipstream.errors import InputError
+from dispatcher_daemon.solvers.quantum.backends.ibm_account import find_access
+from dispatcher_daemon.solvers.quantum.backends.jobs import (
+    FaultKind,
+    JobService,
+    JobView,
+    ServiceFault,
+)
+from dispatcher_daemon.solvers.quantum.backends.noise import DeviceNoise, blocks_of
+from dispatcher_daemon.solvers.quantum.backends.opening import open_backend, open_service
+from dispatcher_daemon.solvers.quantum.backends.targets import (
+    Depths,
+    compare_depths,
+    transpile_dense,
+    transpile_on,
+    two_qubit_depth,
+    two_qubit_gates,
+)
 
-__all__ = ["Backend", "Sampled", "open_backend", "open_service"]
-
-
-def open_backend(text: str) -> Backend:
-    """The backend of that name.
-
-    Args:
-        text: "aer", "aer:FakeBoston" or another fake device (what may follow: `aer.ENDINGS`),
-            "ibm:NAME" or "ibm:least-busy".
-
-    Raises:
-        InputError: there is no such backend, or no credentials for it.
-        ServiceFault: IBM Quantum does not do what it is asked.
-    """
-    service, _, name = text.partition(":")
-    if text == "aer":
-        from dispatcher_daemon.solvers.quantum.backends.aer import AerBackend
-
-        return AerBackend()
-    if service == "aer" and name:
-        from dispatcher_daemon.solvers.quantum.backends.aer import NoisyBackend, fake_target
-
-        device, plus, ending = name.partition("+")
-        backend = NoisyBackend(device, plus + ending)
-        fake_target(device)
-        return backend
-    if service == "ibm" and name:
-        from dispatcher_daemon.solvers.quantum.backends.ibm import open_ibm_backend
-
-        return open_ibm_backend(name)
-    raise InputError(
-        "backend",
-        f"there is no backend {text!r}",
-        "use aer, aer:FakeBoston, ibm:NAME or ibm:least-busy",
-    )
-
-
-def open_service(text: str) -> JobService:
-    """The job service of that name.
-
-    Args:
-        text: "ibm:NAME", "ibm:least-busy", or "fake:FakeBoston" or another fake device: its noise
-            model behind the same calls.
-
-    Raises:
-        InputError: there is no such service, or no credentials for it.
-        ServiceFault: IBM Quantum does not do what it is asked.
-    """
-    service, _, name = text.partition(":")
-    if service == "fake" and name:
-        from dispatcher_daemon.solvers.quantum.backends.local import LocalService
-
-        return LocalService(name)
-    if service == "ibm" and name:
-        from dispatcher_daemon.solvers.quantum.backends.ibm import open_ibm
-
-        return open_ibm(name)
-    raise InputError(
-        "backend",
-        f"there is no job service {text!r}",
-        "use ibm:NAME, ibm:least-busy or fake:FakeBoston",
-    )
+__all__ = [
+    "DECOUPLED",
+    "IDLE",
+    "TWIRLED",
+    "Backend",
+    "Depths",
+    "DeviceNoise",
+    "FaultKind",
+    "JobService",
+    "JobView",
+    "NoisyBackend",
+    "Sampled",
+    "ServiceFault",
+    "blocks_of",
+    "compare_depths",
+    "fake_target",
+    "find_access",
+    "open_backend",
+    "open_service",
+    "transpile_dense",
+    "transpile_on",
+    "two_qubit_depth",
+    "two_qubit_gates",
+]

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-from dispatcher_daemon.solvers.quantum.backends import Backend, open_backend
-from dispatcher_daemon.solvers.quantum.backends.base import Sampled
+from dispatcher_daemon.solvers.quantum.backends.base import Backend, Sampled
 from dispatcher_daemon.solvers.quantum.backends.jobs import ServiceFault
+from dispatcher_daemon.solvers.quantum.backends.opening import open_backend
 
 FALLBACK = "aer"
 

@@ -1,2 +1,10 @@
 """Circuits on a linear chain: order of the qubits, exact matrix product states, training, and
 placement on a device."""
+
+from __future__ import annotations
+
+from dispatcher_daemon.solvers.quantum.chain.layout import Placement
+from dispatcher_daemon.solvers.quantum.chain.order import heavy_path, path_weight
+from dispatcher_daemon.solvers.quantum.chain.state import ChainState
+
+__all__ = ["ChainState", "Placement", "heavy_path", "path_weight"]

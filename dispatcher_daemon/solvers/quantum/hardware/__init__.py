@@ -14,9 +14,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from dispatcher_daemon.solvers.quantum.hardware.circuits import ChainCircuitBuilder
     from dispatcher_daemon.solvers.quantum.hardware.manager import JobManager, open_job_manager
+    from dispatcher_daemon.solvers.quantum.hardware.thread import JobThread
 
-__all__ = ["JobManager", "open_job_manager"]
+__all__ = ["ChainCircuitBuilder", "JobManager", "JobThread", "open_job_manager"]
 
 
 def __getattr__(name: str) -> object:

@@ -10,8 +10,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from dispatcher_daemon.forms import QuboModel
-from dispatcher_daemon.forms.problem import ArcProblem, BinaryProblem, Problem
+from dispatcher_daemon.forms import ArcProblem, BinaryProblem, Problem, QuboModel
 from dispatcher_daemon.solvers.protocol import Outcome
 from dispatcher_daemon.solvers.quantum.ansatz import ChainAnsatz
 from dispatcher_daemon.solvers.quantum.backends.jobs import ServiceFault

@@ -15,16 +15,15 @@ from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from typing import Self
 
-from dispatcher_daemon.settings import HARDWARE_SOLVER, DispatcherSettings
+from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.protocol import Outcome
-from dispatcher_daemon.solvers.quantum.backends.jobs import JobService
+from dispatcher_daemon.solvers.quantum.backends import JobService
 from dispatcher_daemon.solvers.quantum.hardware.circuits import ChainCircuitBuilder, problem_key
 from dispatcher_daemon.solvers.quantum.hardware.ledger import DeviceKind, JobStore
 from dispatcher_daemon.solvers.quantum.hardware.request import JobRequest
 from dispatcher_daemon.solvers.quantum.hardware.thread import JobThread
 from dispatcher_daemon.solvers.quantum.lc_qaoa import LcQaoaSolver
-from dispatcher_daemon.solvers.registry import make_solver
-from dispatcher_daemon.solvers.workers.pool import RESERVE, Job, Solve
+from dispatcher_daemon.solvers.workers import RESERVE, Job, Solve
 from slipstream.messages import HardwareHealth
 
 
@@ -155,8 +154,7 @@ def open_job_manager(
     hardware = settings.hardware
     if not hardware.backend:
         return nullcontext()
-    solver = make_solver(HARDWARE_SOLVER, settings)
-    assert isinstance(solver, LcQaoaSolver)
+    solver = LcQaoaSolver(settings.lc_qaoa, settings.gamma)
     factory, kind = BackendServiceFactory(hardware.backend), device_kind(hardware.backend)
     thread = JobThread(hardware, kind, factory, ChainCircuitBuilder(solver), store)
     return JobManager(solve, thread, hardware.wait_s, settings.deadline_s)

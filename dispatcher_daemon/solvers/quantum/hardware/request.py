@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Callable
 
-from dispatcher_daemon.forms.problem import Problem
+from dispatcher_daemon.forms import Problem
 from dispatcher_daemon.solvers.protocol import Outcome
 
 

@@ -17,7 +17,7 @@ from typing import Any, Final, Protocol, TypeVar, runtime_checkable
 
 import pebble
 
-from dispatcher_daemon.forms.problem import Problem
+from dispatcher_daemon.forms import Problem
 from dispatcher_daemon.solvers.protocol import Outcome
 from dispatcher_daemon.solvers.quantum.backends.jobs import JobService, JobView, ServiceFault
 from dispatcher_daemon.solvers.quantum.chain.layout import Placement

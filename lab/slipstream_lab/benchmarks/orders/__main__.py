@@ -19,9 +19,8 @@ import numpy as np
 from dispatcher_daemon.service.dispatcher import Dispatcher
 from dispatcher_daemon.service.intake import OrderIntake
 from dispatcher_daemon.settings import DispatcherSettings
-from dispatcher_daemon.solvers.registry import configured_solvers
-from dispatcher_daemon.solvers.workers.pool import SolverPool
-from dispatcher_daemon.solvers.workers.processes import WorkerExecutor
+from dispatcher_daemon.solvers import configured_solvers
+from dispatcher_daemon.solvers.workers import SolverPool, WorkerExecutor
 from slipstream.messages import Message, OrderRequest, VehiclePlan
 from slipstream_lab.research.cities.generator import generate_city
 from storage import open_database, open_reader

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from dispatcher_daemon.solvers.quantum.hardware.circuits import ChainCircuitBuilder
+from dispatcher_daemon.solvers.quantum.hardware import ChainCircuitBuilder
 
 
 @dataclass(frozen=True)

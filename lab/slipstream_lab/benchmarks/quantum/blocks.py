@@ -10,9 +10,8 @@ from dataclasses import dataclass
 
 import networkx as nx
 
-from dispatcher_daemon.forms import violations
-from dispatcher_daemon.forms.problem import RouteProblem
-from dispatcher_daemon.planning.improvement.partition import blocks_of
+from dispatcher_daemon.forms import RouteProblem, violations
+from dispatcher_daemon.planning.improvement import blocks_of
 from slipstream_lab.benchmarks.routing.gap_run import block_of, undivided
 from slipstream_lab.research.cities.generator import generate_city
 

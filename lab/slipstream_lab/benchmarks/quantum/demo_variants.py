@@ -12,11 +12,10 @@ import time
 from collections.abc import Sequence
 from typing import Any, Final
 
-from dispatcher_daemon.forms import build_model
-from dispatcher_daemon.forms.problem import RouteProblem
+from dispatcher_daemon.forms import RouteProblem, build_model
 from dispatcher_daemon.settings import LcQaoaSettings
-from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.quantum.lc_qaoa import LcQaoaSolver
+from dispatcher_daemon.solvers import ExactSolver
+from dispatcher_daemon.solvers.quantum import LcQaoaSolver
 from slipstream_lab.research.instances import open_instance
 from slipstream_lab.research.instances.forms import route_form_of
 from slipstream_lab.research.quantum.controls import UNIFORM_BITS, distributions, run_controls

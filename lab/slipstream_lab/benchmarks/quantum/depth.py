@@ -15,11 +15,9 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Final
 
-from dispatcher_daemon.solvers.quantum.ansatz import linear_ramp
-from dispatcher_daemon.solvers.quantum.backends import open_backend
-from dispatcher_daemon.solvers.quantum.backends.targets import Depths, compare_depths
-from dispatcher_daemon.solvers.quantum.chain.order import heavy_path
-from dispatcher_daemon.solvers.quantum.ising import to_ising
+from dispatcher_daemon.solvers.quantum import linear_ramp, to_ising
+from dispatcher_daemon.solvers.quantum.backends import Depths, compare_depths, open_backend
+from dispatcher_daemon.solvers.quantum.chain import heavy_path
 from slipstream_lab.benchmarks.aims import Check, check_table, machine
 from slipstream_lab.research.quantum.case import named_cases, open_case
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from dispatcher_daemon.solvers.quantum.backends.jobs import JobView, ServiceFault
+from dispatcher_daemon.solvers.quantum.backends import JobView, ServiceFault
 
 Weights = Mapping[str, float]
 

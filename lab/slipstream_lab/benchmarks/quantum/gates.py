@@ -25,14 +25,11 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from dispatcher_daemon.forms import build_model
-from dispatcher_daemon.forms.problem import RouteProblem
+from dispatcher_daemon.forms import RouteProblem, build_model
 from dispatcher_daemon.settings import LcQaoaSettings, LcQaoaVariant
-from dispatcher_daemon.solvers.distribution import uniform_bits, uniform_choices
-from dispatcher_daemon.solvers.heuristics import TabuSolver
-from dispatcher_daemon.solvers.quantum.chain.state import ChainState
-from dispatcher_daemon.solvers.quantum.lc_qaoa import prepare_model
-from dispatcher_daemon.solvers.sampling import Bits, descend
+from dispatcher_daemon.solvers import Bits, TabuSolver, descend, uniform_bits, uniform_choices
+from dispatcher_daemon.solvers.quantum import prepare_model
+from dispatcher_daemon.solvers.quantum.chain import ChainState
 from slipstream_lab.benchmarks.aims import machine
 from slipstream_lab.benchmarks.quantum.gates_report import tables
 from slipstream_lab.benchmarks.quantum.variants import Case, arc_cases, route_cases, score

@@ -15,23 +15,21 @@ from typing import Any, Final
 import psutil
 
 from dispatcher_daemon.fleet import load_fleet
-from dispatcher_daemon.forms.problem import routing_problem
+from dispatcher_daemon.forms import routing_problem
 from dispatcher_daemon.planning.plans import verify_plans
 from dispatcher_daemon.service.dispatcher import (
     CycleOutcome,
     CycleRunner,
+    FleetWatch,
     PlanDelivery,
     Surroundings,
 )
-from dispatcher_daemon.service.fleet_watch import FleetWatch
 from dispatcher_daemon.settings import DispatcherSettings, HardwareSettings, LcQaoaSettings
-from dispatcher_daemon.solvers.protocol import Outcome
-from dispatcher_daemon.solvers.quantum.hardware import JobManager
-from dispatcher_daemon.solvers.quantum.hardware.thread import JobThread
-from dispatcher_daemon.solvers.quantum.lc_qaoa import LcQaoaSolver
-from dispatcher_daemon.solvers.registry import configured_solvers
-from dispatcher_daemon.solvers.workers.pool import RESERVE, Job, Solve, SolverPool
-from dispatcher_daemon.traffic.snapshot import SegmentTraffic, TrafficSnapshot
+from dispatcher_daemon.solvers import Outcome, configured_solvers
+from dispatcher_daemon.solvers.quantum import LcQaoaSolver
+from dispatcher_daemon.solvers.quantum.hardware import JobManager, JobThread
+from dispatcher_daemon.solvers.workers import RESERVE, Job, Solve, SolverPool
+from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot
 from slipstream.messages import Message
 from slipstream.roads import RoadNetwork
 from slipstream.sumo_net import load_network

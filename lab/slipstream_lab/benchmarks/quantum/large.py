@@ -19,13 +19,18 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Final
 
-from dispatcher_daemon.forms import QuboModel, build_model
-from dispatcher_daemon.forms.problem import RouteProblem
+from dispatcher_daemon.forms import QuboModel, RouteProblem, build_model
 from dispatcher_daemon.settings import LcQaoaSettings, LcQaoaVariant
-from dispatcher_daemon.solvers.distribution import BitDistribution, uniform_choices
-from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.protocol import Execution, Outcome, Samples, Solver
-from dispatcher_daemon.solvers.quantum.lc_qaoa import LcQaoaSolver
+from dispatcher_daemon.solvers import (
+    BitDistribution,
+    ExactSolver,
+    Execution,
+    Outcome,
+    Samples,
+    Solver,
+    uniform_choices,
+)
+from dispatcher_daemon.solvers.quantum import LcQaoaSolver
 from slipstream.errors import InputError
 from slipstream_lab.benchmarks.aims import machine
 from slipstream_lab.benchmarks.quantum.blocks import CityPart, city_part, ratio, sweep

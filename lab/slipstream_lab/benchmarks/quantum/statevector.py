@@ -23,11 +23,13 @@ from typing import Any
 import numpy as np
 
 from dispatcher_daemon.forms import build_model
-from dispatcher_daemon.solvers.quantum.ansatz import linear_ramp
-from dispatcher_daemon.solvers.quantum.ising import Ising, to_ising
-from dispatcher_daemon.solvers.quantum.statevector.diagonal import Diagonal, cost_diagonal
-from dispatcher_daemon.solvers.quantum.statevector.exact_state import Schedule
-from dispatcher_daemon.solvers.quantum.statevector.transverse import StateVector
+from dispatcher_daemon.solvers.quantum import Ising, linear_ramp, to_ising
+from dispatcher_daemon.solvers.quantum.statevector import (
+    Diagonal,
+    Schedule,
+    StateVector,
+    cost_diagonal,
+)
 from slipstream.errors import InputError
 from slipstream_lab.benchmarks.aims import Check, check_table, machine
 from slipstream_lab.research.instances import open_instance

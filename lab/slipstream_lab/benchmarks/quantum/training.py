@@ -18,7 +18,7 @@ from typing import Final
 
 from dispatcher_daemon.forms import QuboModel, build_model
 from dispatcher_daemon.settings import LcQaoaSettings, LcQaoaVariant
-from dispatcher_daemon.solvers.quantum.lc_qaoa import prepare_model
+from dispatcher_daemon.solvers.quantum import prepare_model
 from slipstream_lab.benchmarks.aims import Check, check_table, machine
 from slipstream_lab.benchmarks.quantum.blocks import city_part
 from slipstream_lab.research.quantum.case import named_cases, open_case

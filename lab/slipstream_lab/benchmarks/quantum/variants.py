@@ -16,16 +16,18 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from dispatcher_daemon.forms import QuboModel, build_model
-from dispatcher_daemon.forms.decode import valid_selections, violations
-from dispatcher_daemon.forms.problem import Problem, RouteProblem
+from dispatcher_daemon.forms import (
+    Problem,
+    QuboModel,
+    RouteProblem,
+    build_model,
+    valid_selections,
+    violations,
+)
 from dispatcher_daemon.settings import LcQaoaSettings, LcQaoaVariant
-from dispatcher_daemon.solvers.distribution import BitDistribution
-from dispatcher_daemon.solvers.quantum.ansatz import ChainAnsatz
-from dispatcher_daemon.solvers.quantum.chain.order import path_weight
-from dispatcher_daemon.solvers.quantum.chain.state import ChainState
-from dispatcher_daemon.solvers.quantum.ising import to_ising
-from dispatcher_daemon.solvers.quantum.lc_qaoa import Prepared, prepare_model
+from dispatcher_daemon.solvers import BitDistribution
+from dispatcher_daemon.solvers.quantum import ChainAnsatz, Prepared, prepare_model, to_ising
+from dispatcher_daemon.solvers.quantum.chain import ChainState, path_weight
 from slipstream_lab.benchmarks.quantum.blocks import city_part
 from slipstream_lab.research.instances import instance_names, open_instance
 from slipstream_lab.research.instances.forms import arc_form_of

@@ -29,13 +29,16 @@ from scipy.optimize import minimize
 
 from dispatcher_daemon.forms import QuboModel
 from dispatcher_daemon.settings import QaoaSettings
-from dispatcher_daemon.solvers.distribution import BitDistribution, uniform_bits
-from dispatcher_daemon.solvers.quantum.ising import to_ising
-from dispatcher_daemon.solvers.quantum.qaoa import ramp_of
-from dispatcher_daemon.solvers.quantum.statevector.diagonal import Diagonal, cost_diagonal
-from dispatcher_daemon.solvers.quantum.statevector.exact_state import ExactState, Schedule
-from dispatcher_daemon.solvers.quantum.statevector.training import Objective, train
-from dispatcher_daemon.solvers.sampling import Bits, stages
+from dispatcher_daemon.solvers import BitDistribution, Bits, stages, uniform_bits
+from dispatcher_daemon.solvers.quantum import ramp_of, to_ising
+from dispatcher_daemon.solvers.quantum.statevector import (
+    Diagonal,
+    ExactState,
+    Objective,
+    Schedule,
+    cost_diagonal,
+    train,
+)
 from slipstream_lab.benchmarks.aims import machine
 from slipstream_lab.benchmarks.quantum.variants import Case, route_cases
 from slipstream_lab.research.quantum.store import Record, Store

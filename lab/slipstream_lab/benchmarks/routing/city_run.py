@@ -16,18 +16,16 @@ from typing import Final
 
 import pyvrp
 
-from dispatcher_daemon.forms.problem import RoutingProblem
-from dispatcher_daemon.planning import FleetPlan, initial_plans, plan_fleet
+from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.plans import RouteEnergy, route_energy, summarise
 from dispatcher_daemon.planning.platooning import expected_drafting, form_platoons
 from dispatcher_daemon.planning.roads import Route, fleet_travel
-from dispatcher_daemon.planning.routes.pyvrp_model import VrpModel
+from dispatcher_daemon.planning.route_form import FleetPlan, initial_plans, plan_fleet
+from dispatcher_daemon.planning.routes import VrpModel
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
-from dispatcher_daemon.solvers.protocol import Solver
-from dispatcher_daemon.solvers.registry import make_solver
-from dispatcher_daemon.solvers.workers.executor import executor_solve
-from dispatcher_daemon.solvers.workers.pool import Solve
-from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
+from dispatcher_daemon.solvers import Solver, make_solver
+from dispatcher_daemon.solvers.workers import Solve, executor_solve
+from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.energy import stop_energy_kwh
 from slipstream_lab.research.cities.generator import generate_city
 from slipstream_lab.research.instances.forms import instance_cycle
@@ -165,7 +163,7 @@ def workers(settings: CitySettings) -> Iterator[tuple[Executor, Solve]]:
 
 
 def _warm_up(solvers: Sequence[Solver]) -> None:
-    from dispatcher_daemon.planning.routes import pyvrp_search  # noqa: F401
+    from dispatcher_daemon.planning.routes import search_within  # noqa: F401
 
     for solver in solvers:
         solver.warm_up()

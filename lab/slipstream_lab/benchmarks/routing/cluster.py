@@ -24,13 +24,12 @@ from hashlib import sha256
 from pathlib import Path
 
 from dispatcher_daemon import metrics
-from dispatcher_daemon.planning import FleetPlan, plan_fleet, search_within
+from dispatcher_daemon.planning.route_form import FleetPlan, plan_fleet
+from dispatcher_daemon.planning.routes import search_within
 from dispatcher_daemon.settings import CitySettings, ClusterSettings, DispatcherSettings
-from dispatcher_daemon.solvers.cluster.client import Cluster
-from dispatcher_daemon.solvers.cluster.fallback import ClusterExecutor, cluster_solve
-from dispatcher_daemon.solvers.registry import make_solver
-from dispatcher_daemon.solvers.workers.pool import Solve, SolverPool
-from dispatcher_daemon.solvers.workers.processes import WorkerExecutor
+from dispatcher_daemon.solvers import make_solver
+from dispatcher_daemon.solvers.cluster import Cluster, ClusterExecutor, cluster_solve
+from dispatcher_daemon.solvers.workers import Solve, SolverPool, WorkerExecutor
 from slipstream.bus import free_port
 from slipstream_lab.benchmarks.routing.city_run import unguarded
 from slipstream_lab.research.cities.generator import generate_city

@@ -16,18 +16,21 @@ from typing import Final
 import networkx as nx
 import numpy as np
 
-from dispatcher_daemon.forms.problem import RouteOption, RouteProblem
-from dispatcher_daemon.planning import add_discounted_ways, initial_plans
-from dispatcher_daemon.planning.improvement.blocks import build_block
-from dispatcher_daemon.planning.improvement.departures import longest_wait_s
-from dispatcher_daemon.planning.improvement.options import options_for
-from dispatcher_daemon.planning.improvement.partition import blocks_of, opportunity_graph
+from dispatcher_daemon.forms import RouteOption, RouteProblem
+from dispatcher_daemon.planning.improvement import (
+    add_discounted_ways,
+    blocks_of,
+    build_block,
+    longest_wait_s,
+    opportunity_graph,
+    options_for,
+)
 from dispatcher_daemon.planning.platooning import Meetings
 from dispatcher_daemon.planning.roads import Travel, roads_of
-from dispatcher_daemon.planning.routes.base_routes import base_routes
-from dispatcher_daemon.planning.routes.itineraries import Itinerary, Planner
+from dispatcher_daemon.planning.route_form import initial_plans
+from dispatcher_daemon.planning.routes import Itinerary, Planner, base_routes
 from dispatcher_daemon.settings import CitySettings, SearchSettings
-from dispatcher_daemon.solvers.exact import ExactSolver
+from dispatcher_daemon.solvers import ExactSolver
 from slipstream_lab.research.cities.generator import generate_city
 from slipstream_lab.research.instances.forms import instance_cycle
 from slipstream_lab.research.instances.instance import Instance

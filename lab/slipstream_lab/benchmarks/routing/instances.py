@@ -6,12 +6,9 @@ import time
 from collections.abc import Iterator, Sequence
 from typing import Final
 
-from dispatcher_daemon.forms import build_model, violations
-from dispatcher_daemon.forms.problem import Problem
+from dispatcher_daemon.forms import Problem, build_model, violations
 from dispatcher_daemon.planning.arc_form import arc_problem_of
-from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.heuristics import AnnealingSolver, TabuSolver
-from dispatcher_daemon.solvers.protocol import Solver
+from dispatcher_daemon.solvers import AnnealingSolver, ExactSolver, Solver, TabuSolver
 from slipstream_lab.benchmarks.routing.figures import Answer, InstanceRow
 from slipstream_lab.research.instances.registry import instance_names, open_instance
 

@@ -16,11 +16,12 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Final, Literal
 
-from dispatcher_daemon.planning import plan_fleet
-from dispatcher_daemon.planning.improvement.sweeps import Choice
+from dispatcher_daemon.fleet import Passage
+from dispatcher_daemon.planning.improvement import Choice
 from dispatcher_daemon.planning.plans import route_energy
-from dispatcher_daemon.planning.platooning import Passage, Place, expected_drafting, form_platoons
+from dispatcher_daemon.planning.platooning import Place, expected_drafting, form_platoons
 from dispatcher_daemon.planning.roads import Leg, Route, leg_along, roads_of
+from dispatcher_daemon.planning.route_form import plan_fleet
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings
 from slipstream_lab.benchmarks.routing.city_run import workers
 from slipstream_lab.research.cities.generator import generate_city

@@ -49,8 +49,7 @@ def add_to(kinds: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Measure and print; what was measured is printed after Ctrl-C and faults, too."""
-    from dispatcher_daemon.solvers.quantum.backends import open_backend
-    from dispatcher_daemon.solvers.quantum.backends.jobs import ServiceFault
+    from dispatcher_daemon.solvers.quantum.backends import ServiceFault, open_backend
     from slipstream.config import check
     from slipstream_lab.research.quantum.device import (
         DeviceTestSettings,

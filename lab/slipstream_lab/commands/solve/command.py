@@ -28,7 +28,7 @@ from slipstream_lab.commands.solve.quantum import (
 from slipstream_lab.commands.solve.report import Report, as_json, as_text, list_as_text
 
 if TYPE_CHECKING:
-    from dispatcher_daemon.forms.qubo import QuboModel
+    from dispatcher_daemon.forms import QuboModel
     from dispatcher_daemon.planning.plans import Form
     from slipstream_lab.research.instances.instance import Instance
     from slipstream_lab.research.instances.matrices import MatrixInstance
@@ -211,8 +211,8 @@ def _run_solvers(
     report: Report,
 ) -> None:
     from dispatcher_daemon.planning.plans import Candidate, attempt
-    from dispatcher_daemon.solvers.exact import ExactSolver
-    from dispatcher_daemon.solvers.workers.pool import Job, solve_in_process
+    from dispatcher_daemon.solvers import ExactSolver
+    from dispatcher_daemon.solvers.workers import Job, solve_in_process
 
     solvers = make_solvers(names, options)
     for solver in solvers:

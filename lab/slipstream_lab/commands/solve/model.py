@@ -18,7 +18,7 @@ from slipstream_lab.commands.solve.quantum import (
 )
 
 if TYPE_CHECKING:
-    from dispatcher_daemon.solvers.protocol import Outcome
+    from dispatcher_daemon.solvers import Outcome
     from slipstream_lab.research.models import MilpAnswer, MilpModel, QuboFile
 
 _NOT_FOR_IT: Final = ("instance", "form", "objective", "gamma", "write", "explain", "job")
@@ -110,7 +110,7 @@ def _milp_lines(answer: MilpAnswer) -> Iterator[str]:
 
 def _solve_qubo(options: argparse.Namespace, names: Sequence[str], model: QuboFile) -> int:
     from dispatcher_daemon.forms import build_model
-    from dispatcher_daemon.solvers.workers.pool import Job, solve_in_process
+    from dispatcher_daemon.solvers.workers import Job, solve_in_process
 
     for name in names:
         if name not in _FOR_QUBOS:
@@ -159,7 +159,7 @@ def _best_known(
     model: QuboFile, outcomes: Sequence[Outcome], options: argparse.Namespace
 ) -> tuple[float | None, bool]:
     """As the solvers count: the optimum, and that it is proven; or the best, and that it is not."""
-    from dispatcher_daemon.solvers.exact import ExactSolver
+    from dispatcher_daemon.solvers import ExactSolver
 
     found = list(outcomes)
     if not any(outcome.status == "optimal" for outcome in found):

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, Final
 from slipstream.errors import InputError
 
 if TYPE_CHECKING:
-    from dispatcher_daemon.forms.qubo import QuboModel
+    from dispatcher_daemon.forms import QuboModel
     from dispatcher_daemon.planning.plans import Attempt, Form
     from dispatcher_daemon.settings import DispatcherSettings
-    from dispatcher_daemon.solvers.protocol import Outcome, Solver
+    from dispatcher_daemon.solvers import Outcome, Solver
 
 QUANTUM_SOLVERS: Final = ("lc-qaoa", "qaoa", "iskay")
 _OPTION_OF_FIELD: Final = {
@@ -101,7 +101,7 @@ def check_fit(
         mend = "add --form route" if form == "arc" else "take another one"
         raise InputError("solve", "this variant needs route options", mend, key="--variant")
     if "qaoa" in names:
-        from dispatcher_daemon.solvers.quantum.statevector.diagonal import MAX_QUBITS
+        from dispatcher_daemon.solvers.quantum.statevector import MAX_QUBITS
 
         if options.backend not in (None, "aer"):
             raise InputError(
@@ -122,8 +122,7 @@ def check_fit(
 
 
 def _check_backend(text: str, qubits: int) -> None:
-    from dispatcher_daemon.solvers.quantum.backends import open_backend
-    from dispatcher_daemon.solvers.quantum.backends.ibm_account import find_access
+    from dispatcher_daemon.solvers.quantum.backends import find_access, open_backend
 
     service, _, device = text.partition(":")
     if service == "ibm" and device:
@@ -178,7 +177,7 @@ def make_solvers(names: Sequence[str], options: argparse.Namespace) -> list[Solv
     Raises:
         InputError: what they need is missing: credentials, a device, a variant.
     """
-    from dispatcher_daemon.solvers.registry import make_solver
+    from dispatcher_daemon.solvers import make_solver
 
     settings = settings_of(options)
     solvers: list[Solver] = []
@@ -192,8 +191,8 @@ def make_solvers(names: Sequence[str], options: argparse.Namespace) -> list[Solv
 
 
 def _iskay(options: argparse.Namespace) -> Solver:
-    from dispatcher_daemon.solvers.quantum.backends.ibm_account import find_access
-    from dispatcher_daemon.solvers.quantum.iskay import IskaySolver
+    from dispatcher_daemon.solvers.quantum import IskaySolver
+    from dispatcher_daemon.solvers.quantum.backends import find_access
 
     kind, _, device = (options.backend or "").partition(":")
     if kind != "ibm" or not device or device == "least-busy":
@@ -261,7 +260,7 @@ def best_known_kwh(
     """The optimum of what the solvers minimised, and that it is proven; or the best answer, and
     that it is not. None without an answer.
     """
-    from dispatcher_daemon.solvers.exact import ExactSolver
+    from dispatcher_daemon.solvers import ExactSolver
 
     answers = [a.outcome.selected for a in attempts if a.candidate is not None]
     known = [form.problem.objective_kwh(selected) for selected in answers if selected is not None]

@@ -11,7 +11,7 @@ from slipstream_lab.commands.solve.missed import Missed
 from slipstream_lab.commands.solve.quantum import lines_of
 
 if TYPE_CHECKING:
-    from dispatcher_daemon.forms.problem import Problem
+    from dispatcher_daemon.forms import Problem
     from dispatcher_daemon.planning.plans import Attempt, Candidate
     from dispatcher_daemon.planning.platooning import JudgedPair
     from dispatcher_daemon.planning.roads import Route, RoutedArc

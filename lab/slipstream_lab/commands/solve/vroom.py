@@ -82,7 +82,7 @@ def _engine(options: argparse.Namespace) -> RoutingEngine | None:
             raise InputError("--objective energy", "needs roads", mend)
         return None
     from dispatcher_daemon.service.vroom import RoutingEngine
-    from dispatcher_daemon.traffic.snapshot import take_snapshot
+    from dispatcher_daemon.traffic import take_snapshot
     from slipstream.freshness import STALE_AFTER_S
     from slipstream.sumo_net import load_network
 

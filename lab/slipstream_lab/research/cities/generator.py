@@ -14,8 +14,8 @@ from typing import Final
 import numpy as np
 
 from dispatcher_daemon.fleet import Depot, Fleet, Stop, Vehicle
-from dispatcher_daemon.forms.problem import RoutingProblem
-from dispatcher_daemon.traffic.snapshot import MIN_SPEED_MPS, SegmentTraffic, TrafficSnapshot
+from dispatcher_daemon.forms import RoutingProblem
+from dispatcher_daemon.traffic import MIN_SPEED_MPS, SegmentTraffic, TrafficSnapshot
 from slipstream.roads import RoadNetwork
 from slipstream_lab.research.cities.streets import Cell, StreetGrid, Way, node, street_network
 from slipstream_lab.research.instances.instance import Instance

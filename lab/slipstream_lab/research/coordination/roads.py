@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable, Mapping
 import networkx as nx
 
 from dispatcher_daemon.planning.roads import planning_speed_mps
-from dispatcher_daemon.traffic.snapshot import SegmentTraffic
+from dispatcher_daemon.traffic import SegmentTraffic
 from slipstream.roads import RoadNetwork
 from slipstream.traction import ETA_FOLLOWER, ETA_LEADER, drag_saving_kwh, stop_energy_kwh
 from slipstream.vehicle_types import RoutingProfile

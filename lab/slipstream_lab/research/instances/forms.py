@@ -7,10 +7,11 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Final
 
-from dispatcher_daemon.planning import RouteForm, route_form, servable_part
 from dispatcher_daemon.planning.arc_form import ArcForm, arc_form, arc_form_obstacle
-from dispatcher_daemon.planning.cycle.cycle import cycle_of
+from dispatcher_daemon.planning.cycle import cycle_of
 from dispatcher_daemon.planning.plans import Cycle
+from dispatcher_daemon.planning.route_form import RouteForm, route_form
+from dispatcher_daemon.planning.routes import servable_part
 from dispatcher_daemon.settings import DispatcherSettings
 from slipstream.errors import InputError
 from slipstream_lab.research.instances.instance import Instance

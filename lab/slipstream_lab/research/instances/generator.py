@@ -11,10 +11,10 @@ from typing import Final, Literal
 import numpy as np
 
 from dispatcher_daemon.fleet import DEPOT, Depot, Fleet, Stop, Vehicle
-from dispatcher_daemon.forms.problem import RoutingProblem
+from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.arc_form import arc_problem_of
 from dispatcher_daemon.planning.roads import candidate_arcs, least_energy_legs
-from dispatcher_daemon.traffic.snapshot import SegmentTraffic, TrafficSnapshot
+from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot
 from slipstream.roads import RoadNetwork
 from slipstream_lab.research.instances.landscapes import LANDSCAPES
 

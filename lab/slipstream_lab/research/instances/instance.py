@@ -11,8 +11,8 @@ from typing import Any, Final, Literal
 import tomli_w
 
 from dispatcher_daemon.fleet import check_fleet
-from dispatcher_daemon.forms.problem import RoutingProblem
-from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
+from dispatcher_daemon.forms import RoutingProblem
+from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.config import check, read_data
 from slipstream.drive import DrivingStyle
 from slipstream.errors import InputError

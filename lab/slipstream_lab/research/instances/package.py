@@ -12,9 +12,8 @@ from pathlib import Path
 from typing import Final
 from urllib.parse import quote
 
-from dispatcher_daemon.forms import build_model
+from dispatcher_daemon.forms import ArcProblem, build_model
 from dispatcher_daemon.forms.files import WRITERS
-from dispatcher_daemon.forms.problem import ArcProblem
 from dispatcher_daemon.planning.arc_form import ArcForm
 from slipstream.errors import InputError
 from slipstream_lab.research.instances.forms import arc_form_of

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from dispatcher_daemon.forms import decode
-from dispatcher_daemon.forms.problem import ArcProblem
+from dispatcher_daemon.forms import ArcProblem, decode
 from dispatcher_daemon.planning.arc_form import arc_problem_of
 from slipstream_lab.research.instances.catalogue import CATALOGUE
 from slipstream_lab.research.instances.generator import GENERATOR_VERSION, SYNC_WINDOW_S, generate

@@ -10,14 +10,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from dispatcher_daemon.forms import Encoding
-from dispatcher_daemon.forms.arc import constraint_rows
-from dispatcher_daemon.forms.problem import (
+from dispatcher_daemon.forms import (
     ArcProblem,
     ArcReward,
     CandidateArc,
+    Encoding,
     RouteOption,
     RouteProblem,
+    constraint_rows,
 )
 
 _INFEASIBLE_SHARE = 0.15

@@ -10,7 +10,7 @@ from typing import Annotated, Final, Literal, Self
 from pydantic import AfterValidator, Field, StringConstraints, model_validator
 
 from dispatcher_daemon.fleet import Fleet
-from dispatcher_daemon.traffic.snapshot import MIN_SPEED_MPS
+from dispatcher_daemon.traffic import MIN_SPEED_MPS
 from slipstream.config import Settings
 from slipstream.drive import DrivingStyle
 from slipstream.energy import PAPER_CAR, VehicleParameters

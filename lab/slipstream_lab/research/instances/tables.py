@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 
-from dispatcher_daemon.traffic.snapshot import SegmentTraffic, TrafficSnapshot
+from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot
 from slipstream.access import Access
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork, Segment, build_network

@@ -7,7 +7,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any, Final
 
-from dispatcher_daemon.forms.problem import BinaryProblem
+from dispatcher_daemon.forms import BinaryProblem
 
 MAX_VARIABLES: Final = 2000
 """Circuits and their controls keep dense couplings: 32 MB each."""

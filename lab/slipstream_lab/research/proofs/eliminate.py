@@ -18,14 +18,14 @@ import networkx as nx
 import numpy as np
 import numpy.typing as npt
 
-from dispatcher_daemon.forms.decode import valid_selections
-from dispatcher_daemon.forms.enumerate import (
+from dispatcher_daemon.forms import (
     BLOCK_BITS,
     MAX_VARIABLES,
     Exactness,
+    QuboModel,
     all_energies,
+    valid_selections,
 )
-from dispatcher_daemon.forms.qubo import QuboModel
 
 Floats = npt.NDArray[np.float64]
 

@@ -5,11 +5,16 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
-from dispatcher_daemon.forms import build_model
-from dispatcher_daemon.forms.enumerate import MAX_VARIABLES, Exactness, enumerate_model
+from dispatcher_daemon.forms import (
+    MAX_VARIABLES,
+    Encoding,
+    Exactness,
+    Problem,
+    QuboModel,
+    build_model,
+    enumerate_model,
+)
 from dispatcher_daemon.forms.milp import MilpResult, solve_milp
-from dispatcher_daemon.forms.problem import Problem
-from dispatcher_daemon.forms.qubo import Encoding, QuboModel
 from slipstream_lab.research.proofs.eliminate import MAX_CHOICES, eliminate, largest_part
 
 TOLERANCE_KWH = 1e-7

@@ -12,8 +12,7 @@ from typing import Final, Literal
 from pydantic import Field
 
 from dispatcher_daemon.settings import LcQaoaSettings
-from dispatcher_daemon.solvers.workers.pool import GRACE_S, error_line
-from dispatcher_daemon.solvers.workers.processes import WorkerExecutor
+from dispatcher_daemon.solvers.workers import GRACE_S, WorkerExecutor, error_line
 from slipstream.config import Settings
 from slipstream.errors import InputError
 from slipstream_lab.research.instances.matrices import read_published

@@ -19,11 +19,9 @@ from dwave.samplers import SimulatedAnnealingSampler
 from scipy.optimize import Bounds, LinearConstraint, milp
 
 from dispatcher_daemon.settings import LcQaoaSettings, SearchSettings
-from dispatcher_daemon.solvers.distribution import uniform_bits
-from dispatcher_daemon.solvers.quantum.chain.layout import Placement
-from dispatcher_daemon.solvers.quantum.chain.state import ChainState
-from dispatcher_daemon.solvers.quantum.lc_qaoa import Prepared, prepare_model
-from dispatcher_daemon.solvers.sampling import descend, in_order
+from dispatcher_daemon.solvers import descend, in_order, uniform_bits
+from dispatcher_daemon.solvers.quantum import Prepared, prepare_model
+from dispatcher_daemon.solvers.quantum.chain import ChainState, Placement
 from slipstream_lab.research.instances.matrices import (
     MatrixInstance,
     read_published,

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from dispatcher_daemon.forms import QuboModel, build_model
-from dispatcher_daemon.forms.decode import valid_selections
+from dispatcher_daemon.forms import QuboModel, build_model, valid_selections
 from dispatcher_daemon.planning.arc_form import ArcForm
 from dispatcher_daemon.planning.plans import attempt
-from dispatcher_daemon.solvers.protocol import Outcome, Samples, Solver
+from dispatcher_daemon.solvers import Outcome, Samples, Solver
 from slipstream.errors import InputError
 from slipstream_lab.research.instances import instance_names, open_instance
 from slipstream_lab.research.instances.forms import arc_form_of

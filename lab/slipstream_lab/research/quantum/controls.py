@@ -12,15 +12,16 @@ from typing import Final, Literal
 
 import numpy as np
 
-from dispatcher_daemon.forms import QuboModel
-from dispatcher_daemon.forms.problem import RouteProblem
-from dispatcher_daemon.solvers.distribution import (
+from dispatcher_daemon.forms import QuboModel, RouteProblem
+from dispatcher_daemon.solvers import (
     BitDistribution,
+    Histogram,
+    Outcome,
+    Samples,
+    stages,
     uniform_bits,
     uniform_choices,
 )
-from dispatcher_daemon.solvers.protocol import Histogram, Outcome, Samples
-from dispatcher_daemon.solvers.sampling import stages
 
 Stage = Literal["raw", "descended", "repaired"]
 

@@ -10,18 +10,22 @@ import time
 from typing import Any, Final
 
 from dispatcher_daemon.settings import QaoaSettings
-from dispatcher_daemon.solvers.quantum.backends.aer import NoisyBackend
-from dispatcher_daemon.solvers.quantum.backends.noise import DeviceNoise, blocks_of
-from dispatcher_daemon.solvers.quantum.backends.targets import (
+from dispatcher_daemon.solvers.quantum import (
+    dense_qaoa_circuit,
+    ramp_of,
+    swap_network_circuit,
+    to_ising,
+)
+from dispatcher_daemon.solvers.quantum.backends import (
+    DeviceNoise,
+    NoisyBackend,
+    blocks_of,
     transpile_dense,
     transpile_on,
     two_qubit_depth,
     two_qubit_gates,
 )
-from dispatcher_daemon.solvers.quantum.chain.order import heavy_path
-from dispatcher_daemon.solvers.quantum.circuits import dense_qaoa_circuit, swap_network_circuit
-from dispatcher_daemon.solvers.quantum.ising import to_ising
-from dispatcher_daemon.solvers.quantum.qaoa import ramp_of
+from dispatcher_daemon.solvers.quantum.chain import heavy_path
 from slipstream_lab.research.quantum.case import Case
 from slipstream_lab.research.quantum.ideal import dense_qaoa_figures
 from slipstream_lab.research.quantum.store import Record

@@ -17,13 +17,9 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from dispatcher_daemon.solvers.quantum.ansatz import linear_ramp, scheduled
-from dispatcher_daemon.solvers.quantum.backends.base import Backend
-from dispatcher_daemon.solvers.quantum.backends.jobs import FaultKind, ServiceFault
-from dispatcher_daemon.solvers.quantum.circuits import chain_circuit
-from dispatcher_daemon.solvers.quantum.ising import Ising
-from dispatcher_daemon.solvers.quantum.statevector.diagonal import cost_diagonal
-from dispatcher_daemon.solvers.quantum.statevector.transverse import StateVector
+from dispatcher_daemon.solvers.quantum import Ising, chain_circuit, linear_ramp, scheduled
+from dispatcher_daemon.solvers.quantum.backends import Backend, FaultKind, ServiceFault
+from dispatcher_daemon.solvers.quantum.statevector import StateVector, cost_diagonal
 from slipstream.config import Settings
 
 DELTA_BETA: Final = 0.3

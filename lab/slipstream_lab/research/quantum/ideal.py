@@ -9,13 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from dispatcher_daemon.forms import QuboModel
-from dispatcher_daemon.forms.decode import valid_selections
-from dispatcher_daemon.solvers.quantum.ising import to_ising
-from dispatcher_daemon.solvers.quantum.statevector.diagonal import cost_diagonal
-from dispatcher_daemon.solvers.quantum.statevector.exact_state import ExactState, Schedule
-from dispatcher_daemon.solvers.quantum.statevector.training import Objective, train
-from dispatcher_daemon.solvers.quantum.statevector.transverse import StateVector
+from dispatcher_daemon.forms import QuboModel, valid_selections
+from dispatcher_daemon.solvers.quantum import to_ising
+from dispatcher_daemon.solvers.quantum.statevector import (
+    ExactState,
+    Objective,
+    Schedule,
+    StateVector,
+    cost_diagonal,
+    train,
+)
 
 _SAME_KWH = 1e-9
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from typing import Any, Final
 
-from dispatcher_daemon.solvers.protocol import Execution, Outcome, Samples
+from dispatcher_daemon.solvers import Execution, Outcome, Samples
 from slipstream_lab.research.quantum.controls import STAGES, Stage, difference, shares
 
 DIGITS: Final = 9

@@ -16,15 +16,8 @@ from dispatcher_daemon.settings import (
     LcQaoaVariant,
     QaoaSettings,
 )
-from dispatcher_daemon.solvers.cplex import CplexSolver
-from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.quantum.backends.aer import (
-    DECOUPLED,
-    IDLE,
-    TWIRLED,
-    NoisyBackend,
-)
-from dispatcher_daemon.solvers.registry import make_solver
+from dispatcher_daemon.solvers import CplexSolver, ExactSolver, make_solver
+from dispatcher_daemon.solvers.quantum.backends import DECOUPLED, IDLE, TWIRLED, NoisyBackend
 from slipstream.config import Settings
 from slipstream_lab.research.quantum import dense, paper
 from slipstream_lab.research.quantum.case import Case
@@ -242,8 +235,8 @@ def _iskay(settings: BenchSettings) -> Row:
     solver: Any = None
     reason: str | None = "not run: it needs a device (--device), an account and the extra iskay"
     if settings.device is not None:
-        from dispatcher_daemon.solvers.quantum.backends.ibm_account import find_access
-        from dispatcher_daemon.solvers.quantum.iskay import IskaySolver
+        from dispatcher_daemon.solvers.quantum import IskaySolver
+        from dispatcher_daemon.solvers.quantum.backends import find_access
 
         solver, reason = IskaySolver(find_access(), settings.device), None
         solver.warm_up()

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from dispatcher_daemon.solvers.protocol import BackendKind
+from dispatcher_daemon.solvers import BackendKind
 from slipstream_lab.research.quantum.paper import PaperRow
 from slipstream_lab.research.quantum.store import Record
 

@@ -17,15 +17,16 @@ from typing import Final
 import numpy as np
 from scipy.sparse import csc_array, csr_array
 
-from dispatcher_daemon.forms.arc import (
+from dispatcher_daemon.forms import (
     ArcVariable,
+    Encoding,
     OrderBit,
     PenaltyRow,
+    QuboModel,
     SlackBit,
     Variable,
     constraint_rows,
 )
-from dispatcher_daemon.forms.qubo import Encoding, QuboModel
 from slipstream_lab.research.resources.scaling import SIDE, ScalingCase, scaling_case
 
 _BLOCK: Final = 4096

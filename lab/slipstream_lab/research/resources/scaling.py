@@ -12,7 +12,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from dispatcher_daemon.fleet import DEPOT
-from dispatcher_daemon.forms.problem import ArcProblem, ArcReward, CandidateArc
+from dispatcher_daemon.forms import ArcProblem, ArcReward, CandidateArc
 from slipstream.energy import steady_energy_kwh
 from slipstream.roads import RoadNetwork, Segment, build_network
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
-from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.registry import configured_solvers
-from dispatcher_daemon.solvers.workers.pool import Solve, solve_in_process
+from dispatcher_daemon.solvers import ExactSolver, configured_solvers
+from dispatcher_daemon.solvers.workers import Solve, solve_in_process
 
 DEFAULT_TIME_WORTH_KW: Final = 10.0
 """Value of driving time in a city at the limit; see `History.time_worth_kw`."""

@@ -10,11 +10,10 @@ from typing import Any
 
 from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.fleet.learning import HOUR_NS, History, Learned, Learning
-from dispatcher_daemon.forms.problem import RoutingProblem
-from dispatcher_daemon.service.dispatcher import CycleRunner, PlanDelivery, Surroundings
-from dispatcher_daemon.service.fleet_watch import FleetWatch
+from dispatcher_daemon.forms import RoutingProblem
+from dispatcher_daemon.service.dispatcher import CycleRunner, FleetWatch, PlanDelivery, Surroundings
 from dispatcher_daemon.settings import AdviceSettings, DispatcherSettings
-from dispatcher_daemon.traffic.snapshot import TrafficSnapshot, take_snapshot
+from dispatcher_daemon.traffic import TrafficSnapshot, take_snapshot
 from slipstream.errors import InputError
 from slipstream.messages import (
     Message,

@@ -15,9 +15,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from dispatcher_daemon.forms.problem import RoutingProblem
-from dispatcher_daemon.planning.cycle.cycle import cycle_of, run_cycle
-from dispatcher_daemon.planning.platooning import on_road
+from dispatcher_daemon.fleet import on_road
+from dispatcher_daemon.forms import RoutingProblem
+from dispatcher_daemon.planning.cycle import cycle_of, run_cycle
 from dispatcher_daemon.settings import DispatcherSettings
 from slipstream.drive import DrivingStyle, plan_drive
 from slipstream.energy import Energy, total

@@ -10,7 +10,7 @@ import numpy as np
 
 from dispatcher_daemon.planning.platooning import TimedPassage, platoons_of
 from dispatcher_daemon.planning.roads import segment_cost_kwh
-from dispatcher_daemon.traffic.snapshot import SegmentTraffic
+from dispatcher_daemon.traffic import SegmentTraffic
 from slipstream.drive import Drive
 from slipstream.energy import (
     ETA_ALONE,

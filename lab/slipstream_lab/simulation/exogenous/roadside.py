@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from dispatcher_daemon.traffic.snapshot import MIN_SPEED_MPS, TrafficSnapshot, take_snapshot
+from dispatcher_daemon.traffic import MIN_SPEED_MPS, TrafficSnapshot, take_snapshot
 from slipstream.messages import SegmentState
 from slipstream.roads import RoadNetwork
 from slipstream_lab.simulation.closed_loop.dispatching import with_gates

@@ -10,11 +10,11 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
 
-from dispatcher_daemon.forms.problem import RoutingProblem
+from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.roads import Travel, roads_of
-from dispatcher_daemon.planning.routes.base_routes import base_routes
+from dispatcher_daemon.planning.routes import base_routes
 from dispatcher_daemon.settings import SearchSettings
-from dispatcher_daemon.traffic.snapshot import take_snapshot
+from dispatcher_daemon.traffic import take_snapshot
 from slipstream.roads import RoadNetwork
 from slipstream_lab.simulation.scenarios.demand import DAY_S, Deliveries, fleet_at
 

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from dispatcher_daemon.forms.problem import RoutingProblem
-from dispatcher_daemon.planning import route_cycle
 from dispatcher_daemon.planning.cycle.cycle import CycleResult, run_cycle
 from dispatcher_daemon.planning.improvement.carriers import Accounts, nobody_worse_off
 from dispatcher_daemon.planning.improvement.exchanges import best_exchanges
@@ -23,6 +22,7 @@ from dispatcher_daemon.planning.platooning.reductions import planned_reductions
 from dispatcher_daemon.planning.roads import Route
 from dispatcher_daemon.planning.roads.arrays import roads_of
 from dispatcher_daemon.planning.roads.travel import Travel
+from dispatcher_daemon.planning.route_form import route_cycle
 from dispatcher_daemon.planning.route_form.fleet_plan import departing_when_ready
 from dispatcher_daemon.planning.routes.base_routes import base_routes
 from dispatcher_daemon.planning.routes.itineraries import Itinerary, Planner

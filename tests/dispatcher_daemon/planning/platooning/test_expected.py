@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from dispatcher_daemon.fleet import fleet_from
+from dispatcher_daemon.fleet import fleet_from, on_road
 from dispatcher_daemon.fleet.commitments import Commitment, CommittedLeg, Moving
 from dispatcher_daemon.forms.problem import RoutingProblem
 from dispatcher_daemon.planning.improvement.carriers import Accounts
@@ -26,7 +26,6 @@ from dispatcher_daemon.planning.platooning import (
 )
 from dispatcher_daemon.planning.platooning.closing_up import SIGNAL_CYCLE_S, closing_way_m
 from dispatcher_daemon.planning.platooning.expected import ExpectedDrafting
-from dispatcher_daemon.planning.platooning.vehicles_on_road import on_road
 from dispatcher_daemon.planning.roads import (
     Leg,
     Travel,

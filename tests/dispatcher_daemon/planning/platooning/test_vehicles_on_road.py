@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from dispatcher_daemon.fleet import Fleet
+from dispatcher_daemon.fleet import Fleet, RoadUser, on_road
 from dispatcher_daemon.planning.cycle.cycle import CycleResult, run_cycle
 from dispatcher_daemon.planning.plans.candidates import Cycle
-from dispatcher_daemon.planning.platooning.vehicles_on_road import RoadUser, on_road
 from dispatcher_daemon.planning.routes.itineraries import Planner
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
 from dispatcher_daemon.solvers.exact import ExactSolver

@@ -14,12 +14,12 @@ from hypothesis import strategies as st
 
 from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.forms.problem import RoutingProblem
-from dispatcher_daemon.planning import insert_stops
 from dispatcher_daemon.planning.cycle.cycle import CycleResult, run_cycle
 from dispatcher_daemon.planning.plans import Cycle
 from dispatcher_daemon.planning.plans.verify import verify_plans
 from dispatcher_daemon.planning.roads import Leg, fleet_travel
 from dispatcher_daemon.planning.roads.charge import Battery, charges_kwh, leg_energy_kwh
+from dispatcher_daemon.planning.routes import insert_stops
 from dispatcher_daemon.planning.routes.charging_stops import with_charging_stops
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver

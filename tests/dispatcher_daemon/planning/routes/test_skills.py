@@ -7,10 +7,10 @@ from collections.abc import Callable
 import pytest
 
 from dispatcher_daemon.forms.problem import RoutingProblem
-from dispatcher_daemon.planning import unservable
 from dispatcher_daemon.planning.arc_form import arc_form_obstacle
 from dispatcher_daemon.planning.cycle.cycle import run_cycle
 from dispatcher_daemon.planning.plans import Cycle
+from dispatcher_daemon.planning.routes import unservable
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.workers.pool import solve_in_process

@@ -12,8 +12,8 @@ import pytest
 from dispatcher_daemon.fleet.tracking import OPENS_LATER, FleetTracker, lateness_s
 from dispatcher_daemon.fleet.tracking.vehicle import FRESH_NS
 from dispatcher_daemon.forms.problem import RoutingProblem
-from dispatcher_daemon.planning import NO_WAY, WINDOW_CLOSES
 from dispatcher_daemon.planning.route_form.fleet_plan import NO_ROOM
+from dispatcher_daemon.planning.routes import NO_WAY, WINDOW_CLOSES
 from dispatcher_daemon.service.alarms import fleet_conditions
 from dispatcher_daemon.service.alarms.fleet import CLOSES_S, WAITED_S
 from dispatcher_daemon.service.dispatcher import Dispatcher

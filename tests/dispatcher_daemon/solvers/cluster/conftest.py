@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from dispatcher_daemon.planning import search_within
+from dispatcher_daemon.planning.routes import search_within
 from dispatcher_daemon.settings import ClusterSettings
 from dispatcher_daemon.solvers.cluster.client import Cluster
 from dispatcher_daemon.solvers.exact import ExactSolver

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from dispatcher_daemon.planning.roads.weights import Floats
+from dispatcher_daemon.planning.roads import Floats
 from slipstream.errors import InputError
 
 _EARTH_KM: Final = 6378.388

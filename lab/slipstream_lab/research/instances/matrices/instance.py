@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from dispatcher_daemon.fleet import Fleet, check_fleet
-from dispatcher_daemon.planning.roads.given import given_matrices
-from dispatcher_daemon.planning.roads.weights import Floats
+from dispatcher_daemon.planning.roads import Floats, given_matrices
 from slipstream.config import check, read_data
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork

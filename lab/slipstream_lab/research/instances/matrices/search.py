@@ -16,9 +16,9 @@ from typing import Final
 import numpy as np
 
 from dispatcher_daemon.fleet import Vehicle
-from dispatcher_daemon.forms.problem import RoutingProblem
-from dispatcher_daemon.planning.roads.weights import Floats
-from dispatcher_daemon.planning.routes.base_routes import base_routes
+from dispatcher_daemon.forms import RoutingProblem
+from dispatcher_daemon.planning.roads import Floats
+from dispatcher_daemon.planning.routes import base_routes
 from dispatcher_daemon.settings import SearchSettings
 from slipstream.vehicle_types import RoutingProfile
 from slipstream_lab.research.instances.matrices.instance import MatrixInstance

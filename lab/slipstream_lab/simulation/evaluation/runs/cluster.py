@@ -15,8 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dispatcher_daemon.settings import ClusterSettings
-from dispatcher_daemon.solvers.cluster.calls import CallFailed, ClusterLost
-from dispatcher_daemon.solvers.cluster.client import Cluster
+from dispatcher_daemon.solvers.cluster import CallFailed, Cluster, ClusterLost
 from slipstream.errors import InputError
 from slipstream_lab.simulation.closed_loop.arm import ArmSpec, run_arm, simulate_arm
 from slipstream_lab.simulation.closed_loop.record import ArmResult
