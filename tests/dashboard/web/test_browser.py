@@ -625,34 +625,6 @@ def test_each_window_of_a_plan_says_whose_it_is(opened):
     assert all(low - high >= 9 for (high, _), (low, _) in itertools.pairwise(bars))
 
 
-CHARTED = """async () => {
-  const { lineChart, ticks, tickTexts } = await import("./static/chart.js");
-  const { ranges } = await import("./static/timeline.js");
-  const chart = lineChart({
-    label: "one", t: [0, 60000, 120000], values: [null, 3, null], low: [null, 2, null],
-    high: [null, 4, null], from: 0, until: 120000, width: 300, show: String, time: String,
-  });
-  return [
-    tickTexts(ticks(0, 0.0011)), tickTexts(ticks(-2, 4)), tickTexts(ticks(0, 1200)),
-    tickTexts(ticks(0, 0.75)), chart.querySelectorAll("circle.point").length,
-    /[HV]/i.test(chart.querySelector(".interval").getAttribute("d")), ranges([1, 3, 4, 5, 9]),
-  ];
-}"""
-
-
-def test_axes_tell_their_ticks_apart_and_a_lone_point_is_seen(opened):
-    """Digits by the step; a dot with its interval; numbers of stops as ranges."""
-    assert opened().evaluate(CHARTED) == [
-        ["0", "0.0005", "0.0010"],
-        ["−2", "0", "2", "4"],
-        ["0", "500", "1,000"],
-        ["0", "0.5"],
-        1,
-        True,
-        "1, 3–5, 9",
-    ]
-
-
 def test_a_moment_is_written_in_24_hours_and_none_stands_beside_now(opened):
     """In the page's zone; what is no moment is refused in words."""
     tab = opened()
@@ -669,63 +641,6 @@ def test_a_moment_is_written_in_24_hours_and_none_stands_beside_now(opened):
     tab.click("#time-live")
     until(tab, "document.getElementById('badge').textContent === 'Live'")
     until(tab, "document.getElementById('time-moment').value === ''")
-
-
-ROUNDED = """async () => {
-  const { Format } = await import("/static/format.js");
-  const f = new Format({ time_zone: "UTC" });
-  const nine = Date.UTC(2026, 10, 26, 21, 0), midnight = Date.UTC(2026, 10, 27);
-  return [
-    f.window(nine - 0.4, nine + 3_600_000 - 30.001, nine), f.window(null, nine - 1, nine),
-    f.clock(nine - 0.0001), f.moment(midnight - 0.3), f.localInput(midnight - 0.3),
-    f.time(midnight - 1, midnight - 864e5),
-  ];
-}"""
-
-
-def test_a_clock_time_is_rounded_not_cut(opened):
-    """What a calculation left a hair short of 21:00 is 21:00, with its day; an open end is said."""
-    assert opened().evaluate(ROUNDED) == [
-        "21:00–22:00",
-        "by 21:00",
-        "21:00:00",
-        "Fri 27 Nov 2026, 00:00:00",
-        "2026-11-27 00:00:00",
-        "27\xa0Nov, 00:00",
-    ]
-
-
-MOMENTS = """async () => {
-  const { Format } = await import("/static/format.js");
-  const { readMoment } = await import("/static/moments.js");
-  const f = new Format({ time_zone: "Europe/Berlin" });
-  const now = Date.UTC(2026, 10, 26, 19, 0), shown = now - 3 * 86400000;
-  const told = (text) => {
-    const read = readMoment(text, f, { now, shown });
-    return read.problem ?? [new Date(read.t).toISOString().slice(0, 16), read.note];
-  };
-  return Object.fromEntries([
-    "2026-11-25 14:00", "yesterday 14:00", "today 8:05", "14:00", "2026-11-25T14:00Z",
-    "2026-11-25 14:00 +05:30", "2026-02-30 14:00", "2026-03-29 02:30", "2026-10-25 02:30",
-    "at noon",
-  ].map((text) => [text, told(text)]));
-}"""
-
-
-def test_a_moment_is_taken_as_it_is_written_or_refused_in_words(opened):
-    """In the page's zone, or its own; a date that there is not, and an hour that clocks skip."""
-    told = opened().evaluate(MOMENTS)
-    assert told["2026-11-25 14:00"] == told["yesterday 14:00"] == ["2026-11-25T13:00", None]
-    assert told["today 8:05"] == ["2026-11-26T07:05", None]
-    assert told["14:00"] == ["2026-11-23T13:00", None]
-    assert told["2026-11-25T14:00Z"] == ["2026-11-25T14:00", None]
-    assert told["2026-11-25 14:00 +05:30"] == ["2026-11-25T08:30", None]
-    assert told["2026-02-30 14:00"] == "There is no 2026-02-30 14:00:00."
-    assert "clocks were put forward" in told["2026-03-29 02:30"]
-    first, note = told["2026-10-25 02:30"]
-    assert (first, "came twice" in note) == ("2026-10-25T00:30", True)
-    assert "“at noon” is no moment" in told["at noon"]
-    assert "time zone" in told["at noon"]
 
 
 def test_a_moment_that_is_not_kept_is_refused_and_none_takes_its_place(opened, page: FakePage):
@@ -773,78 +688,6 @@ def test_tabs_out_of_sight_are_pointed_at(opened):
     until(tab, "document.getElementById('tabs').dataset.more === 'right'")
     tab.evaluate("document.getElementById('tabs').scrollLeft = 1e4")
     until(tab, "document.getElementById('tabs').dataset.more === 'left'")
-
-
-FIGURES = """async () => {
-  const { Format } = await import("./static/format.js");
-  const metric = new Format({ units: "metric", time_zone: "America/New_York", currency: "EUR" });
-  const imperial = new Format({ units: "imperial", time_zone: "UTC", currency: "USD" });
-  const summer = Date.UTC(2026, 9, 31, 23, 5, 7);
-  const winter = Date.UTC(2026, 10, 1, 12, 0, 0);
-  const SIX_H = 6 * 3_600_000;
-  const plain = (text) => text.replaceAll("\\u00a0", " ");
-  return [
-    metric.clock(summer), metric.moment(summer), metric.zone(summer), metric.zone(winter),
-    metric.time(summer, winter - SIX_H), metric.time(summer, winter), metric.brief(summer, winter),
-    metric.window(summer, winter, winter), metric.briefWindow(summer, winter, winter),
-    metric.speed(50), imperial.speed(50), imperial.distance(100),
-    metric.distance(1234), metric.duration(3725), metric.duration(-61), metric.delay(240),
-    metric.delay(-20), metric.kwh(-0.126, true), metric.kwh(12345),
-    metric.share(0.0642), metric.money(-3.5), metric.number(null), imperial.mass(2500),
-    metric.fromLocalInput(metric.localInput(summer)) === summer,
-    metric.fromLocalInput("2026-11-01T07:00:00") === winter,
-  ].map((one) => typeof one === "string" ? plain(one) : one);
-}"""
-
-
-@pytest.mark.slow(long=True)
-def test_figures_have_units_and_times_a_zone(opened):
-    """Around the end of summer time, in both systems of units."""
-    tab = opened()
-    assert tab.evaluate(FIGURES) == [
-        "19:05:07",
-        "Sat 31 Oct 2026, 19:05:07",
-        "GMT-4",
-        "GMT-5",
-        "19:05",
-        "31 Oct, 19:05",
-        "31 Oct",
-        "31 Oct, 19:05–07:00",
-        "31 Oct–07:00",
-        "50 km/h",
-        "31 mph",
-        "328 ft",
-        "1.2 km",
-        "1 h 2 min",
-        "−1 min 1 s",
-        "+4 min",
-        "on time",
-        "−0.13 kWh",
-        "12,345 kWh",
-        "6.4 %",
-        "−EUR 3.50",
-        "–",
-        "2.50 t",
-        True,
-        True,
-    ]
-
-
-PARSED = """async () => {
-  const { eventParser } = await import("./static/stream.js");
-  const found = [];
-  const parse = eventParser((event, data) => found.push([event, data]));
-  for (const piece of [
-    ": hello\\n\\nevent: mo", "ment\\ndata: {\\"a\\":", "1}\\n",
-    "\\ndata: one\\ndata: two\\r\\n\\r\\n", "event: lost\\n\\n",
-  ]) parse(piece);
-  return found;
-}"""
-
-
-def test_the_stream_is_read_however_it_is_cut(opened):
-    """Events arrive whole; comments and events without data are dropped."""
-    assert opened().evaluate(PARSED) == [["moment", '{"a":1}'], ["message", "one\ntwo"]]
 
 
 def test_the_page_names_all_its_modules_beforehand():
