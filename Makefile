@@ -8,7 +8,7 @@ TRAIN := .venv-train
 MINUTES ?= 5
 PORT ?= 8080
 
-.PHONY: setup run check test test-lab test-rest test-all attack coverage mutants lint format soak bench-perception train train-venv clean bench-accuracy allowances bench-routing bench-quantum bench-world bench-agents bench-service bench-dashboard bench-storage bench-coordination bench-real
+.PHONY: setup run check test test-lab test-rest test-all attack coverage mutants lint js format soak bench-perception train train-venv clean bench-accuracy allowances bench-routing bench-quantum bench-world bench-agents bench-service bench-dashboard bench-storage bench-coordination bench-real
 
 setup: $(VENV)/.ready
 
@@ -26,7 +26,7 @@ JOBS ?= 2
 PYTEST := -m pytest -n $(JOBS) --dist worksteal
 
 # Two minutes on two cores: what starts no process and computes for a few seconds at most.
-check: lint
+check: lint js
 	$(BIN)/python $(PYTEST) tests -m "not process and not slow"
 
 # The product: real processes and the browser too.
@@ -73,6 +73,12 @@ lint: setup
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+# The pages' scripts: their unit tests, and their types. Without node, or tsc (`npm install` brings
+# it), the one or the other is skipped.
+export PATH := $(CURDIR)/node_modules/.bin:$(PATH)
+js: setup
+	$(BIN)/python -m pytest -q tests/dashboard/web/test_modules.py
 
 format: setup
 	$(BIN)/ruff format .

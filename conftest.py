@@ -202,9 +202,11 @@ CHROMIUM_ARGUMENTS = [
 ]
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def browser(tool: Callable[[str], str]) -> Iterator[Any]:
-    """A headless Chromium that draws WebGL in software."""
+    """A headless Chromium that draws WebGL in software; one for a module, as playwright allows no
+    other event loop while it runs.
+    """
     chromium = tool("chromium")
     sync_api = pytest.importorskip("playwright.sync_api")
     with sync_api.sync_playwright() as playwright:

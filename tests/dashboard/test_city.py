@@ -173,7 +173,7 @@ def test_only_what_changed_is_sent(server, network, world, now_ns, monkeypatch):
 
 @pytest.mark.slow(long=True)
 def test_memory_stays_flat_over_many_updates(server, world, now_ns):
-    """A thousand updates with vans that come, go and move keep no more than the first ones."""
+    """Six hundred updates with vans that come, go and move keep no more than the first ones."""
     road_map = RoadMap(server, world.network, ("depot",))
     buffer = server._websock_server._broadcast_buffer
 
@@ -183,7 +183,7 @@ def test_memory_stays_flat_over_many_updates(server, world, now_ns):
         vans = ("van-a", "van-b") if tick % 5 else ("van-b",)
         snapshot = Snapshot(
             states={(state.segment, state.rsu): state for state in states},
-            plans={van: world.plan(van, 1, now_ns + tick // 400 * 100 * S) for van in vans},
+            plans={van: world.plan(van, 1, now_ns + tick // 200 * 100 * S) for van in vans},
         )
         road_map.update(_view(snapshot, time_ns))
 
@@ -191,21 +191,21 @@ def test_memory_stays_flat_over_many_updates(server, world, now_ns):
         server._run_garbage_collector()
         return len(buffer.message_from_id)
 
-    for tick in range(200):
+    for tick in range(100):
         show(tick)
     messages = kept()
     tracemalloc.start()
     try:
-        for tick in range(200, 400):
+        for tick in range(100, 200):
             show(tick)
         before, _ = tracemalloc.get_traced_memory()
-        for tick in range(400, 1200):
+        for tick in range(200, 600):
             show(tick)
         after, _ = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
     assert kept() <= messages + 5
-    assert after - before < 500_000
+    assert after - before < 250_000
 
 
 @pytest.mark.slow(long=True)

@@ -35,7 +35,7 @@ export class Actions {
   /** Asks whether to do it. @param {string} action @param {string} subject @param {string|null} vehicle the one proposed @param {string|null} only the one that alone can be */
   ask(action, subject, vehicle = null, only = null) {
     const [title, text, button] = QUESTIONS[action];
-    Object.assign(this, { action, subject });
+    this.asked = { action, subject };
     setText(byId("action-title"), title);
     setText(byId("action-text"), text);
     setText(byId("action-subject"), subject === "dispatcher" ? "" : subject.replace("/", " "));
@@ -75,8 +75,8 @@ export class Actions {
         method: "POST",
         headers: { "Content-Type": "application/json", Authorization: `Bearer ${sessionStorage.getItem(TOKEN)}` },
         body: JSON.stringify({
-          action: this.action, subject: this.subject,
-          vehicle: this.action === "pin" ? byId("action-vehicle").value : null,
+          ...this.asked,
+          vehicle: this.asked.action === "pin" ? byId("action-vehicle").value : null,
           reason: byId("action-reason").value.trim() || null,
         }),
       });

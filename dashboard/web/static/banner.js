@@ -28,11 +28,13 @@ export class Banner {
     this.title = title;
     this.open = false;
     this.shown = "";
+    /** @type {Parameters<Banner["show"]>} */
+    this.told = [[]];
     root.addEventListener("click", (event) => {
       if (!(/** @type {Element} */ (event.target).closest("[data-more]"))) return;
       this.open = !this.open;
       this.shown = "";
-      this.show(this.items, this.past, this.told);
+      this.show(...this.told);
     });
   }
 
@@ -42,7 +44,7 @@ export class Banner {
    * @param {string|null} told the answer to what the reader asked for: it stands alone, whatever else is wrong
    */
   show(items, past = false, told = null) {
-    Object.assign(this, { items, past, told });
+    this.told = [items, past, told];
     const key = JSON.stringify([items, this.open, past, told]);
     // An alert is read aloud at each change: none where nothing has changed.
     if (key === this.shown) return;

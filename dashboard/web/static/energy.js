@@ -13,7 +13,12 @@ const REFRESH_MS = 60_000;
 export class EnergyPanel {
   /** @param {HTMLElement} root @param {import("./format.js").Format} format @param {boolean} history */
   constructor(root, format, history) {
-    Object.assign(this, { root, format, history });
+    this.root = root;
+    this.format = format;
+    this.history = history;
+    /** @type {any} */
+    this.energy = null;
+    this.now = 0;
     /** @type {{hour: any[], day: any[]}|null} */
     this.rows = null;
     this.asked = { at: 0, t: /** @type {number|null} */ (null) };
@@ -22,7 +27,8 @@ export class EnergyPanel {
 
   /** @param {any} energy the moment's Energy @param {number} now ms @param {number|null} t a past moment */
   show(energy, now, t) {
-    Object.assign(this, { energy, now });
+    this.energy = energy;
+    this.now = now;
     if (this.history && (Date.now() - this.asked.at > REFRESH_MS || this.asked.t !== t)) this._ask(now, t);
     this._draw();
   }

@@ -6,7 +6,7 @@ import { h, morph } from "./dom.js";
  * Counts of one moment.
  * @param {import("./store.js").Store} store
  * @param {import("./format.js").Format} f
- * @returns {{tab: string, level: string, name: string, value: string, notes: [string, string, string][]}[]} a note is its level, its text and the filter it opens
+ * @returns {{tab: string, name: string, value: string, notes: string[][]}[]} a note is its level, its text and the filter it opens
  */
 export function counts(store, f) {
   const { vehicles, roads, rsus, orders, alarms } = store.tables;
@@ -43,8 +43,8 @@ export function counts(store, f) {
     },
     {
       tab: "roads", name: "Watched roads", value: number(roads.size),
-      notes: ["stable", "turbulent", "unknown"].map((flag) => [flag, n(roads, (row) => row.flag === flag)])
-        .map(([flag, found]) => [flag === "turbulent" && found ? "flag" : "", `${number(found)} ${flag}`, found ? flag : ""]),
+      notes: ["stable", "turbulent", "unknown"].map((flag) => ({ flag, found: n(roads, (row) => row.flag === flag) }))
+        .map(({ flag, found }) => [flag === "turbulent" && found ? "flag" : "", `${number(found)} ${flag}`, found ? flag : ""]),
     },
     { tab: "rsus", name: "RSUs", value: number(rsus.size), notes: bad(rsus) ? trouble(rsus) : [["", health(rsus), ""]] },
     {

@@ -16,7 +16,11 @@ export class MapPanel {
    *   takes what is clicked; gives the moment shown, and the words over a picture of it
    */
   constructor(network, units, { onSelect, now, words }) {
-    Object.assign(this, { network, units, onSelect, now, words });
+    this.network = network;
+    this.units = units;
+    this.onSelect = onSelect;
+    this.now = now;
+    this.words = words;
     /** @type {{kind: string, id: string}|null} */
     this.selection = null;
     addEventListener("themechange", () => this._theme());
@@ -61,7 +65,7 @@ export class MapPanel {
   /** Light colours for paper, or those of the page again. @param {boolean} light */
   print(light) { if (light) this.map?.setTheme("light"); else this._theme(); }
 
-  _theme() { this.map?.setTheme(document.documentElement.dataset.theme); }
+  _theme() { this.map?.setTheme(document.documentElement.dataset.theme === "dark" ? "dark" : "light"); }
 
   async _export() {
     if (!this.map) return;

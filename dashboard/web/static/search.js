@@ -35,7 +35,10 @@ export class Search {
    * @param {(kind: string, id: string) => void} onChoose
    */
   constructor(input, list, subjects, onChoose) {
-    Object.assign(this, { input, list, subjects, onChoose });
+    this.input = input;
+    this.list = list;
+    this.subjects = subjects;
+    this.onChoose = onChoose;
     /** @type {any[]} */
     this.found = [];
     this.limit = FIRST_RESULTS;

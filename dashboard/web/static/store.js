@@ -4,14 +4,13 @@ export const TABLES = /** @type {const} */ (["vehicles", "roads", "rsus", "order
 const FIELDS = ["status", "energy", "next_cycle", "paused", "dispatcher_heard"];
 
 /** @typedef {Object<string, any>} Row */
-/** @typedef {Object<string, Map<string, Row>>} Tables */
+/** @typedef {Record<typeof TABLES[number], Map<string, Row>>} Tables */
 /** @typedef {Object<string, Set<string>>|null} Changed ids by table; null is everything */
 
 /** One moment of the city. */
 export class Store {
   constructor() {
-    /** @type {Tables} */
-    this.tables = Object.fromEntries(TABLES.map((name) => [name, new Map()]));
+    this.tables = /** @type {Tables} */ (Object.fromEntries(TABLES.map((name) => [name, new Map()])));
     /** @type {number|null} */
     this.t = null;
     this.live = false;

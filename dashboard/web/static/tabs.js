@@ -36,6 +36,8 @@ export class Tabs {
     /** @type {Map<string, DataTable>} */
     this.tables = new Map();
     this.filters = new Map();
+    /** Tables out of sight that catch up when they are opened. */
+    this.stale = new Set();
     this.list.replaceChildren(...TABS.map(([name, label]) => h("button", {
       type: "button", role: "tab", id: `tab-${name}`, "aria-controls": `pane-${name}`, "data-tab": name,
     }, label, h("span.count.num", { "data-count": name }))));
@@ -139,11 +141,10 @@ export class Tabs {
       const rows = tables[name];
       const badge = /** @type {Element} */ (this.list.querySelector(`[data-count="${name}"]`));
       setText(badge, name === "alarms" ? String([...rows.values()].filter((row) => !row.ended).length) : rows.size.toLocaleString("en-GB"));
-      // Tables out of sight catch up when they are opened.
-      if (name === this.name) table.update(rows, this.stale?.has(name) ? null : changed?.[name] ?? null);
-      else (this.stale ??= new Set()).add(name);
+      if (name === this.name) table.update(rows, this.stale.has(name) ? null : changed?.[name] ?? null);
+      else this.stale.add(name);
     }
-    this.stale?.delete(this.name);
+    this.stale.delete(this.name);
     // Their counts make them wider.
     if (this.width !== this.list.scrollWidth) this._reveal();
   }

@@ -11,7 +11,7 @@
   system.addEventListener("change", apply);
   addEventListener("storage", apply);
   addEventListener("choosetheme", (event) => {
-    localStorage.setItem(KEY, event.detail);
+    localStorage.setItem(KEY, /** @type {CustomEvent} */ (event).detail);
     apply();
   });
   apply();

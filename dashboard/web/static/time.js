@@ -30,7 +30,9 @@ export class TimeBar {
    * @param {{onMoment: (moment: any) => void, onLive: () => void, onFailure: (text: string|null) => void, onStay: () => void}} handlers
    */
   constructor(format, config, handlers) {
-    Object.assign(this, { format, config, handlers });
+    this.format = format;
+    this.config = config;
+    this.handlers = handlers;
     /** @type {number|null} the past moment shown; null is live */
     this.t = null;
     this.range = { first: /** @type {number|null} */ (null), last: /** @type {number|null} */ (null) };

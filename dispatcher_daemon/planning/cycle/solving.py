@@ -51,13 +51,13 @@ class Solving:
         """Have the settings' cluster solve first, if there is one."""
         if self._settings.cluster.address is None:
             return
-        from dispatcher_daemon.solvers.cluster import client, fallback
+        from dispatcher_daemon.solvers import cluster
 
         workers = self._settings.city.search.workers
-        cluster = client.Cluster(self._settings.cluster, workers, self._solvers, (search_within,))
-        self.solve = fallback.cluster_solve(cluster, self._solvers, self._pool)
-        self.executor = fallback.ClusterExecutor(cluster, self._search, workers)
-        self.slots = lambda: cluster.slots
+        client = cluster.Cluster(self._settings.cluster, workers, self._solvers, (search_within,))
+        self.solve = cluster.cluster_solve(client, self._solvers, self._pool)
+        self.executor = cluster.ClusterExecutor(client, self._search, workers)
+        self.slots = lambda: client.slots
 
     def fault(self) -> str | None:
         """Why no solver works, or no search for routes; None: they do, or a cluster does it all."""

@@ -10,7 +10,10 @@ const HINTS = {
   check: "Click two places whose distance you know: it takes no part in the fit.",
 };
 const COLOURS = { point: "#35c26b", bad: "#ff4d42", guess: "#c08bff", line: "#ffb02e", check: "#ff5fc4" };
+/** @returns {any} */
 const byId = (id) => document.getElementById(id);
+/** @returns {NodeListOf<HTMLElement>} */
+const modeButtons = () => document.querySelectorAll("[data-mode]");
 const canvas = byId("view"), pen = canvas.getContext("2d");
 const picture = new Image();
 let begin = { presets: [], size: [1, 1] };
@@ -81,6 +84,7 @@ async function sendFit(live) {
 }
 
 // Where a place of the picture is on the canvas, and back.
+/** @returns {[number, number]} */
 const toScreen = ([u, v]) => [(u - view.u) * view.zoom, (v - view.v) * view.zoom];
 const toPicture = (x, y) => [x / view.zoom + view.u, y / view.zoom + view.v];
 function whole() {
@@ -307,7 +311,7 @@ function show() {
 }
 function options() {
   const row = sheet.row;
-  document.querySelectorAll("[data-mode]").forEach((b) => b.setAttribute("aria-pressed", String(b.dataset.mode === mode)));
+  modeButtons().forEach((b) => b.setAttribute("aria-pressed", String(b.dataset.mode === mode)));
   byId("hint").textContent = HINTS[mode];
   const box = [];
   if (mode === "dashes") {
@@ -476,7 +480,7 @@ canvas.addEventListener("pointercancel", (event) => { fingers.delete(event.point
 canvas.addEventListener("pointerleave", () => { pointer = null; draw(); });
 canvas.addEventListener("wheel", (event) => { event.preventDefault(); zoomAt(event.offsetX, event.offsetY, Math.exp(-event.deltaY / 400)); }, { passive: false });
 document.addEventListener("keydown", (event) => {
-  const typing = ["INPUT", "SELECT"].includes(event.target.tagName), key = event.key.toLowerCase();
+  const typing = ["INPUT", "SELECT"].includes(/** @type {Element} */ (event.target).tagName), key = event.key.toLowerCase();
   if ((event.ctrlKey || event.metaKey) && (key === "z" || key === "y") && !typing) {
     event.preventDefault();
     key === "y" || event.shiftKey ? travel(future, past) : travel(past, future);
@@ -528,7 +532,7 @@ byId("undo").addEventListener("click", () => travel(past, future));
 byId("redo").addEventListener("click", () => travel(future, past));
 byId("whole").addEventListener("click", whole);
 byId("terms").addEventListener("change", () => fit(false));
-document.querySelectorAll("[data-mode]").forEach((button) => button.addEventListener("click", () => setMode(button.dataset.mode)));
+modeButtons().forEach((button) => button.addEventListener("click", () => setMode(button.dataset.mode)));
 new ResizeObserver(() => (fitted ? whole() : draw())).observe(canvas);
 
 (async () => {

@@ -41,16 +41,10 @@ COLOUR = """(name) => {
 
 
 @pytest.fixture(scope="module")
-def open_map(tool: Any) -> Iterator[OpenMap]:
-    """Opens maps, all in one browser."""
-    chromium = tool("chromium")
-    sync_api = pytest.importorskip("playwright.sync_api")
-    with sync_api.sync_playwright() as playwright:
-        arguments = ["--no-sandbox", "--disable-gpu"]
-        browser = playwright.chromium.launch(executable_path=chromium, args=arguments)
-        with map_pages(browser) as pages:
-            yield pages
-        browser.close()
+def open_map(browser: Any) -> Iterator[OpenMap]:
+    """Opens maps."""
+    with map_pages(browser) as pages:
+        yield pages
 
 
 @pytest.fixture(scope="module")
@@ -208,6 +202,21 @@ def test_labels_in_troy_never_overlap_and_name_what_is_there(town):
     assert "van-004" in {label["id"] for label in labels}
 
 
+@pytest.fixture(scope="module")
+def crowded(open_map: OpenMap) -> Any:
+    """Troy with more vehicles than there is room for at most sizes."""
+    network = map_data.troy()
+    return open_map(network, map_data.moment(network, 12, 8, 8, 20))
+
+
+def fitted(page: Any, width: int, height: int) -> Any:
+    """The page at a size, with the whole map in it."""
+    page.set_viewport_size({"width": width, "height": height})
+    page.wait_for_function(f"map._view.width === {width} && map._view.height === {height}")
+    page.evaluate("map.fit(); map._frame()")
+    return page
+
+
 def assert_uncut(labels: list[dict[str, Any]], width: int, height: int) -> None:
     """No label lies on the edge of what is seen."""
     for label in labels:
@@ -219,10 +228,9 @@ def assert_uncut(labels: list[dict[str, Any]], width: int, height: int) -> None:
 
 
 @pytest.mark.parametrize(("width", "height"), [(390, 300), (900, 600)])
-def test_no_name_of_the_fitted_map_is_cut_off_at_its_edge(open_map, width, height):
+def test_no_name_of_the_fitted_map_is_cut_off_at_its_edge(crowded, width, height):
     """Signs that lie near the edge have their names on its inner side, or none."""
-    network = map_data.troy()
-    page = open_map(network, map_data.moment(network, 12, 8, 8, 20), width=width, height=height)
+    page = fitted(crowded, width, height)
     for zoom in (1, 2, 2):
         page.evaluate("(zoom) => { map._change(() => map._view.zoom(zoom)); map._frame(); }", zoom)
         page.wait_for_function("() => { map._frame(); return map._layers._covers(map._view); }")
@@ -234,11 +242,10 @@ def test_no_name_of_the_fitted_map_is_cut_off_at_its_edge(open_map, width, heigh
 @pytest.mark.parametrize("is_open", [False, True], ids=["closed", "open"])
 @pytest.mark.parametrize(("width", "height"), [(390, 260), (900, 600)])
 def test_no_name_or_sign_of_the_fitted_map_lies_under_buttons_or_legend(
-    open_map, width, height, is_open
+    crowded, width, height, is_open
 ):
     """Names keep clear of what lies over the map; vehicles too, of a legend if there is room."""
-    network = map_data.troy()
-    page = open_map(network, map_data.moment(network, 12, 8, 8, 20), width=width, height=height)
+    page = fitted(crowded, width, height)
     page.evaluate("(open) => { document.querySelector('.map-legend').open = open; }", is_open)
     page.wait_for_function(
         "(open) => { map._frame(); const [, , , legend] = map._controls.covered();"
@@ -629,14 +636,18 @@ def test_vehicles_at_one_place_are_one_sign_that_gives_them_in_turn(street):
     assert street.evaluate("map.placeOf('vehicle', 'p1')") is None
 
 
-@pytest.mark.slow(long=True)
-@pytest.mark.parametrize("theme", ["light", "dark"])
-def test_labels_of_a_city_with_a_thousand_vehicles_never_overlap(open_map, theme):
-    """10,000 roads from afar to near, standing and after a step."""
+@pytest.fixture(scope="module")
+def large(open_map: OpenMap) -> Any:
+    """10,000 roads, 1,000 vehicles and as many orders."""
     network = map_data.city(10_000)
     moment = map_data.moment(network, 1000, 1000, 50, 1000)
-    page = open_map(network, moment, query=f"still&theme={theme}", width=1440, height=900)
-    kinds = set()
+    return open_map(network, moment, width=1440, height=900)
+
+
+@pytest.mark.slow(long=True)
+def test_labels_of_a_city_with_a_thousand_vehicles_never_overlap(large):
+    """From afar to near, standing and after a step."""
+    page, kinds = large, set()
     page.evaluate(
         """map._change((view) => {
           const [west, south, east, north] = map._scene.network.bounds;
@@ -661,12 +672,10 @@ def test_labels_of_a_city_with_a_thousand_vehicles_never_overlap(open_map, theme
 
 
 @pytest.mark.slow(long=True)
-def test_clusters_of_a_city_overlap_no_other_sign(open_map):
+def test_clusters_of_a_city_overlap_no_other_sign(large):
     """Each vehicle is shown once, and no two signs touch."""
-    network = map_data.city(10_000)
-    page = open_map(network, map_data.moment(network, 1000, 1000, 50))
-    page.evaluate("map._frame()")
-    signs = page.evaluate(
+    large.evaluate("map.fit(); map._frame()")
+    signs = large.evaluate(
         """() => [
           ...map._scene.circles(map._view).map(({x, y, radius, group}) =>
             ({x, y, radius, count: group.members.length})),

@@ -8,7 +8,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -21,23 +20,6 @@ pytestmark = [pytest.mark.process, pytest.mark.slow(long=True)]
 WITHIN_S = 180.0
 SCOPES = {"reader": ["read"], "operator": ["read", "orders", "control"]}
 """A token of each name; its text is its name."""
-
-
-@pytest.fixture
-def started(tmp_path: Path) -> Iterator[Callable[..., None]]:
-    """Starts `slipstream NAME --config FILE`; the process ends with the test."""
-    running = []
-
-    def start(name: str, settings: str, *more: str) -> None:
-        file = tmp_path / f"{name}.toml"
-        file.write_text(settings)
-        command = [sys.executable, "-m", "slipstream_cli", name, "--config", str(file), *more]
-        running.append(subprocess.Popen(command, cwd=tmp_path))
-
-    yield start
-    for process in running:
-        process.kill()
-        process.wait()
 
 
 def _ask(port: int, path: str, body: Any = None, token: str = "operator") -> tuple[int, Any]:
@@ -68,46 +50,51 @@ def _until(condition: Callable[[], bool]) -> None:
 Ports = tuple[int, int]
 
 
-@pytest.fixture
-def daemons(
-    router: Router, tmp_path: Path, started: Callable[..., None]
-) -> Callable[[float], Ports]:
-    """Starts a dispatcher with so many seconds between cycles and its page; their ports."""
-
-    def start(interval_s: float) -> Ports:
-        api, page = free_port(), free_port()
-        (tmp_path / "tokens.toml").write_text(
-            "".join(
-                f'[[tokens]]\nname = "{name}"\nsha256 = "{token_hash(name.encode())}"\n'
-                f"scopes = {json.dumps(scopes)}\n"
-                for name, scopes in SCOPES.items()
-            )
+@pytest.fixture(scope="module")
+def ports(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ports]:
+    """Ports of a dispatcher that has run its first cycle, and of its page."""
+    folder, api, page = tmp_path_factory.mktemp("obeys"), free_port(), free_port()
+    (folder / "tokens.toml").write_text(
+        "".join(
+            f'[[tokens]]\nname = "{name}"\nsha256 = "{token_hash(name.encode())}"\n'
+            f"scopes = {json.dumps(scopes)}\n"
+            for name, scopes in SCOPES.items()
         )
+    )
+    with Router() as router:
         common = (
-            f'database_url = "sqlite:///{tmp_path}/d.db"\n'
+            f'database_url = "sqlite:///{folder}/d.db"\n'
             f"[bus]\nconnect = [{json.dumps(router.endpoint)}]\n"
         )
-        started(
-            "dispatcher",
-            f'solvers = ["exact"]\ninterval_s = {interval_s}\ndeadline_s = 2.0\n'
-            f'{common}[api]\nport = {api}\ntokens = "{tmp_path}/tokens.toml"\n',
-        )
-        started(
-            "dashboard",
-            f"port = {page}\nscene_port = {free_port()}\n"
+        settings = {
+            "dispatcher": f'solvers = ["exact"]\ninterval_s = 600.0\ndeadline_s = 2.0\n'
+            f'{common}[api]\nport = {api}\ntokens = "{folder}/tokens.toml"\n',
+            "dashboard": f"port = {page}\nscene_port = {free_port()}\n"
             f'dispatcher_api = "http://127.0.0.1:{api}"\n{common}',
-            "--allow-control",
-        )
-        return api, page
+        }
+        running = []
+        try:
+            for name, more in (("dispatcher", ()), ("dashboard", ("--allow-control",))):
+                file = folder / f"{name}.toml"
+                file.write_text(settings[name])
+                command = [sys.executable, "-m", "slipstream_cli", name, "--config", str(file)]
+                running.append(subprocess.Popen([*command, *more], cwd=folder))
+            _until(lambda: _cycles(api) >= 1)
+            _until(lambda: _ask(page, "/api/config")[0] == 200)
+            yield api, page
+        finally:
+            for process in running:
+                process.kill()
+                process.wait()
 
-    return start
+
+def _cycles(api: int) -> int:
+    return len(_ask(api, "/v1/cycles")[1]["cycles"])
 
 
-def test_the_dispatcher_does_what_an_operator_asks_for_on_the_page(
-    daemons: Callable[[float], Ports],
-) -> None:
+def test_the_dispatcher_does_what_an_operator_asks_for_on_the_page(ports: Ports) -> None:
     """Pause, a cycle, resume, pin, release, cancel, acknowledge; a reader's token does nothing."""
-    api, page = daemons(600.0)
+    api, page = ports
 
     def act(action: str, subject: str, **more: str) -> str:
         body = {"action": action, "subject": subject, **more}
@@ -122,23 +109,18 @@ def test_the_dispatcher_does_what_an_operator_asks_for_on_the_page(
     def paused() -> bool:
         return bool(_ask(api, "/readyz")[1]["paused"])
 
-    def cycles() -> int:
-        return len(_ask(api, "/v1/cycles")[1]["cycles"])
-
     def alarms() -> dict[str, dict[str, Any]]:
         found = _ask(api, "/v1/alarms")[1]["alarms"]
         return {alarm["kind"]: alarm for alarm in found if alarm["ended_ns"] is None}
 
-    _until(lambda: cycles() >= 1)
-    _until(lambda: _ask(page, "/api/config")[0] == 200)
     pause = {"action": "pause", "subject": "dispatcher"}
     assert _ask(page, "/api/actions", pause, "reader")[0] == 403
     assert _ask(page, "/api/actions", pause, "nobody")[0] == 401
     assert not paused()
 
-    before = cycles()
+    before = _cycles(api)
     act("solve", "dispatcher")
-    _until(lambda: cycles() > before)
+    _until(lambda: _cycles(api) > before)
     assert "paused" in act("pause", "dispatcher", reason="road works")
     assert paused()
     _until(lambda: "paused" in alarms())
@@ -158,10 +140,12 @@ def test_the_dispatcher_does_what_an_operator_asks_for_on_the_page(
     assert order(stop)["state"] == "cancelled"
 
 
-def test_an_operator_in_a_browser(daemons: Callable[[float], Ports], browser: Any) -> None:
+def test_an_operator_in_a_browser(ports: Ports, browser: Any) -> None:
     """Past moments by the slider and played, a card that a reload keeps."""
-    api, page = daemons(4.0)
-    _until(lambda: len(_ask(api, "/v1/cycles")[1]["cycles"]) >= 4)
+    api, page = ports
+    while (before := _cycles(api)) < 4:
+        _until(lambda: _ask(api, "/v1/control/cycle", {})[0] == 202)
+        _until(lambda before=before: _cycles(api) > before)
     _until(lambda: _ask(page, "/api/past")[1]["last"] is not None)
     tab = browser.new_page(viewport={"width": 1440, "height": 900})
     tab.set_default_timeout(1000 * WITHIN_S)
@@ -204,17 +188,15 @@ def test_an_operator_in_a_browser(daemons: Callable[[float], Ports], browser: An
     assert faults == []
 
 
-@pytest.mark.parametrize("width", SIZES)
-def test_an_operators_actions_in_a_browser(
-    daemons: Callable[[float], Ports], browser: Any, width: int
-) -> None:
-    """A token is asked for; the dispatcher pauses, resumes, solves, lets a stop go and drops it."""
-    api, port = daemons(600.0)
-    _until(lambda: len(_ask(api, "/v1/cycles")[1]["cycles"]) >= 1)
-    _until(lambda: _ask(port, "/api/config")[0] == 200)
+def test_an_operators_actions_in_a_browser(ports: Ports, browser: Any) -> None:
+    """A token is asked for; the dispatcher pauses, resumes, solves, lets a stop go and drops it.
+
+    Each question keeps to its place at every width.
+    """
+    api, port = ports
     van = _ask(api, "/v1/vehicles")[1]["vehicles"][0]["id"]
-    assert _ask(api, "/v1/orders", {"id": "o-1", "node": "c2"})[0] == 201
-    tab = browser.new_page(viewport={"width": width, "height": SIZES[width]})
+    assert _ask(api, "/v1/orders", {"id": "o-2", "node": "c2"})[0] == 201
+    tab = browser.new_page()
     tab.set_default_timeout(60_000)
     faults: list[str] = []
     tab.on("pageerror", lambda error: faults.append(str(error)))
@@ -231,13 +213,15 @@ def test_an_operators_actions_in_a_browser(
         tab.fill("#action-reason", "road works")
         if tab.is_visible("#action-token"):
             tab.fill("#action-token", "operator")
-        assert geometry_faults(tab) == [], button
+        for width, height in SIZES.items():
+            tab.set_viewport_size({"width": width, "height": height})
+            assert geometry_faults(tab) == [], (button, width)
         tab.click("#action-send")
         until("document.getElementById('action-answer').dataset.level === 'ok'")
         until("document.getElementById('action-send').hidden")
         tab.click("#action-close")
 
-    tab.goto(f"http://127.0.0.1:{port}/?tab=orders#order/o-1")
+    tab.goto(f"http://127.0.0.1:{port}/?tab=orders#order/o-2")
     tab.wait_for_selector("html[data-map]", state="attached")
     act("#control #pause")
     assert _ask(api, "/readyz")[1]["paused"]
@@ -245,14 +229,14 @@ def test_an_operators_actions_in_a_browser(
     until("document.title.startsWith('(')")
     act("#control #resume")
     assert not _ask(api, "/readyz")[1]["paused"]
-    before = len(_ask(api, "/v1/cycles")[1]["cycles"])
+    before = _cycles(api)
     act("#control [data-action=solve]")
-    _until(lambda: len(_ask(api, "/v1/cycles")[1]["cycles"]) > before)
-    until("document.getElementById('card-title').textContent === 'o-1'")
+    _until(lambda: _cycles(api) > before)
+    until("document.getElementById('card-title').textContent === 'o-2'")
     act("#card [data-action=pin]", van)
-    _until(lambda: _ask(api, "/v1/orders/o-1")[1]["pinned"] == van)
+    _until(lambda: _ask(api, "/v1/orders/o-2")[1]["pinned"] == van)
     act("#card [data-action=release]")
-    _until(lambda: _ask(api, "/v1/orders/o-1")[1]["pinned"] is None)
+    _until(lambda: _ask(api, "/v1/orders/o-2")[1]["pinned"] is None)
     act("#card [data-action=cancel]")
-    _until(lambda: _ask(api, "/v1/orders/o-1")[1]["state"] == "cancelled")
+    _until(lambda: _ask(api, "/v1/orders/o-2")[1]["state"] == "cancelled")
     assert faults == []

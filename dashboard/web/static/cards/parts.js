@@ -26,7 +26,7 @@ export function links(kind, ids, text = (id) => id) {
   return ids.flatMap((id, i) => (i ? [", ", link(kind, id, text(id))] : [link(kind, id, text(id))]));
 }
 
-/** Names and values in two columns; pairs whose value is null are left out. @param {([string, any]|null|false)[]} pairs */
+/** Names and values in two columns; pairs whose value is null are left out. @param {any[]} pairs */
 export function facts(pairs) {
   return h("dl.facts", {}, pairs.filter((pair) => pair && pair[1] !== null && pair[1] !== undefined).map(([name, value]) => [
     h("dt", {}, name), h("dd", {}, value),

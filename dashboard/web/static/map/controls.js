@@ -73,6 +73,9 @@ export class Controls {
     /** @type {import("./plane/placement.js").Box[]|null} */
     this._boxes = null;
     this._columns = 0;
+    /** @type {any} */
+    this._palette = null;
+    this._ratio = 1;
     this._tooltip = add("div", "map-tooltip", root);
     this._tooltip.hidden = true;
   }

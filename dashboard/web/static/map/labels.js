@@ -241,7 +241,7 @@ function alongLine(line, middle, share, model, beside, placement, view) {
  *
  * @param {import("./plane/view.js").View} view
  * @param {import("./scene.js").Scene} scene
- * @param {import("./plane/placement.js").Box[]} taken
+ * @param {(import("./plane/placement.js").Box & {text?: string})[]} taken
  * @param {Map<string, number>} sides  by vehicle: the place beside it that its name had last; changed
  * @returns {import("./paint/text.js").Label[]}
  */

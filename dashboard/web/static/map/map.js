@@ -79,7 +79,7 @@ export class CityMap {
     this._timer = 0;
     this._sizes = new ResizeObserver(() => this._resize());
     this._sizes.observe(container);
-    loadStyles().then(() => this.setTheme(this._root.dataset.theme));
+    loadStyles().then(() => this.setTheme(this._root.dataset.theme === "dark" ? "dark" : "light"));
   }
 
   /** @param {object} network  answer of /api/network; all of it is shown */

@@ -28,7 +28,7 @@ const STEP = 0.05;
  * Colours in force on an element.
  *
  * @param {HTMLElement} element  with the class `city-map`
- * @returns {Palette & Record<string, string>}
+ * @returns {Palette & Record<string, any>}
  */
 export function readPalette(element) {
   const style = getComputedStyle(element);
@@ -73,7 +73,7 @@ export function channels(colour) { return [1, 3, 5].map((at) => parseInt(colour.
  */
 export function loadStyles() {
   const address = new URL("../map.css", import.meta.url).href;
-  const there = [...document.querySelectorAll("link[rel=stylesheet]")].find((link) => link.href === address);
+  const there = [.../** @type {NodeListOf<HTMLLinkElement>} */ (document.querySelectorAll("link[rel=stylesheet]"))].find((link) => link.href === address);
   if (there?.sheet) return Promise.resolve();
   const link = there ?? document.createElement("link");
   return new Promise((resolve) => {

@@ -31,7 +31,7 @@ export function widthOfText(text, font) {
  * A text with a place on the map.
  *
  * @typedef {import("../plane/placement.js").Box & {kind: string, id: string, text: string, font: string,
- *   size: number, colour: string, plate?: boolean}} Label  plate: with a ground of its own, as it lies on lines
+ *   size: number, colour: string, plate?: boolean, side?: number}} Label  plate: with a ground of its own, as it lies on lines
  */
 
 /**

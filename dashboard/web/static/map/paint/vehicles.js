@@ -48,6 +48,7 @@ export function isReported(row) {
  */
 export function drawVehicles(context, view, palette, movers, style) {
   const draw = stamp(context, palette);
+  /** @type {[import("../motion.js").Mover, number, number][]} */
   const seen = [];
   for (const mover of movers) {
     const [x, y] = [view.px(mover.x), view.py(mover.y)];

@@ -105,6 +105,7 @@ export class Network {
    */
   nearest(view, px, py, within, bonus) {
     const [x, y, reach] = [view.mx(px), view.my(py), (within + MAX_WIDTH_PX / 2) / view.scale];
+    /** @type {{road: number, away: number, rated: number}|null} */
     let best = null;
     for (const number of this.streetsNear([x - reach, y - reach, x + reach, y + reach])) {
       const street = this.streets[number];
