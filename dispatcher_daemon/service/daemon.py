@@ -66,13 +66,13 @@ def check_health(dispatcher: Dispatcher, scheduler: CycleScheduler, service: Ser
 @contextmanager
 def _open_api(settings: ApiSettings) -> Iterator[ApiServer | None]:
     """The API's server, which does not serve yet; None: the settings want none."""
-    if settings.port == 0 and not settings.bus:
+    if settings.port == 0:
         yield None
         return
     # The web framework takes half a second to import.
     from dispatcher_daemon.service.api import ApiServer
 
-    with ApiServer(settings.port or None, settings.tokens, over_bus=settings.bus) as server:
+    with ApiServer(settings.port, settings.tokens) as server:
         yield server
 
 
@@ -282,11 +282,8 @@ def run_dispatcher(settings: DispatcherSettings, *, standby: bool = False) -> No
                 api,
                 service.checks,
             )
-            api.start(services, bus)
-            if api.port:
-                log.info("API on http://127.0.0.1:%d", api.port)
-            if settings.api.bus:
-                log.info("API over the bus: %s", ", ".join(settings.api.bus))
+            api.start(services)
+            log.info("API on http://127.0.0.1:%d", api.port)
         _collect_garbage_less()
         service.ready()
         try:
