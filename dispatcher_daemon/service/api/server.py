@@ -9,7 +9,7 @@ from typing import Final, Self
 from dispatcher_daemon import metrics
 from dispatcher_daemon.service.api.app import create_app
 from dispatcher_daemon.service.api.auth import TokenFile
-from dispatcher_daemon.service.api.gate import BURST, RATE_PER_S, Gate
+from dispatcher_daemon.service.api.guard import BURST, RATE_PER_S, ApiGuard
 from dispatcher_daemon.service.api.hub import EventHub
 from dispatcher_daemon.service.api.services import Services
 from dispatcher_daemon.service.api.solving import SolveJobs
@@ -55,7 +55,7 @@ class ApiServer:
 
     def start(self, services: Services) -> None:
         """Serve; connections that came since the port was bound have waited."""
-        self._server.start(Gate(create_app(services), self._tokens, self._rate))
+        self._server.start(ApiGuard(create_app(services), self._tokens, self._rate))
 
     def __enter__(self) -> Self:
         return self
