@@ -28,44 +28,6 @@ _OVERSIZED: Final = b'{"problem":"the question is larger than 1 MiB","mend":"sen
 _PATTERN: Final = b'{"problem":"a pattern of keys","mend":"ask for one key"}'
 
 
-class Question:
-    """One zenoh query: what is asked, and its answer, which may be given by any thread.
-
-    Args:
-        query: zenoh's.
-
-    Attributes:
-        key: asked on; a pattern of keys where the one who asked gave one.
-        parameters: of the selector, as ``a=1;b=2``.
-    """
-
-    def __init__(self, query: Any) -> None:
-        self._query = query
-        self.key = str(query.key_expr)
-        self.parameters = str(query.parameters)
-
-    @property
-    def size(self) -> int:
-        """Of the payload, bytes."""
-        return 0 if self._query.payload is None else len(self._query.payload)
-
-    def payload(self) -> bytes:
-        """What was sent with it; empty: nothing."""
-        return b"" if self._query.payload is None else bytes(self._query.payload.to_bytes())
-
-    def answer(self, payload: bytes, encoding: str, attachment: bytes) -> None:
-        """Answer it; it then ends, and so after `refuse`. Blocks while the link is full."""
-        self._query.reply(
-            self.key, payload, encoding=zenoh.Encoding(encoding), attachment=attachment
-        )
-        self._query.drop()
-
-    def refuse(self, payload: bytes, encoding: str) -> None:
-        """Answer it with an error."""
-        self._query.reply_err(payload, encoding=zenoh.Encoding(encoding))
-        self._query.drop()
-
-
 class Answers:
     """Questions between zenoh's thread, which must not block, and the answerer's own.
 

@@ -7,13 +7,13 @@ the router does; late subscribers get the last samples from the publishers' cach
 from __future__ import annotations
 
 import socket
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, Final, Self
 
 import zenoh
 
-from slipstream.answers import Answerer, Answers, Question
+from slipstream.answers import Answerer, Answers
 from slipstream.config import BusSettings
 from slipstream.errors import InputError
 from slipstream.inbox import Handler, Inbox
@@ -203,15 +203,6 @@ class Bus:
         answers = Answers(key_expression, answerer)
         self._answers.append(answers)
         self._session.declare_queryable(key_expression, answers.accept)
-
-    def take_questions(self, key_expression: str, take: Callable[[Question], None]) -> None:
-        """Hand questions on as they come, several at once; patterns of keys too.
-
-        Args:
-            key_expression: of the questions.
-            take: called on a thread of zenoh's: it returns at once, and answers on another one.
-        """
-        self._session.declare_queryable(key_expression, lambda query: take(Question(query)))
 
     def ask(self, key: str, payload: bytes, within_s: float) -> tuple[bool, bytes] | None:
         """Ask on a key: (whether it is an answer, or else an error; payload), or None.

@@ -10,7 +10,7 @@ from fastapi import APIRouter, FastAPI
 from starlette.types import ASGIApp
 
 from dashboard.web import cameras, cards, control, history, live, network
-from dashboard.web.gate import Gate
+from dashboard.web.guard import PageGuard
 from dashboard.web.services import Services
 from dashboard.web.static_files import StaticFiles
 from slipstream import __version__
@@ -32,7 +32,7 @@ STATIC: Final = Path(str(resources.files("dashboard") / "web" / "static"))
 
 
 def make_app(services: Services) -> ASGIApp:
-    """The application, behind its gate."""
+    """The application, behind its guard."""
     app = FastAPI(title="Slipstream", version=__version__, openapi_url=None, redirect_slashes=False)
     app.state.services = services
     for router in ROUTERS:
@@ -43,4 +43,4 @@ def make_app(services: Services) -> ASGIApp:
         app.add_route(path, files.answer, methods=["GET"])
     handle_problems(app, paths="docs/page.md", unavailable=(StorageError,))
     settings = services.settings
-    return Gate(app, settings.host.lower(), frozenset(map(str.lower, settings.allowed_hosts)))
+    return PageGuard(app, settings.host.lower(), frozenset(map(str.lower, settings.allowed_hosts)))

@@ -60,12 +60,12 @@ def check_health(dispatcher: Dispatcher, scheduler: CycleScheduler, service: Ser
 
 def _open_api(settings: ApiSettings) -> AbstractContextManager[ApiServer | None]:
     """The API's server, which does not serve yet; None: the settings want none."""
-    if settings.port == 0 and not settings.bus:
+    if settings.port == 0:
         return nullcontext()
     # The web framework takes half a second to import.
     from dispatcher_daemon.service.api import ApiServer
 
-    return ApiServer(settings.port or None, settings.tokens, over_bus=settings.bus)
+    return ApiServer(settings.port, settings.tokens)
 
 
 class DispatcherParts:
@@ -250,11 +250,8 @@ class DispatcherParts:
             checks=self._service.checks,
         )
         self._service.on_stop("the API", api.close)
-        api.start(services, self._bus)
-        if api.port:
-            log.info("API on http://127.0.0.1:%d", api.port)
-        if self._settings.api.bus:
-            log.info("API over the bus: %s", ", ".join(self._settings.api.bus))
+        api.start(services)
+        log.info("API on http://127.0.0.1:%d", api.port)
 
     def watch(self) -> None:
         """Publish health and alarms each second until the service stops.

@@ -124,25 +124,19 @@ Scope = Literal["read", "orders", "control", "vehicles"]
 
 
 class ApiSettings(Settings):
-    """The API, over HTTP on 127.0.0.1 and over the bus (`[api]`), see docs/api.md."""
+    """The HTTP API on 127.0.0.1 (`[api]`), see docs/api.md."""
 
     port: int = Field(
         default=0,
         ge=0,
         le=65535,
-        description="Port on 127.0.0.1; 0: the API is not served over HTTP.",
+        description="Port on 127.0.0.1; 0: the API is not served.",
     )
     tokens: Path | None = Field(
         default=None,
         description="File of bearer tokens, see `slipstream token new`; a plain name is first "
         "looked for among systemd's credentials. Without it only callers of this machine are "
         "served, and they may only read.",
-    )
-    bus: tuple[Scope, ...] = Field(
-        default=(),
-        description="Scopes that are served over the bus too. "
-        "Who may ask there is a matter of the router's access rules; a router without any lets "
-        "everybody ask.",
     )
 
 

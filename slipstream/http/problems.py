@@ -130,7 +130,7 @@ def handle_problems(
         return Problem(503, str(error), "try again later", headers={"Retry-After": "5"}).response()
 
     def fault(_request: Request, _error: Exception) -> Response:
-        # The gate around the application logs it.
+        # The guard around the application logs it.
         return FAULT.response()
 
     handlers: Mapping[type[Exception], Any] = {

@@ -27,7 +27,6 @@ from slipstream.messages.base import (
     decode,
 )
 from slipstream.messages.dispatch import (
-    ALL_API,
     CYCLE_KEY,
     DISPATCHER_HEALTH_KEY,
     CarrierSummary,
@@ -41,7 +40,6 @@ from slipstream.messages.dispatch import (
     SilentVehicle,
     SolverReport,
     Unserved,
-    api_key,
 )
 from slipstream.messages.fleet import (
     ALL_ACKNOWLEDGEMENTS,
@@ -138,7 +136,6 @@ from slipstream.messages.vehicle import (
 __all__ = [
     "ALARMS_KEY",
     "ALL_ACKNOWLEDGEMENTS",
-    "ALL_API",
     "ALL_ORDERS",
     "ALL_PLANS",
     "ALL_POSITIONS",
@@ -222,7 +219,6 @@ __all__ = [
     "Visit",
     "acknowledgement_key",
     "advice_key",
-    "api_key",
     "bare_preview_key",
     "capture_time_ns",
     "check_version",

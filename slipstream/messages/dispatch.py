@@ -222,15 +222,3 @@ class DispatcherHealth(Model):
 
 CYCLE_KEY: Final = f"{ROOT}/dispatcher/cycle"
 DISPATCHER_HEALTH_KEY: Final = f"{ROOT}/dispatcher/health"
-ALL_API: Final = f"{ROOT}/dispatcher/api/**"
-
-
-def api_key(scope: str, method: str, path: str) -> str:
-    """Key on which an operation of the dispatcher's API is asked for.
-
-    Args:
-        scope: that it needs: read, orders or control.
-        method: of HTTP.
-        path: behind ``/v1/``; ids in it are percent-encoded, as in a URL.
-    """
-    return f"{ROOT}/dispatcher/api/{scope}/{method.lower()}/{path}"

@@ -30,7 +30,6 @@ PAGE = (Path(__file__).parents[2] / "docs" / "wire.md").read_text()
 KEYS = {
     messages.acknowledgement_key("{vehicle}"),
     messages.advice_key("{vehicle}"),
-    messages.api_key("{scope}", "{method}", "{path}"),
     messages.driver_key("{vehicle}"),
     messages.order_key("{order}", "{action}"),
     messages.plan_key("{vehicle}"),

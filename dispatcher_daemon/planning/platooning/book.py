@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from dispatcher_daemon.fleet import Commitment
+from dispatcher_daemon.fleet import Commitment, RoadUser
 from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.platooning.meetings import Meetings, OpenPassages, Traversals
 from dispatcher_daemon.planning.platooning.shares import Shares, open_shares
 from dispatcher_daemon.planning.platooning.vehicles_on_road import (
-    RoadUser,
     counted_drafting,
     traversals_on_road,
 )

@@ -21,15 +21,12 @@ from dispatcher_daemon.service.api.problems import Problem
 from dispatcher_daemon.settings import Scope
 from slipstream.config import Settings, credential_path, load
 from slipstream.errors import InputError
-from slipstream.messages import ALL_API, Identifier
+from slipstream.messages import Identifier
 from slipstream.service import LogLimiter
 
 log = logging.getLogger(__name__)
 
 SCOPES: Final[tuple[Scope, ...]] = get_args(Scope)
-
-API_ROOT: Final = ALL_API.removesuffix("/**")
-"""Of the API's keys on the bus."""
 
 _CHALLENGE: Final = {"WWW-Authenticate": 'Bearer realm="slipstream"'}
 _MEND: Final = "send 'Authorization: Bearer TOKEN'; `slipstream token new` makes one"
@@ -105,12 +102,10 @@ class Client:
     Attributes:
         name: of its token; None: it sent none.
         scopes: what it may do.
-        over_bus: it asked over the bus, on a key that names one scope.
     """
 
     name: str | None
     scopes: frozenset[Scope]
-    over_bus: bool = False
 
 
 def token_hash(token: bytes) -> str:
@@ -156,10 +151,6 @@ def requires(scope: Scope) -> Any:
             return
         if client.name is None:
             raise _unauthorised(f"a token with the scope {scope!r} is needed")
-        if client.over_bus:
-            (asked,) = client.scopes
-            detail = f"the key has the scope {asked!r}, the operation needs {scope!r}"
-            raise Problem(403, detail, f"ask on {API_ROOT}/{scope}/...", field="key")
         raise Problem(
             403,
             f"the token {client.name!r} has not the scope {scope!r}",

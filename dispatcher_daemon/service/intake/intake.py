@@ -230,10 +230,8 @@ class OrderIntake:
         Raises:
             OrderRefused: it is not known, is the file's, has ended, or is under way.
         """
-        past = self._past(name)
 
-        def cancel(tracker: FleetTracker) -> OrderStatus:
-            order = _found(tracker, name, past)
+        def cancel(tracker: FleetTracker, order: OrderRecord) -> None:
             if order.request is None:
                 problem, mend = "it is a stop of the fleet's file", "take it out of the file"
                 raise OrderRefused("conflict", problem, mend, order=name)
@@ -241,9 +239,8 @@ class OrderIntake:
                 tracker.book.cancel(name, self._clock(), reason)
             elif order.state != "cancelled":
                 raise too_late(order)
-            return status_of(tracker.book.orders.get(name, order), tracker, self._clock())
 
-        return self._edit(cancel)
+        return self._change(name, cancel)
 
     def pin(self, name: str, vehicle: str | None = None, reason: str | None = None) -> OrderStatus:
         """Keep an order for one vehicle in all plans to come.
@@ -258,14 +255,12 @@ class OrderIntake:
                 could not serve it, or another one has accepted it, has not answered a plan with
                 it yet, or has it as its first stop.
         """
-        area, past = self._service_area(), self._past(name)
+        area = self._service_area()
 
-        def pin(tracker: FleetTracker) -> OrderStatus:
-            order = _found(tracker, name, past)
-            holder = None if order.ended else order.vehicle
+        def pin(tracker: FleetTracker, order: OrderRecord) -> None:
+            _check_not_ended(order)
+            holder = order.vehicle
             wanted = vehicle or holder
-            if order.ended:
-                raise too_late(order)
             if wanted is None:
                 problem, mend = "no vehicle has it yet", "name the vehicle"
                 raise OrderRefused("invalid", problem, mend, order=name, key="vehicle")
@@ -284,9 +279,8 @@ class OrderIntake:
             stop = stop_of(order, self._watch.fleet, self._clock())
             area.check_vehicles(stop, wanted)
             tracker.book.pin(name, wanted, self._clock(), reason)
-            return status_of(tracker.book.orders[name], tracker, self._clock())
 
-        return self._edit(pin)
+        return self._change(name, pin)
 
     def release(self, name: str, reason: str | None = None) -> OrderStatus:
         """Let any vehicle serve an order that is pinned; one that is not stays so.
@@ -298,16 +292,12 @@ class OrderIntake:
         Raises:
             OrderRefused: it is not known, or has ended.
         """
-        past = self._past(name)
 
-        def release(tracker: FleetTracker) -> OrderStatus:
-            order = _found(tracker, name, past)
-            if order.ended:
-                raise too_late(order)
+        def release(tracker: FleetTracker, order: OrderRecord) -> None:
+            _check_not_ended(order)
             tracker.book.pin(name, None, self._clock(), reason)
-            return status_of(tracker.book.orders[name], tracker, self._clock())
 
-        return self._edit(release)
+        return self._change(name, release)
 
     def settle(self, name: str, *, served: bool, reason: str | None = None) -> OrderStatus:
         """Somebody who knows says whether an order was served; if not it is open again.
@@ -315,17 +305,28 @@ class OrderIntake:
         Raises:
             OrderRefused: it is not known, or has ended.
         """
-        past = self._past(name)
 
-        def settle(tracker: FleetTracker) -> OrderStatus:
-            order = _found(tracker, name, past)
-            if order.ended:
-                raise too_late(order)
+        def settle(tracker: FleetTracker, order: OrderRecord) -> None:
+            _check_not_ended(order)
             if served or order.state != "open":
                 tracker.settle(name, self._clock(), served=served, reason=reason)
-            return status_of(tracker.book.orders[name], tracker, self._clock())
 
-        return self._edit(settle)
+        return self._change(name, settle)
+
+    def _change(
+        self, name: str, change: Callable[[FleetTracker, OrderRecord], None]
+    ) -> OrderStatus:
+        """Change one order, and tell how it then stands. Raises OrderRefused."""
+        past = self._past(name)
+
+        def edit(tracker: FleetTracker) -> OrderStatus:
+            order = tracker.book.orders.get(name, past)
+            if order is None:
+                raise unknown(name)
+            change(tracker, order)
+            return status_of(tracker.book.orders.get(name, order), tracker, self._clock())
+
+        return self._edit(edit)
 
     def _edit(
         self,
@@ -362,11 +363,9 @@ class OrderIntake:
         return known[1]
 
 
-def _found(tracker: FleetTracker, name: str, past: OrderRecord | None) -> OrderRecord:
-    order = tracker.book.orders.get(name, past)
-    if order is None:
-        raise unknown(name)
-    return order
+def _check_not_ended(order: OrderRecord) -> None:
+    if order.ended:
+        raise too_late(order)
 
 
 def _loaded_on(tracker: FleetTracker, order: OrderRecord) -> str | None:

@@ -14,7 +14,7 @@ def check_instance(path: Path) -> Mapping[str, str]:
     Raises:
         InputError: it is no instance.
     """
-    from dispatcher_daemon.planning import unservable
+    from dispatcher_daemon.planning.routes import unservable
     from slipstream_lab.research.instances.instance import instance_from
     from slipstream_lab.research.instances.matrices import has_matrices, matrix_instance_from
 

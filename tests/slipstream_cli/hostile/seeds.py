@@ -20,7 +20,6 @@ from slipstream_lab.research.instances import open_instance
 from slipstream_lab.research.instances.instance import write_instance
 
 REPOSITORY = Path(__file__).parents[3]
-DEPLOY = REPOSITORY / "deploy" / "config"
 WIDTH, HEIGHT = 320, 180
 
 
@@ -97,19 +96,6 @@ def make_kinds(folder: Path) -> list[Kind]:
     world = f"evaluate --out out --stored --scenario mine --net {town} --begin 0 --hours 1"
     calibrate = "calibrate --out out.toml --overlay grid.png"
     return [
-        Kind("edge", [folder / "edge.toml", folder / "edge-full.toml"], "check --as edge FILE", 3),
-        Kind("dispatcher", [DEPLOY / "dispatcher.toml"], "check --as dispatcher FILE", 3),
-        Kind("dashboard", [DEPLOY / "dashboard.toml"], "check --as dashboard FILE", 2),
-        Kind("guessed", [folder / "fleet.toml", DEPLOY / "dispatcher.toml"], "check FILE"),
-        Kind(
-            "camera", [folder / "camera.toml"], "track none.mp4 --camera FILE --truth none.csv", 3
-        ),
-        Kind(
-            "points",
-            [folder / "camera.toml", folder / "points.csv"],
-            f"{calibrate} --image DIR/picture.png --points FILE",
-            3,
-        ),
         Kind(
             "picture",
             [folder / "picture.png", folder / "picture.jpg", folder / "picture.bmp"],
@@ -166,9 +152,6 @@ def make_kinds(folder: Path) -> list[Kind]:
             0.15,
             text=False,
         ),
-        Kind("demand", [scenarios / "corridor" / "demand.toml"], f"{world} --demand FILE", 0.15),
-        Kind("RSUs", [scenarios / "corridor" / "rsus.toml"], f"{world} --rsus FILE", 0.15),
-        Kind("deliveries", [scenarios / "corridor" / "fleet.toml"], f"{world} --fleet FILE", 0.15),
         Kind(
             "routes",
             [folder / "routes.rou.xml"],
@@ -242,21 +225,9 @@ def _write_settings(folder: Path) -> None:
         "camera": str(folder / "missing.toml"),
         "source": {"clip": str(folder / "video.mp4"), "loop": True},
     }
-    full = {
-        **edge,
-        "window_s": 10.0,
-        "state_interval_s": 1.0,
-        "detector": {"threads": 2, "requests": 2, "min_score": 0.1, "region_margin_m": 3.0},
-        "tracker": {"confirm_hits": 3, "lost_after_s": 1.2, "max_speed_mps": 45.0},
-        "stability": {"max_speed_cv": 0.12, "min_vehicles": 3, "hysteresis": 0.05},
-        "watch": {"frozen_after_s": 5.0, "max_shift_share": 0.003},
-        "preview": {"fps": 2.0, "width": 640},
-        "bus": {"connect": ["tcp/127.0.0.1:7447"]},
-        "service": {"metrics_port": 9464, "log_level": "INFO"},
-    }
     # What stands beside it as `model` is looked at.
     model = {**edge, "camera": str(folder / "camera.toml"), "detector": {"model": "hostile"}}
-    for name, settings in (("edge", edge), ("edge-full", full), ("edge-model", model)):
+    for name, settings in (("edge-model", model),):
         (folder / f"{name}.toml").write_text(tomli_w.dumps(settings))
     fleet = tomllib.loads((folder / "fleet.toml").read_text())
     (folder / "fleet.json").write_text(json.dumps(fleet, indent=1))

@@ -196,7 +196,7 @@ def test_what_is_no_file_is_refused(attack: Attack, kinds: tuple[list[Kind], Pat
 def test_known_attacks_are_refused(
     attack: Attack, kinds: tuple[list[Kind], Path], figure: Callable[[str], None]
 ) -> None:
-    """Pictures and nets of gigabytes, entity bombs, numbers of 6,000 digits, keys 3,000 deep."""
+    """Pictures and nets of gigabytes, entity bombs, millions of rows, objects 3,000 deep."""
     by_name = {kind.name: kind for kind in kinds[0]}
     for number, (name, file, data) in enumerate(known_attacks(kinds[1])):
         kind = by_name[name]

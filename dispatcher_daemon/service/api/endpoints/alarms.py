@@ -44,7 +44,7 @@ class LogEntry(BaseModel):
     text: str
     mend: str | None
     actor: str | None = Field(
-        description="Name of the token that did it, or `bus`: somebody on the bus; null: an alarm."
+        description="Name of the token that did it, or `bus`: an order came there; null: an alarm."
     )
     alarm: str | None = Field(description="Id of the alarm; null: it is none.")
     ended_ns: int | None

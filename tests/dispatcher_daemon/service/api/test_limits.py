@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from dispatcher_daemon import metrics
-from dispatcher_daemon.service.api import ApiServer, RateLimit, gate
+from dispatcher_daemon.service.api import ApiServer, RateLimit, guard
 from slipstream.errors import InputError
 from slipstream.http import bodies, server
 
@@ -53,7 +53,7 @@ def test_bodies_that_are_too_large_are_refused_before_they_are_read(
     declared = _raw(api, head + b"Content-Length: 100000000\r\n\r\n")
     assert (declared.status, declared.json["status"]) == (413, 413)
     # No byte more than it takes: the answer would be lost with what was still to be sent.
-    chunk = b"%x\r\n" % 10**9 + b"1" * (gate.LARGE_BODIES["/v1/solve"] + 1)
+    chunk = b"%x\r\n" % 10**9 + b"1" * (guard.LARGE_BODIES["/v1/solve"] + 1)
     chunked = _raw(api, head + b"Transfer-Encoding: chunked\r\n\r\n" + chunk)
     assert (chunked.status, chunked.json["status"]) == (413, 413)
     assert api.get("/healthz").status == 200

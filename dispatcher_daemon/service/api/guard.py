@@ -35,7 +35,7 @@ _REFUSED: Final = "\0"
 """Those whose token does not count share one rate; no token has this name."""
 
 
-class Gate:
+class ApiGuard:
     """ASGI middleware around the whole application; used in one event loop.
 
     Args:

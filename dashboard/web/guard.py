@@ -34,7 +34,7 @@ HEADERS: Final = {
 """Of every answer."""
 
 
-class Gate:
+class PageGuard:
     """ASGI middleware around the whole application.
 
     Args:
