@@ -19,13 +19,13 @@ from dashboard.settings import DashboardSettings
 from dashboard.web.app import make_app
 from dashboard.web.energy import EnergyBook, Factors, zone_of
 from dashboard.web.fleet_file import make_scene
-from dashboard.web.hub import Hub
+from dashboard.web.hub import PageHub
 from dashboard.web.past import StoredPast
 from dashboard.web.pictures import Pictures
 from dashboard.web.present import Present
 from dashboard.web.rows import Scene
-from dashboard.web.services import Services
-from dashboard.web.tables import Limits, Tables
+from dashboard.web.services import PageServices
+from dashboard.web.tables import Limits, PageTables
 from slipstream.admission import check_rsus, refusal
 from slipstream.bus import Bus
 from slipstream.errors import InputError
@@ -80,10 +80,10 @@ def run_dashboard(settings: DashboardSettings) -> None:
         subscribe(bus, live, limiter, settings.rsus)
         if history is not None:
             history.start()
-        hub, pictures = Hub(), Pictures()
+        hub, pictures = PageHub(), Pictures()
         limits = Limits(settings.stale_after_s, settings.silent_after_s)
         factors = settings.energy_factors
-        tables = Tables(scene, limits, energy_factors=factors, rsus=settings.rsus)
+        tables = PageTables(scene, limits, energy_factors=factors, rsus=settings.rsus)
         present = Present(
             live,
             tables,
@@ -97,7 +97,7 @@ def run_dashboard(settings: DashboardSettings) -> None:
         service.on_stop("pictures", lambda: pictures.listen_by(None))
         present.start()
         server.start(
-            make_app(Services(settings, scene, present.known, hub, pictures, past, reader))
+            make_app(PageServices(settings, scene, present.known, hub, pictures, past, reader))
         )
         log.info("serving http://%s:%d", settings.host, server.port)
         # Each second's messages are some ten thousand objects without circles: looking for these
@@ -144,7 +144,7 @@ def show_finished_run(settings: DashboardSettings) -> None:
             mend = "give the run's with --network"
             raise InputError(settings.network, "it has none of the run's roads", mend)
         server = service.start("the operator's page", partial(_open_server, settings))
-        services = Services(settings, scene, lambda: past.at(last_ns), past=past, reader=reader)
+        services = PageServices(settings, scene, lambda: past.at(last_ns), past=past, reader=reader)
         server.start(make_app(services))
         log.info("serving http://%s:%d", settings.host, server.port)
         service.ready()

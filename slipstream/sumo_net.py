@@ -77,7 +77,7 @@ def read_sumo_net(path: Path, read: Callable[[Any], T], *, internal: bool = Fals
     # Imported here: sumolib costs 0.2 s, which a process that only sends messages need not pay.
     import sumolib
 
-    class BoundedReader(sumolib.net.NetReader):  # type: ignore[misc]
+    class NetReader(sumolib.net.NetReader):  # type: ignore[misc]
         elements = 0
         edge_type = ""
 
@@ -99,7 +99,7 @@ def read_sumo_net(path: Path, read: Callable[[Any], T], *, internal: bool = Fals
                 of_type = speeds.setdefault(self.edge_type, {})
                 of_type[attributes["vClass"]] = float(attributes["speed"])
 
-    reader = BoundedReader(withInternal=internal)
+    reader = NetReader(withInternal=internal)
     mend = "build one with netconvert"
     try:
         with open_unpacked(path, MAX_NET_BYTES, "give a SUMO net, or 'demo'") as file:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 Rows = Sequence[Sequence[Any]]
 
 
-class Writer(Protocol):
+class ExportWriter(Protocol):
     """Writes one table."""
 
     def write(self, rows: Rows) -> None:
@@ -39,7 +39,7 @@ class TableFile:
     def __init__(self, path: Path, columns: Sequence[TableColumn]) -> None:
         self._path = path
         self._part = path.with_name(path.name + ".part")
-        self._writer: Writer = _WRITERS[path.suffix](self._part, columns)
+        self._writer: ExportWriter = _WRITERS[path.suffix](self._part, columns)
         self.rows = 0
 
     def write(self, rows: Rows) -> None:
@@ -140,7 +140,7 @@ class ParquetWriter:
         self._writer.close()
 
 
-_WRITERS: Final[Mapping[str, Callable[[Path, Sequence[TableColumn]], Writer]]] = {
+_WRITERS: Final[Mapping[str, Callable[[Path, Sequence[TableColumn]], ExportWriter]]] = {
     ".csv": CsvWriter,
     ".parquet": ParquetWriter,
 }

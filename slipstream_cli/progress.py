@@ -9,7 +9,7 @@ _TOO_EARLY_S: Final = 5.0
 """Before that a rate says little."""
 
 
-class Progress:
+class ProgressLine:
     """Progress of long work in percent, and how long the rest will take at the same rate; on
     terminals only.
     """

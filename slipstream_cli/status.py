@@ -41,7 +41,7 @@ class Finding:
 
 
 @dataclass
-class Heard:
+class BusHeard:
     """What came over the bus.
 
     Attributes:
@@ -137,7 +137,7 @@ def _bus(running: Sequence[Running], endpoint: str | None) -> tuple[bool, BusSet
     return False, BusSettings() if endpoint is None else BusSettings(connect=(endpoint,))
 
 
-def listen(settings: BusSettings, seconds: float) -> Heard:
+def listen(settings: BusSettings, seconds: float) -> BusHeard:
     """What RSUs and the dispatcher say of themselves within some seconds."""
     from slipstream.bus import Bus
     from slipstream.messages import (
@@ -149,7 +149,7 @@ def listen(settings: BusSettings, seconds: float) -> Heard:
     )
     from slipstream.routers import listening, why_unconnected
 
-    heard = Heard()
+    heard = BusHeard()
 
     def on_rsu(key: str, payload: bytes) -> None:
         try:
@@ -236,7 +236,7 @@ def of_units(units: Sequence[Mapping[str, str]]) -> Iterator[Finding]:
 
 
 def of_bus(
-    heard: Heard,
+    heard: BusHeard,
     bus: BusSettings,
     expected: set[str],
     now_ns: int,

@@ -15,7 +15,7 @@ from slipstream.config import check
 from slipstream.errors import InputError
 from slipstream_cli.clip_options import add_config, add_fps, settings_of
 from slipstream_cli.laboratory import part
-from slipstream_cli.progress import Progress
+from slipstream_cli.progress import ProgressLine
 
 if TYPE_CHECKING:
     pass
@@ -72,7 +72,7 @@ def run(options: argparse.Namespace) -> int:
     if options.bare:
         settings = settings.model_copy(update={"stability": settings.stability.bare()})
     out = options.out or Path(f"{options.video.stem}.states.jsonl")
-    with _whole_or_not(out) as states, Progress("tracking", sys.stderr) as progress:
+    with _whole_or_not(out) as states, ProgressLine("tracking", sys.stderr) as progress:
         result = track(
             options.video,
             camera,

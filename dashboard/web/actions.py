@@ -51,7 +51,7 @@ class Action(Settings):
 
 
 @dataclass(frozen=True)
-class Call:
+class ActionCall:
     """One call of the API: method, path below its address, and JSON body."""
 
     method: str
@@ -59,24 +59,24 @@ class Call:
     body: dict[str, object] | None = None
 
 
-def call_of(action: Action) -> Call:
+def call_of(action: Action) -> ActionCall:
     """The call that does what is asked for."""
     name = quote(action.name, safe="")
     told = {"vehicle": action.vehicle, "reason": action.reason}
     body: dict[str, object] | None = {k: v for k, v in told.items() if v is not None} or None
     match action.action:
         case "pause" | "resume":
-            return Call("POST", f"/v1/control/{action.action}", body)
+            return ActionCall("POST", f"/v1/control/{action.action}", body)
         case "solve":
-            return Call("POST", "/v1/control/cycle", body)
+            return ActionCall("POST", "/v1/control/cycle", body)
         case "pin":
-            return Call("POST", f"/v1/orders/{name}/pin", body)
+            return ActionCall("POST", f"/v1/orders/{name}/pin", body)
         case "release":
-            return Call("POST", f"/v1/orders/{name}/release", body)
+            return ActionCall("POST", f"/v1/orders/{name}/release", body)
         case "cancel":
-            return Call("DELETE", f"/v1/orders/{name}", body)
+            return ActionCall("DELETE", f"/v1/orders/{name}", body)
         case "acknowledge":
-            return Call("POST", f"/v1/alarms/{name}/acknowledge", body)
+            return ActionCall("POST", f"/v1/alarms/{name}/acknowledge", body)
 
 
 def told(action: Action) -> str:

@@ -11,7 +11,7 @@ from starlette.types import ASGIApp
 
 from dashboard.web import cameras, cards, control, history, live, network
 from dashboard.web.guard import PageGuard
-from dashboard.web.services import Services
+from dashboard.web.services import PageServices
 from dashboard.web.static_files import StaticFiles
 from slipstream import __version__
 from slipstream.http.problems import handle_problems
@@ -31,7 +31,7 @@ ROUTERS: Final[tuple[APIRouter, ...]] = (
 STATIC: Final = Path(str(resources.files("dashboard") / "web" / "static"))
 
 
-def make_app(services: Services) -> ASGIApp:
+def make_app(services: PageServices) -> ASGIApp:
     """The application, behind its guard."""
     app = FastAPI(title="Slipstream", version=__version__, openapi_url=None, redirect_slashes=False)
     app.state.services = services

@@ -10,7 +10,7 @@ from fastapi.responses import Response
 
 from dashboard.web.pictures import Pictures, picture_key
 from dashboard.web.rows import ms
-from dashboard.web.services import Page, Services
+from dashboard.web.services import Page, PageServices
 from slipstream.http.problems import Problem
 from slipstream.http.streaming import EndlessResponse
 
@@ -57,7 +57,7 @@ async def still(page: Page, rsu: str, boxes: Boxes = True) -> Response:
     return Response(found.jpeg, media_type="image/jpeg", headers=headers)
 
 
-def _pictures(page: Services, rsu: str) -> Pictures:
+def _pictures(page: PageServices, rsu: str) -> Pictures:
     if page.pictures is None or rsu not in page.now().moment["rsus"]:
         raise Problem(404, f"no camera {rsu[:200]} is here", "ask for one of the table's")
     return page.pictures

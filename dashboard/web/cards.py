@@ -11,7 +11,7 @@ from fastapi.responses import Response
 from dashboard.web import card_parts as parts
 from dashboard.web import vehicle_parts
 from dashboard.web.hub import encoded
-from dashboard.web.services import Known, Page, Services
+from dashboard.web.services import Known, Page, PageServices
 from slipstream.http.problems import Problem
 from storage import Reader
 
@@ -126,7 +126,7 @@ def row_of(known: Known, table: str, name: str) -> dict[str, Any]:
     return row
 
 
-def _stored(page: Services, read: Callable[[Reader], _V | Sequence[Any]], nothing: Any) -> Any:
+def _stored(page: PageServices, read: Callable[[Reader], _V | Sequence[Any]], nothing: Any) -> Any:
     """What the database has; nothing without one."""
     return nothing if page.reader is None else read(page.reader)
 

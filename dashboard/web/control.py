@@ -11,7 +11,7 @@ from fastapi import APIRouter, Header, Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import Response
 
-from dashboard.web.actions import Action, Call, call_of, told
+from dashboard.web.actions import Action, ActionCall, call_of, told
 from dashboard.web.hub import encoded
 from dashboard.web.services import Page
 from slipstream.api_client import Answer, ApiClient
@@ -71,7 +71,7 @@ async def act(
     return Response(encoded({"text": text}), media_type="application/json")
 
 
-def _call(client: ApiClient, call: Call, token: str) -> Answer:
+def _call(client: ApiClient, call: ActionCall, token: str) -> Answer:
     if not _running.acquire(blocking=False):
         raise Problem(503, "the dispatcher is slow to answer", "try again later")
     try:

@@ -18,7 +18,7 @@ from dashboard.web.cards import T
 from dashboard.web.energy import DAY_NS, Factors, local, zone_of
 from dashboard.web.hub import encoded
 from dashboard.web.rows import TABLES
-from dashboard.web.services import Page, Past, Services
+from dashboard.web.services import Page, PageServices, Past
 from slipstream.config import Settings, check, parse_json
 from slipstream.errors import InputError
 from slipstream.http.problems import Problem, from_input_error
@@ -133,7 +133,7 @@ async def shown_table_as_csv(
 
 
 def _csv(
-    page: Services, table: str, rows: Iterable[tuple[str, Mapping[str, Any]]], stamp_ns: int
+    page: PageServices, table: str, rows: Iterable[tuple[str, Mapping[str, Any]]], stamp_ns: int
 ) -> StreamingResponse:
     stamp = local(stamp_ns, zone_of(page.settings.time_zone)).strftime("%Y%m%d-%H%M%S")
     title = re.sub(r"[^A-Za-z0-9]+", "-", page.settings.title).strip("-").lower() or "slipstream"
@@ -146,7 +146,7 @@ def _csv(
 
 
 def _energy_rows(
-    page: Services, by: Literal["hour", "day"], begin: int | None, until: int | None
+    page: PageServices, by: Literal["hour", "day"], begin: int | None, until: int | None
 ) -> list[dict[str, Any]]:
     stored = _past(page)
     end_ns = (stored.span() or (0, time.time_ns()))[1] + 1 if until is None else until * 10**6
@@ -159,13 +159,13 @@ def _energy_rows(
     return stored.energy.rows(begin_ns, end_ns, by)
 
 
-def _past(page: Services) -> Past:
+def _past(page: PageServices) -> Past:
     if page.past is None:
         raise Problem(404, "no past is kept", "give database_url in the dashboard's settings")
     return page.past
 
 
-def _reader(page: Services) -> Reader:
+def _reader(page: PageServices) -> Reader:
     if page.reader is None:
         raise Problem(404, "no past is kept", "give database_url in the dashboard's settings")
     return page.reader

@@ -42,7 +42,7 @@ def packed(part: bytes) -> bytes:
     return deflate.compress(part) + deflate.flush(zlib.Z_FULL_FLUSH)
 
 
-class Part:
+class HubPart:
     """An event, as text and compressed."""
 
     def __init__(self, plain: bytes, *, compress: bool = True) -> None:
@@ -54,13 +54,13 @@ class Part:
         return self.gzip if gzip else self.plain
 
 
-HEARTBEAT: Final = Part(b": heartbeat\n\n")
+HEARTBEAT: Final = HubPart(b": heartbeat\n\n")
 
 
-class Viewer(EventQueue[Part]):
+class PageViewer(EventQueue[HubPart]):
     """What one browser has not taken yet."""
 
-    def put(self, part: Part) -> bool:
+    def put(self, part: HubPart) -> bool:
         """Add one; False: too many wait, and it is left out."""
         with self._lock:
             if len(self._waiting) >= MAX_WAITING:
@@ -69,7 +69,7 @@ class Viewer(EventQueue[Part]):
         self._notify()
         return True
 
-    def replace(self, part: Part) -> None:
+    def replace(self, part: HubPart) -> None:
         """Put one in place of all that wait."""
         with self._lock:
             self._waiting.clear()
@@ -77,14 +77,14 @@ class Viewer(EventQueue[Part]):
         self._notify()
 
 
-class Hub:
+class PageHub:
     """Passes moments and deltas on to browsers; safe for threads."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._viewers: set[Viewer] = set()
+        self._viewers: set[PageViewer] = set()
         self._moment: dict[str, Any] | None = None
-        self._encoded: tuple[int, Part] | None = None
+        self._encoded: tuple[int, HubPart] | None = None
         self.connected = threading.Event()
         """Set when a browser comes; the owner clears it."""
 
@@ -113,15 +113,15 @@ class Hub:
             self._viewers = {viewer for viewer in self._viewers if not viewer.closed}
             if delta is None or not self._viewers:
                 return 0
-            part = Part(event("delta", delta))
+            part = HubPart(event("delta", delta))
             for viewer in self._viewers:
                 if not viewer.put(part):
                     viewer.replace(self._whole())
             return len(part.gzip)
 
-    def open(self) -> Viewer | None:
+    def open(self) -> PageViewer | None:
         """A new viewer in the running event loop, the moment first; None: there are too many."""
-        viewer = Viewer(asyncio.get_running_loop())
+        viewer = PageViewer(asyncio.get_running_loop())
         with self._lock:
             self._viewers = {known for known in self._viewers if not known.closed}
             if len(self._viewers) >= MAX_VIEWERS:
@@ -132,7 +132,7 @@ class Hub:
         self.connected.set()
         return viewer
 
-    def close(self, viewer: Viewer) -> None:
+    def close(self, viewer: PageViewer) -> None:
         """End one."""
         viewer.close()
         with self._lock:
@@ -145,9 +145,9 @@ class Hub:
                 viewer.close()
             self._viewers = set()
 
-    def _whole(self) -> Part:
+    def _whole(self) -> HubPart:
         assert self._moment is not None
         number = self._moment["seq"]
         if self._encoded is None or self._encoded[0] != number:
-            self._encoded = number, Part(event("moment", self._moment))
+            self._encoded = number, HubPart(event("moment", self._moment))
         return self._encoded[1]

@@ -9,7 +9,7 @@ from fastapi import APIRouter, Header
 from fastapi.responses import Response
 
 from dashboard import metrics
-from dashboard.web.hub import GZIP_HEAD, HEARTBEAT, MAX_VIEWERS, Hub, Part, Viewer
+from dashboard.web.hub import GZIP_HEAD, HEARTBEAT, MAX_VIEWERS, HubPart, PageHub, PageViewer
 from dashboard.web.services import Page
 from slipstream.http.problems import Problem
 from slipstream.http.streaming import EndlessResponse
@@ -17,7 +17,7 @@ from slipstream.http.streaming import EndlessResponse
 HEARTBEAT_S: Final = 2.0
 SEND_WITHIN_S: Final = 10.0
 """Time in which a browser has to take what is sent, before it is cut off."""
-_RETRY: Final = Part(b"retry: 1000\n\n")
+_RETRY: Final = HubPart(b"retry: 1000\n\n")
 
 router = APIRouter(prefix="/api/live")
 
@@ -42,14 +42,14 @@ async def follow(page: Page, accept_encoding: Annotated[str, Header()] = "") -> 
     )
 
 
-async def _parts(viewer: Viewer, gzip: bool) -> AsyncIterator[bytes]:
+async def _parts(viewer: PageViewer, gzip: bool) -> AsyncIterator[bytes]:
     yield (GZIP_HEAD if gzip else b"") + _RETRY.of(gzip)
     while not viewer.closed:
         parts = await viewer.take(HEARTBEAT_S)
         yield b"".join(part.of(gzip) for part in parts or [HEARTBEAT])
 
 
-def _end(hub: Hub, viewer: Viewer, slow: bool) -> None:
+def _end(hub: PageHub, viewer: PageViewer, slow: bool) -> None:
     hub.close(viewer)
     if slow:
         metrics.DROPPED.inc()

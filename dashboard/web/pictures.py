@@ -26,7 +26,7 @@ GLANCE_S: Final = 5.0
 """Whoever asks for single pictures is taken to look on for so long after each."""
 
 
-class Listener(Protocol):
+class PictureListener(Protocol):
     """Subscriptions that change; see `slipstream.subscriptions.Listener`."""
 
     def listen(self, key_expressions: frozenset[str]) -> None:
@@ -70,10 +70,10 @@ class Pictures:
         self._latest: OrderedDict[str, tuple[Picture, float]] = OrderedDict()
         self._waiting: dict[str, set[tuple[asyncio.AbstractEventLoop, asyncio.Event]]] = {}
         self._glances: dict[str, tuple[asyncio.TimerHandle, contextlib.ExitStack]] = {}
-        self._listener: Listener | None = None
+        self._listener: PictureListener | None = None
         self._change = threading.Lock()
 
-    def listen_by(self, listener: Listener | None) -> None:
+    def listen_by(self, listener: PictureListener | None) -> None:
         """Set what receives them; None: nothing does any more."""
         with self._change:
             self._listener = listener

@@ -10,9 +10,9 @@ from typing import Any, Final
 
 from dashboard import metrics
 from dashboard.live import LiveData, Snapshot
-from dashboard.web.hub import Hub
+from dashboard.web.hub import PageHub
 from dashboard.web.services import Known
-from dashboard.web.tables import Tables
+from dashboard.web.tables import PageTables
 from slipstream.service import LogLimiter
 
 log = logging.getLogger(__name__)
@@ -38,14 +38,14 @@ class Present(threading.Thread):
         tables: of the page.
         hub: told of changes.
         connected: whether the bus answers.
-        energy: see `Tables.update`; None: not known.
+        energy: see `PageTables.update`; None: not known.
     """
 
     def __init__(
         self,
         live: LiveData,
-        tables: Tables,
-        hub: Hub,
+        tables: PageTables,
+        hub: PageHub,
         connected: Callable[[], bool],
         energy: Callable[[], Mapping[str, Any] | None] = lambda: None,
     ) -> None:

@@ -27,7 +27,7 @@ _STATES_A_HOUR: Final = 3600
 _CHART_HEIGHT: Final = 120.0
 
 
-class Availability(NamedTuple):
+class UpTime(NamedTuple):
     """Share of a day's seconds in which an RSU reported on its roads, and measured them."""
 
     rsu: str
@@ -65,7 +65,7 @@ class Day:
     cycles: CycleSums
     alarms: Sequence[Event]
     more_alarms: bool
-    rsus: Sequence[Availability]
+    rsus: Sequence[UpTime]
 
 
 def read_day(
@@ -112,7 +112,7 @@ def read_day(
 
 def availability(
     watched: Mapping[str, Sequence[str]], counted: Mapping[str, tuple[int, int]], time_s: float
-) -> list[Availability]:
+) -> list[UpTime]:
     """Shares of RSUs, the worst first.
 
     A segment state comes once a second. What several RSUs report of one road cannot be told apart:
@@ -136,7 +136,7 @@ def availability(
             )
             for place in (0, 1)
         ]
-        found.append(Availability(rsu, *shares))
+        found.append(UpTime(rsu, *shares))
     return sorted(found, key=lambda one: (one.reported, one.measured, one.rsu))
 
 

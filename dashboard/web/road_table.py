@@ -46,7 +46,7 @@ class _Road:
 
 
 @dataclass(frozen=True)
-class _Frame:
+class _TableFrame:
     """What decides which roads are watched, and by what beside their states."""
 
     limits: RoadLimits
@@ -54,7 +54,7 @@ class _Frame:
     watching: Mapping[str, tuple[str, ...]]
     stopped: tuple[StoppedVehicles, ...]
 
-    def holds(self, other: _Frame) -> bool:
+    def holds(self, other: _TableFrame) -> bool:
         """Whether both are the same; messages are replaced, never changed."""
         return (
             self.last is other.last
@@ -87,7 +87,7 @@ class RoadTable:
         self.open: frozenset[str] = frozenset()
         self.standing: tuple[RoadView, ...] = ()
         self._roads: dict[str, _Road] = {}
-        self._frame = _Frame(_NO_LIMITS, None, {}, ())
+        self._frame = _TableFrame(_NO_LIMITS, None, {}, ())
         self._states: Mapping[tuple[str, str], SegmentState] = {}
         self._complete_until_ns = 0
 
@@ -99,7 +99,7 @@ class RoadTable:
             now_ns: UTC of the moment.
             limits: within which states count.
         """
-        frame = _Frame(
+        frame = _TableFrame(
             limits,
             snapshot.cycles[-1] if snapshot.cycles else None,
             {name: health.segments for name, health in snapshot.rsus.items()},
@@ -128,7 +128,7 @@ class RoadTable:
                 changed.append((name, state))
         return changed
 
-    def _rebuild(self, snapshot: Snapshot, now_ns: int, frame: _Frame) -> None:
+    def _rebuild(self, snapshot: Snapshot, now_ns: int, frame: _TableFrame) -> None:
         """Look at all roads; those whose messages are the same stay as they are."""
         old = self._roads if frame.limits == self._frame.limits else {}
         self._roads = {}
@@ -203,7 +203,7 @@ class RoadTable:
             self.standing = tuple(road.view for road in roads if road.view.stopped)
 
 
-def _made(data: RoadData, frame: _Frame, now_ns: int) -> _Road:
+def _made(data: RoadData, frame: _TableFrame, now_ns: int) -> _Road:
     cycle = None if frame.last is None else frame.last.cycle
     view = road_view(data, cycle, now_ns, frame.limits)
     plain = len(data.states) == 1 and not data.stopped

@@ -151,7 +151,7 @@ def unheard_rsu_row(segments: Sequence[str], scene: Scene, overdue: bool) -> Row
 
 
 @dataclass(frozen=True)
-class Tour:
+class TourRow:
     """What of a vehicle's plan stays the same for as long as it has it.
 
     Attributes:
@@ -171,7 +171,7 @@ class Tour:
     fixed: Row
 
     @classmethod
-    def of(cls, plan: VehiclePlan, scene: Scene) -> Tour:
+    def of(cls, plan: VehiclePlan, scene: Scene) -> TourRow:
         """The tour of a plan."""
         index = scene.places.index
         route: list[tuple[int, str | None]] = []
@@ -205,7 +205,7 @@ class Tour:
 
 def vehicle_row(
     van: VehicleView,
-    tour: Tour,
+    tour: TourRow,
     drawn: list[list[int]],
     scene: Scene,
     partners: Mapping[tuple[str, str], Sequence[str]],
@@ -216,7 +216,7 @@ def vehicle_row(
     Args:
         van: its view.
         tour: of its plan.
-        drawn: see `Tour.drawn`.
+        drawn: see `TourRow.drawn`.
         scene: roads and fleet.
         partners: vehicles by platoon and road, see `platoons`.
         saved_kwh: by the platoons of its plan; None: not known.

@@ -12,7 +12,7 @@ from fastapi import Depends, Request
 from dashboard.live import Snapshot
 from dashboard.settings import DashboardSettings
 from dashboard.web.energy import EnergyBook
-from dashboard.web.hub import Hub
+from dashboard.web.hub import PageHub
 from dashboard.web.pictures import Pictures
 from dashboard.web.rows import Moment, Scene
 from dashboard.web.words import Words
@@ -54,7 +54,7 @@ class Past(Protocol):
 
 
 @dataclass(frozen=True)
-class Services:
+class PageServices:
     """The page as its routes see it; all of it may be called from any thread.
 
     Attributes:
@@ -70,7 +70,7 @@ class Services:
     settings: DashboardSettings
     scene: Scene
     now: Callable[[], Known]
-    hub: Hub | None = None
+    hub: PageHub | None = None
     pictures: Pictures | None = None
     past: Past | None = None
     reader: Reader | None = None
@@ -96,10 +96,10 @@ class Services:
         return self.past.at(t * 1_000_000)
 
 
-def _services(request: Request) -> Services:
-    found: Services = request.app.state.services
+def _services(request: Request) -> PageServices:
+    found: PageServices = request.app.state.services
     return found
 
 
-Page = Annotated[Services, Depends(_services)]
+Page = Annotated[PageServices, Depends(_services)]
 """A route's parameter of this type is the services."""

@@ -17,7 +17,7 @@ from dashboard.web import rows
 from dashboard.web.levels import raised, raised_row, worst_by_row
 from dashboard.web.orders import Serving, changes_ns, order_row, servings
 from dashboard.web.road_table import RoadTable
-from dashboard.web.rows import TABLES, Moment, Row, Rows, Scene, Tour, ms
+from dashboard.web.rows import TABLES, Moment, Row, Rows, Scene, TourRow, ms
 from slipstream.freshness import age_s, fault
 from slipstream.messages import CycleReport, VehiclePlan
 from slipstream.orders import ENDED, OrderRecord
@@ -49,7 +49,7 @@ class Limits:
     silent_after_s: float
 
 
-class Tables:
+class PageTables:
     """The tables of the latest moment; of roads only what has changed is made anew.
 
     Args:
@@ -78,7 +78,7 @@ class Tables:
         self._roads = RoadTable(self._rsus)
         self._down_ns: int | None = None
         self._answers_ns: int | None = None
-        self._tours: dict[str, tuple[Tour, tuple[bool, ...], list[list[int]]]] = {}
+        self._tours: dict[str, tuple[TourRow, tuple[bool, ...], list[list[int]]]] = {}
         self._partners: tuple[tuple[int, ...], tuple[VehiclePlan, ...], Partners] = (), (), {}
         self._orders: dict[str, _KnownOrder] = {}
         self._order_table: Rows = {}
@@ -218,7 +218,7 @@ class Tables:
         for van in vans:
             tour, was_open, drawn = known.get(van.vehicle) or (None, (), [])
             if tour is None or (tour.plan is not van.plan and tour.plan != van.plan):
-                tour, drawn = Tour.of(van.plan, self._scene), []
+                tour, drawn = TourRow.of(van.plan, self._scene), []
             is_open = tuple(road in van.open_roads for road in tour.shared)
             if not drawn or was_open != is_open:
                 drawn = tour.drawn(van.open_roads)

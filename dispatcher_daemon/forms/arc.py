@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from dispatcher_daemon.forms.problem import ArcProblem
 from dispatcher_daemon.forms.qubo import Encoding, QuboModel, add_square, empty_bqm
-from dispatcher_daemon.forms.subtours import OrderRow, bits_for, full_rows, order_rows
+from dispatcher_daemon.forms.subtours import PrecedenceRow, bits_for, full_rows, order_rows
 
 
 @dataclass(frozen=True)
@@ -147,7 +147,7 @@ def _degree_rows(problem: ArcProblem, x: list[ArcVariable]) -> Iterator[PenaltyR
 
 
 def _order_rows(
-    orders: tuple[OrderRow, ...], x: list[ArcVariable], width: int
+    orders: tuple[PrecedenceRow, ...], x: list[ArcVariable], width: int
 ) -> Iterator[PenaltyRow]:
     """H_subtour: the order rows over x, order bits and slack bits."""
     arcs: dict[tuple[str | None, str, str], list[Variable]] = {}

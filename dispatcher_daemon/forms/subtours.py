@@ -21,7 +21,7 @@ Pair = tuple[str, str]
 
 
 @dataclass(frozen=True)
-class OrderRow:
+class PrecedenceRow:
     """u_i − u_j + ``weight`` x_ij + ``constant`` + Σ_m slack_m w_m = 0 for the arc (i, j).
 
     Attributes:
@@ -42,7 +42,7 @@ def bits_for(values: int) -> int:
     return (values - 1).bit_length()
 
 
-def full_rows(problem: ArcProblem) -> tuple[OrderRow, ...]:
+def full_rows(problem: ArcProblem) -> tuple[PrecedenceRow, ...]:
     """u_ik − u_jk + N x_ijk ≤ N − 1 for each candidate arc between customers (paper III-B).
 
     u takes the values 0..2^B − 1 of its B bits, of which a tour needs 0..N − 1, so the slack needs
@@ -51,20 +51,20 @@ def full_rows(problem: ArcProblem) -> tuple[OrderRow, ...]:
     size = len(problem.customers)
     slack = tuple(1 << bit for bit in range(bits_for(2 * size - 1)))
     return tuple(
-        OrderRow(arc.start, arc.end, size, 1 - size, slack, arc.vehicle)
+        PrecedenceRow(arc.start, arc.end, size, 1 - size, slack, arc.vehicle)
         for arc in problem.arcs
         if problem.depot not in (arc.start, arc.end)
     )
 
 
-def order_rows(problem: ArcProblem) -> tuple[OrderRow, ...]:
+def order_rows(problem: ArcProblem) -> tuple[PrecedenceRow, ...]:
     """Rows that exclude every subtour, and equalities that tie the other stops' order to them."""
     customers = problem.customers
     longest = len(customers) - len(problem.vehicles)
     components = [c for c in _cyclic_components(problem) if longest >= 2 and len(c) >= 2]
     arcs = sorted({(a.start, a.end) for a in problem.arcs if problem.depot not in (a.start, a.end)})
     inside = _arcs_on_cycles(problem)
-    rows: list[OrderRow] = []
+    rows: list[PrecedenceRow] = []
     for component in components:
         pairs = [p for p in arcs if p in inside and p[0] in component and p[1] in component]
         # A vehicle can serve all stops but those that the other vehicles leave the depot for.
@@ -74,21 +74,21 @@ def order_rows(problem: ArcProblem) -> tuple[OrderRow, ...]:
     return tuple(rows)
 
 
-def _pair_rows(pairs: Sequence[Pair]) -> list[OrderRow]:
+def _pair_rows(pairs: Sequence[Pair]) -> list[PrecedenceRow]:
     """The 2-cycle i→j→i: u_i − u_j is −1 or 1, and both arcs at once leave it no value."""
     (i, j), (_, _) = pairs
-    return [OrderRow(i, j, 2, -1, (2,)), OrderRow(j, i, 2, -1)]
+    return [PrecedenceRow(i, j, 2, -1, (2,)), PrecedenceRow(j, i, 2, -1)]
 
 
-def _mtz_rows(pairs: Sequence[Pair], run: int) -> list[OrderRow]:
+def _mtz_rows(pairs: Sequence[Pair], run: int) -> list[PrecedenceRow]:
     """u_i − u_j + M x_ij ≤ M − 1 with M = ``run``, its slack of 0..2(M − 1) in binary."""
     slack = tuple(1 << bit for bit in range(bits_for(2 * run - 1)))
-    return [OrderRow(i, j, run, 1 - run, slack) for i, j in pairs]
+    return [PrecedenceRow(i, j, run, 1 - run, slack) for i, j in pairs]
 
 
 def _forest_rows(
     customers: Sequence[str], arcs: Sequence[Pair], components: Sequence[frozenset[str]]
-) -> list[OrderRow]:
+) -> list[PrecedenceRow]:
     """u_j = u_i + x_ij on a spanning forest between the components: always satisfiable."""
     parent = {name: name for name in customers}
 
@@ -105,7 +105,7 @@ def _forest_rows(
     for i, j in arcs:
         if root(i) != root(j):
             parent[root(j)] = root(i)
-            rows.append(OrderRow(i, j, 1, 0))
+            rows.append(PrecedenceRow(i, j, 1, 0))
     return rows
 
 

@@ -12,9 +12,9 @@ from dispatcher_daemon.fleet import Fleet, Stop
 from dispatcher_daemon.fleet.learning import Learned, Learning
 from dispatcher_daemon.fleet.tracking import (
     FRESH_NS,
+    FleetSituation,
     FleetTracker,
     OpenTour,
-    Situation,
     TrackedVehicle,
 )
 from dispatcher_daemon.traffic import TrafficSnapshot
@@ -182,7 +182,7 @@ class FleetWatch:
 
     def situation(
         self, fleet: Fleet | None, cycle: int, now_ns: int, reference_s: float
-    ) -> Situation:
+    ) -> FleetSituation:
         """The fleet's file as it is now, and what a cycle may plan; see `FleetTracker`."""
         self.fleet = fleet
         with self._lock:

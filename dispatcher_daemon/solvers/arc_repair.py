@@ -32,14 +32,14 @@ def follow_arcs(
     patterns, inverse = np.unique(selections, axis=0, return_inverse=True)
     repaired = patterns.copy()
     for row, pattern in enumerate(patterns):
-        arcs = _Search(problem, pattern, max_steps).routes()
+        arcs = _RepairSearch(problem, pattern, max_steps).routes()
         if arcs is not None:
             repaired[row] = 0
             repaired[row, arcs] = 1
     return repaired[inverse.ravel()]
 
 
-class _Search:
+class _RepairSearch:
     def __init__(self, problem: ArcProblem, pattern: npt.NDArray[np.int8], max_steps: int) -> None:
         self._problem = problem
         self._steps = max_steps

@@ -14,7 +14,7 @@ _LEAST_SLOPE: Final = 0.25
 
 
 @dataclass(frozen=True)
-class Pace:
+class SolverPace:
     """Time for samples, linear in their number.
 
     Attributes:
@@ -37,7 +37,7 @@ class Pace:
         return min(most, max(_FEW, int(left_s / self.shot_s)))
 
 
-def measure_pace(take: Callable[[int], object], shots: int, enough_s: float) -> Pace:
+def measure_pace(take: Callable[[int], object], shots: int, enough_s: float) -> SolverPace:
     """Try a few samples, and some more where the few do not show that there is time enough.
 
     Args:
@@ -47,10 +47,10 @@ def measure_pace(take: Callable[[int], object], shots: int, enough_s: float) -> 
     """
     few_s = _timed(take, _FEW)
     if few_s * max(1.0, shots / _FEW) <= enough_s:
-        return Pace(0.0, few_s / _FEW)
+        return SolverPace(0.0, few_s / _FEW)
     more_s = _timed(take, _MORE)
     slope = max((more_s - few_s) / (_MORE - _FEW), _LEAST_SLOPE * more_s / _MORE)
-    return Pace(max(0.0, more_s - slope * _MORE), slope)
+    return SolverPace(max(0.0, more_s - slope * _MORE), slope)
 
 
 def _timed(take: Callable[[int], object], shots: int) -> float:

@@ -49,7 +49,7 @@ class Reception(NamedTuple):
 
 
 @dataclass
-class _Record:
+class _ReceptionRecord:
     """Counts of one RSU; sequence numbers as in RFC 3550, A.3, anew after a restart."""
 
     first: int
@@ -135,7 +135,7 @@ class ReceptionTable:
         self._settled_s: float | None = None
         self.stops = 0
         self.missed_here = 0
-        self._records: OrderedDict[str, _Record] = OrderedDict()
+        self._records: OrderedDict[str, _ReceptionRecord] = OrderedDict()
 
     def count(
         self, rsu: str, sequence: int, time_ns: int, delay_s: float, *, out_of_order: bool
@@ -187,12 +187,12 @@ class ReceptionTable:
             self.stops += 1
         return self._settled_s is not None and now_s < self._settled_s
 
-    def _record(self, rsu: str, sequence: int, time_ns: int) -> _Record:
+    def _record(self, rsu: str, sequence: int, time_ns: int) -> _ReceptionRecord:
         record = self._records.get(rsu)
         if record is None:
             if len(self._records) >= MAX_RSUS:
                 self._records.popitem(last=False)
-            record = self._records[rsu] = _Record(sequence, sequence, time_ns)
+            record = self._records[rsu] = _ReceptionRecord(sequence, sequence, time_ns)
         self._records.move_to_end(rsu)
         record.told = None
         return record

@@ -137,7 +137,7 @@ def _vanishing_point(feet: list[Array]) -> Array:
 
 
 @dataclass(frozen=True)
-class _Camera:
+class _GuessedCamera:
     """A level camera: axes along the road, to its left and up, shape (3, 3), in camera axes."""
 
     axes: Array
@@ -157,7 +157,9 @@ class _Camera:
         return np.asarray(rays[:, :2] * self.height_m / -rays[:, 2:])
 
 
-def _level_camera(vanishing: Array, focal: float, height: float, size: tuple[int, int]) -> _Camera:
+def _level_camera(
+    vanishing: Array, focal: float, height: float, size: tuple[int, int]
+) -> _GuessedCamera:
     middle = np.array(size) / 2
     along = np.append((vanishing - middle) / focal, 1.0)
     along /= np.linalg.norm(along)
@@ -166,7 +168,7 @@ def _level_camera(vanishing: Array, focal: float, height: float, size: tuple[int
     left = np.cross(up, along)
     left /= np.linalg.norm(left)
     up = np.cross(along, left)
-    return _Camera(np.stack([along, left, up]), focal, height, middle)
+    return _GuessedCamera(np.stack([along, left, up]), focal, height, middle)
 
 
 def _camera(
@@ -174,7 +176,7 @@ def _camera(
     feet: list[Array],
     size: tuple[int, int],
     car_m: tuple[float, ...] = _CAR_M,
-) -> _Camera:
+) -> _GuessedCamera:
     vanishing = _vanishing_point(feet)
     boxes = np.concatenate([path[:: max(1, len(path) // 12)] for path in paths])
     foot = box_feet(boxes)
@@ -185,7 +187,7 @@ def _camera(
     sizes = np.log(boxes[:, 2:] - boxes[:, :2])
     ends = _SHAPE * car_m
 
-    def camera_of(parameters: Array) -> _Camera:
+    def camera_of(parameters: Array) -> _GuessedCamera:
         focal, height = np.exp(parameters[:2]).tolist()
         return _level_camera(vanishing + _VANISHING_PX * parameters[2:], focal, height, size)
 
@@ -213,13 +215,13 @@ def _camera(
     return camera_of(np.asarray(best.x))
 
 
-def _length_scale(camera: _Camera) -> float:
+def _length_scale(camera: _GuessedCamera) -> float:
     """Lengths along the road go with focal length times height."""
     return camera.focal_px * camera.height_m
 
 
 def _points(
-    camera: _Camera, near: float, far: float, size: tuple[int, int]
+    camera: _GuessedCamera, near: float, far: float, size: tuple[int, int]
 ) -> tuple[CalibrationPoint, ...]:
     middle = np.full(2, size[0] / 2)
     stations = camera.to_road(np.column_stack([middle, [near, far]]))[:, 0]

@@ -19,7 +19,7 @@ _MINM: Final = 8.0
 
 
 @dataclass(frozen=True)
-class Vehicle:
+class SeenVehicle:
     """One vehicle of a recording.
 
     Attributes:
@@ -59,7 +59,7 @@ def follow(
     detections: list[Detections],
     camera: Camera,
     stations_m: tuple[float, float],
-) -> list[Vehicle]:
+) -> list[SeenVehicle]:
     """Track the boxes on the road: each vehicle's mean speed, weighted by certainty.
 
     Args:
@@ -89,6 +89,6 @@ def follow(
         velocity = np.polyfit(of_one.time_s - of_one.time_s[0], of_one.point_m, 1, w=certainty)[0]
         kind = VEHICLE_CLASSES[int(of_one.vehicle_class[-1])]
         vehicles.append(
-            Vehicle(kind, 3.6 * float(np.hypot(*velocity)), moved, box_feet(of_one.box))
+            SeenVehicle(kind, 3.6 * float(np.hypot(*velocity)), moved, box_feet(of_one.box))
         )
     return vehicles

@@ -29,7 +29,7 @@ _NEAR_M: Final = 20.0
 
 
 @dataclass(frozen=True)
-class Site:
+class PlaceSite:
     """A new place.
 
     Attributes:
@@ -49,7 +49,7 @@ class Site:
     port: int
 
 
-def files_of(site: Site) -> dict[str, tuple[type[Settings], Mapping[str, Any], str]]:
+def files_of(site: PlaceSite) -> dict[str, tuple[type[Settings], Mapping[str, Any], str]]:
     """By file name: its model, its values, and its text with comments."""
     from dashboard.settings import DashboardSettings
     from dispatcher_daemon.fleet import Fleet

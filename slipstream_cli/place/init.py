@@ -95,13 +95,13 @@ def _write(options: argparse.Namespace, folder: Path, net: str, made: Path | Non
     from slipstream.config import check
     from slipstream.osm import largest_part
     from slipstream.sumo_net import load_network
-    from slipstream_cli.place.files import Site, files_of
+    from slipstream_cli.place.files import PlaceSite, files_of
     from slipstream_cli.place.layout import lay_out
 
     network = load_network(net if made is None else str(made))
     part = largest_part(network, net)
     layout = lay_out(part, _place(options.at, network))
-    site = Site(folder, net, layout, options.rsu, options.vans, options.port)
+    site = PlaceSite(folder, net, layout, options.rsu, options.vans, options.port)
     files = files_of(site)
     for name, (model, values, _) in files.items():
         check(values, model, name)

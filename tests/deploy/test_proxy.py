@@ -25,9 +25,9 @@ from dashboard.server import start_server, stop_server
 from dashboard.settings import DashboardSettings
 from dashboard.view.places import Places
 from dashboard.web.app import make_app
-from dashboard.web.hub import Hub
+from dashboard.web.hub import PageHub
 from dashboard.web.rows import Scene
-from dashboard.web.services import Known, Services
+from dashboard.web.services import Known, PageServices
 from slipstream.bus import free_port
 from slipstream.http.server import HttpServer
 from slipstream.sumo_net import load_network
@@ -114,7 +114,7 @@ def proxy(
     network = load_network("demo")
     settings = DashboardSettings(allowed_hosts=request.param)
     nothing = Known(Snapshot(), {"t": 0, "seq": 0, "rsus": {}}, 0)
-    services = Services(settings, Scene(Places(network)), lambda: nothing, Hub())
+    services = PageServices(settings, Scene(Places(network)), lambda: nothing, PageHub())
     page.start(make_app(services))
     threading.Thread(target=api.serve_forever, daemon=True).start()
     process = subprocess.Popen([nginx, "-c", str(main)], stderr=subprocess.DEVNULL)

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from slipstream_cli.progress import Progress
+from slipstream_cli.progress import ProgressLine
 
 
 class Terminal(io.StringIO):
@@ -25,7 +25,7 @@ def test_remaining_time_follows_the_rate_so_far(monkeypatch: pytest.MonkeyPatch)
     clock = SimpleNamespace(monotonic=lambda: next(times_s))
     monkeypatch.setattr("slipstream_cli.progress.time", clock)
     stream = Terminal()
-    with Progress("planning", stream) as shown:
+    with ProgressLine("planning", stream) as shown:
         for done in (1, 25, 90, 100):
             shown.update(done, 100)
     lines = [line.rstrip() for line in stream.getvalue().split("\r")[1:]]
@@ -42,6 +42,6 @@ def test_remaining_time_follows_the_rate_so_far(monkeypatch: pytest.MonkeyPatch)
 def test_a_pipe_gets_nothing() -> None:
     """No line, no end of one."""
     stream = io.StringIO()
-    with Progress("planning", stream) as shown:
+    with ProgressLine("planning", stream) as shown:
         shown.update(1, 2)
     assert stream.getvalue() == ""

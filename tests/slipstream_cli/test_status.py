@@ -27,7 +27,7 @@ from slipstream.zenoh_config import router_config
 from slipstream_cli import running
 from slipstream_cli.main import main
 from slipstream_cli.running import Running, command_of
-from slipstream_cli.status import Finding, Heard, of_bus, of_units
+from slipstream_cli.status import BusHeard, Finding, of_bus, of_units
 from vehicle_agent.settings import AgentSettings
 
 
@@ -152,7 +152,7 @@ def test_a_message_of_another_version_is_one_line(
 
 def test_an_expected_rsu_that_cannot_be_read_is_told_once() -> None:
     """Not also as one of which nothing was heard."""
-    heard = Heard(True, unreadable={rsu_health_key("a"): "not a RsuHealth"})
+    heard = BusHeard(True, unreadable={rsu_health_key("a"): "not a RsuHealth"})
     found = _found(heard, "a", "b")
     assert set(found) == {"bus", rsu_health_key("a"), "RSU b"}
     assert not found[rsu_health_key("a")].well
@@ -271,7 +271,7 @@ def test_what_cannot_be_read_is_unknown_and_not_well(
     assert (bus["well"], "run it as root" in bus["text"]) == (None, True)
 
 
-def _found(heard: Heard, *expected: str) -> dict[str, Finding]:
+def _found(heard: BusHeard, *expected: str) -> dict[str, Finding]:
     found = of_bus(heard, BusSettings(), {*expected}, time.time_ns(), needed=True)
     return {finding.name: finding for finding in found}
 
@@ -279,7 +279,7 @@ def _found(heard: Heard, *expected: str) -> dict[str, Finding]:
 def test_what_the_bus_tells_is_judged_by_age_and_content() -> None:
     """Silence, a camera's fault, an RSU that was never heard, a damaged database."""
     old = time.time_ns() - 60 * 10**9
-    heard = Heard(
+    heard = BusHeard(
         True,
         {
             "a": rsu(rsu="a", time_ns=old),
@@ -296,17 +296,17 @@ def test_what_the_bus_tells_is_judged_by_age_and_content() -> None:
     assert "nothing heard" in found["RSU e"].text
     assert "x.db" in found["dispatcher (bus)"].text
     assert {name for name, finding in found.items() if finding.well} == {"bus", "RSU d"}
-    silent = _found(Heard(True, {}, dispatcher(time_ns=old)))["dispatcher (bus)"]
+    silent = _found(BusHeard(True, {}, dispatcher(time_ns=old)))["dispatcher (bus)"]
     assert (silent.well, "silent for 6" in silent.text) == (False, True)
     fault = "no solver works (exact: BrokenProcessPool: All workers expired)"
-    unsolved = _found(Heard(True, {}, dispatcher(solver_fault=fault)))["dispatcher (bus)"]
+    unsolved = _found(BusHeard(True, {}, dispatcher(solver_fault=fault)))["dispatcher (bus)"]
     assert (unsolved.well, unsolved.text.partition(";")[0]) == (False, fault)
     bus, now = BusSettings(), time.time_ns()
     unheard = {
-        f.name: f for f in of_bus(Heard(True), bus, set(), now, needed=True, has_dispatcher=True)
+        f.name: f for f in of_bus(BusHeard(True), bus, set(), now, needed=True, has_dispatcher=True)
     }
     assert unheard["dispatcher (bus)"].well is False
-    paused = _found(Heard(True, {}, dispatcher(paused=True)))["dispatcher (bus)"]
+    paused = _found(BusHeard(True, {}, dispatcher(paused=True)))["dispatcher (bus)"]
     assert (paused.well, paused.text.partition(";")[0]) == (False, "paused: no cycle runs")
 
 

@@ -15,7 +15,7 @@ from dashboard.web.levels import raised, worst_by_row
 from dashboard.web.orders import order_row, servings
 from dashboard.web.past import views
 from dashboard.web.past.facts import Facts
-from dashboard.web.rows import Moment, Row, Scene, Tour, ms
+from dashboard.web.rows import Moment, Row, Scene, TourRow, ms
 from slipstream.messages import Alarm, Severity
 from slipstream.orders import drafting_kwh
 from storage import Event
@@ -52,7 +52,7 @@ def moment_at(facts: Facts, snapshot: Snapshot, scene: Scene) -> Moment:
     serving = servings(vans, snapshot.plans)
 
     def vehicle_row(van: VehicleView) -> Row:
-        tour = Tour.of(van.plan, scene)
+        tour = TourRow.of(van.plan, scene)
         saved_kwh = snapshot.drafting_kwh.get((van.vehicle, van.plan.cycle))
         drawn = tour.drawn(van.open_roads)
         return rows.vehicle_row(van, tour, drawn, scene, partners, saved_kwh)

@@ -17,7 +17,7 @@ _HOUR_S: Final = 3600.0
 
 
 @dataclass
-class Trace:
+class DrivenTrace:
     """One vehicle's drive: speeds at the steps, and at which of them it came onto which segment of
     its route; the first entry is where it came onto the road.
     """
@@ -45,7 +45,7 @@ class Passages:
         self._row: dict[tuple[str, str], int] = {}
         self._tables: list[tuple[Array, Array]] = []
 
-    def count(self, traces: Sequence[Trace]) -> None:
+    def count(self, traces: Sequence[DrivenTrace]) -> None:
         """Count the whole passages of some traces: from entering a segment to entering the next."""
         rows, cells = [], []
         offset = 0
@@ -86,7 +86,7 @@ class Passages:
         below = np.maximum(limit_mps - speed_mps, 0.0)
         return np.asarray(below**2 / (2 * self._gain_mps2 * np.maximum(limit_mps, 1e-9)))
 
-    def _along(self, traces: Sequence[Trace]) -> tuple[Array, Array]:
+    def _along(self, traces: Sequence[DrivenTrace]) -> tuple[Array, Array]:
         """Energy lost, kWh, and stops, up to each step of the traces laid end to end."""
         speeds = np.concatenate([trace.speeds_mps for trace in traces])
         v0, v1 = speeds[:-1], speeds[1:]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from dispatcher_daemon.fleet.learning.passages import Trace
+from dispatcher_daemon.fleet.learning.passages import DrivenTrace
 from slipstream.messages import VehiclePosition
 from slipstream.roads import RoadNetwork
 
@@ -19,11 +19,11 @@ _S_NS: Final = 10**9
 
 
 @dataclass
-class _Drive:
+class _TracedDrive:
     """A drive that goes on."""
 
     begin_ns: int
-    trace: Trace
+    trace: DrivenTrace
     route: list[str]
 
 
@@ -37,8 +37,8 @@ class PositionTraces:
 
     def __init__(self, network: RoadNetwork) -> None:
         self._network = network
-        self._drives: dict[str, _Drive] = {}
-        self._ended: list[Trace] = []
+        self._drives: dict[str, _TracedDrive] = {}
+        self._ended: list[DrivenTrace] = []
 
     def add(self, position: VehiclePosition) -> None:
         """The next position of a vehicle; on a segment of the network."""
@@ -66,7 +66,7 @@ class PositionTraces:
             drive.route.append(here)
             drive.trace.entries.append((step, len(drive.route) - 1))
 
-    def take(self) -> list[Trace]:
+    def take(self) -> list[DrivenTrace]:
         """The traces that have ended since the last call."""
         ended, self._ended = self._ended, []
         return ended
@@ -74,8 +74,8 @@ class PositionTraces:
     def _begin(self, position: VehiclePosition) -> None:
         route = [position.segment]
         begin_s = position.time_ns // _S_NS % _DAY_S
-        trace = Trace(float(begin_s), route, [position.speed_mps], [(0, 0)])
-        self._drives[position.vehicle] = _Drive(position.time_ns, trace, route)
+        trace = DrivenTrace(float(begin_s), route, [position.speed_mps], [(0, 0)])
+        self._drives[position.vehicle] = _TracedDrive(position.time_ns, trace, route)
 
     def _end(self, vehicle: str) -> None:
         drive = self._drives.pop(vehicle, None)

@@ -11,7 +11,7 @@ from dispatcher_daemon.fleet.tracking.open_tours import OpenTour, fleet_of
 from dispatcher_daemon.fleet.tracking.order_stops import NO_PLACE, OPENS_LATER, stop_of
 from dispatcher_daemon.fleet.tracking.orders import OrderBook
 from dispatcher_daemon.fleet.tracking.risk import at_risk, lateness
-from dispatcher_daemon.fleet.tracking.situation import HIDDEN, Situation
+from dispatcher_daemon.fleet.tracking.situation import HIDDEN, FleetSituation
 from dispatcher_daemon.fleet.tracking.tracker import FleetTracker
 from dispatcher_daemon.fleet.tracking.vehicle import FRESH_NS, TrackedVehicle
 
@@ -21,10 +21,10 @@ __all__ = [
     "NO_PLACE",
     "OPENS_LATER",
     "Claim",
+    "FleetSituation",
     "FleetTracker",
     "OpenTour",
     "OrderBook",
-    "Situation",
     "TrackedVehicle",
     "at_risk",
     "fleet_of",

@@ -63,7 +63,7 @@ def is_at(network: RoadNetwork, position: VehiclePosition, node: str) -> bool:
     return place is not None and math.dist(where(network, position), place) <= AT_PLACE_M
 
 
-class Sightings:
+class VehicleSightings:
     """What is kept of one vehicle's positions. Times are of its own clock, as those of its visits.
 
     Args:

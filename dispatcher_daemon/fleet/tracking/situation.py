@@ -21,7 +21,7 @@ HIDDEN: Final = "a caller's order that has not ended has its id"
 
 
 @dataclass(frozen=True)
-class Situation:
+class FleetSituation:
     """The fleet of one cycle.
 
     Attributes:
@@ -52,7 +52,7 @@ def nobody_free(fleet: Fleet | None, left_out: Mapping[str, str], bound: int) ->
 
     Args:
         fleet: of the file.
-        left_out: as of `Situation`.
+        left_out: as of `FleetSituation`.
         bound: vehicles on their way.
     """
     counts = Counter(left_out.values())
@@ -60,7 +60,7 @@ def nobody_free(fleet: Fleet | None, left_out: Mapping[str, str], bound: int) ->
     kinds += [f"{bound} on the way"] if bound else []
     if not kinds and fleet is None:
         return "no vehicle is in the fleet's file"
-    return f"{Situation.nobody}{': ' if kinds else ''}{', '.join(kinds)}"
+    return f"{FleetSituation.nobody}{': ' if kinds else ''}{', '.join(kinds)}"
 
 
 def cycle_fleet(
@@ -73,7 +73,7 @@ def cycle_fleet(
     reference_ns: int,
     requested: Sequence[Stop] = (),
 ) -> Fleet | None:
-    """The fleet of a cycle; see `Situation`.
+    """The fleet of a cycle; see `FleetSituation`.
 
     Args:
         fleet: of the file.

@@ -20,8 +20,8 @@ from dispatcher_daemon.fleet.tracking.order_stops import (
 )
 from dispatcher_daemon.fleet.tracking.orders import OrderBook
 from dispatcher_daemon.fleet.tracking.plan_life import PlanLife
-from dispatcher_daemon.fleet.tracking.sightings import Sighting, Sightings, where
-from dispatcher_daemon.fleet.tracking.situation import Situation, cycle_fleet, nobody_free
+from dispatcher_daemon.fleet.tracking.sightings import Sighting, VehicleSightings, where
+from dispatcher_daemon.fleet.tracking.situation import FleetSituation, cycle_fleet, nobody_free
 from dispatcher_daemon.fleet.tracking.vehicle import TrackedVehicle, loaded
 from dispatcher_daemon.fleet.vehicles import Vehicle
 from slipstream.energy_ledger import PlanEnergy
@@ -75,7 +75,7 @@ class FleetTracker:
             position = vehicle.position
             if position is not None and position.segment in network.segments:
                 seen = Sighting(position.time_ns, where(network, position))
-                vehicle.sightings = Sightings(seen)
+                vehicle.sightings = VehicleSightings(seen)
         for record in stored.plans:
             self._resume(record)
 
@@ -198,7 +198,7 @@ class FleetTracker:
 
     def situation(
         self, fleet: Fleet | None, cycle: int, now_ns: int, reference_s: float
-    ) -> Situation:
+    ) -> FleetSituation:
         """What a cycle may plan. Plans that nobody answers, or that nobody left for, are taken
         back first.
 
@@ -265,7 +265,7 @@ class FleetTracker:
         hidden = tuple(stop.id for stop in listed if orders[stop.id].request is not None)
         road_users = on_road(plans, now_ns, late_s)
         own = tuple(bound)
-        return Situation(found, own, left_out, road_users, hidden, waiting, nobody)
+        return FleetSituation(found, own, left_out, road_users, hidden, waiting, nobody)
 
     def _waiting(self, found: Fleet | None, nobody: str, now_ns: int) -> dict[str, str]:
         """Reason by order that is due and not in a cycle's fleet, although nobody serves it as far

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 from dispatcher_daemon.fleet.stops import Depot
-from dispatcher_daemon.fleet.tracking.sightings import Sightings
+from dispatcher_daemon.fleet.tracking.sightings import VehicleSightings
 from dispatcher_daemon.fleet.vehicles import Break, Vehicle
 from slipstream.messages import PlanAcknowledgement, VehiclePosition, VehicleProgress
 from slipstream.orders import PlanRecord, PlanStatus, VehicleRecord
@@ -68,7 +68,7 @@ class TrackedVehicle:
     rested_break: int | None = None
     back_ns: int = 0
     given: dict[str, int] = field(default_factory=dict)
-    sightings: Sightings = field(default_factory=Sightings)
+    sightings: VehicleSightings = field(default_factory=VehicleSightings)
 
     @property
     def id(self) -> str:

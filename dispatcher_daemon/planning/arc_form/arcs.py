@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from dispatcher_daemon.fleet import DEPOT
 from dispatcher_daemon.forms import ArcProblem, CandidateArc, RoutingProblem
 from dispatcher_daemon.planning.platooning import JudgedPair, judge_pairs, rewards
-from dispatcher_daemon.planning.roads import Leg, RoutedArc, candidate_arcs, least_energy_legs
+from dispatcher_daemon.planning.roads import RoadLeg, RoutedArc, candidate_arcs, least_energy_legs
 from dispatcher_daemon.traffic import TrafficSnapshot
 
 
@@ -44,7 +44,7 @@ class ArcParts:
         problem: what solvers get.
     """
 
-    legs: Mapping[tuple[str, str], Leg]
+    legs: Mapping[tuple[str, str], RoadLeg]
     arcs: tuple[RoutedArc, ...]
     judged: tuple[JudgedPair, ...]
     problem: ArcProblem

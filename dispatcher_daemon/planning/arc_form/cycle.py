@@ -9,22 +9,22 @@ from dispatcher_daemon.planning.arc_form.form import ArcForm
 from dispatcher_daemon.planning.plans import (
     Attempt,
     Candidate,
+    CandidateRefusal,
     FormResult,
-    Refusal,
     attempt,
     solver_report,
 )
-from dispatcher_daemon.solvers.workers import Job, Solve, solving_s
+from dispatcher_daemon.solvers.workers import PoolJob, Solve, solving_s
 from slipstream.messages import SolverReport
 
 
 def arc_cycle(form: ArcForm, solve: Solve) -> FormResult:
     """Run all solvers, and the baseline's for the plan without platooning."""
     problem, settings, seed = form.problem, form.cycle.settings, form.cycle.seed
-    jobs = [form.baseline_job, *(Job(name, problem, seed) for name in settings.solvers)]
+    jobs = [form.baseline_job, *(PoolJob(name, problem, seed) for name in settings.solvers)]
     baseline_outcome, *outcomes = solve(jobs, solving_s(settings.deadline_s))
     name, selected = form.baseline_answer(baseline_outcome)
-    baseline: Candidate | Refusal = Refusal(("no plan found",))
+    baseline: Candidate | CandidateRefusal = CandidateRefusal(("no plan found",))
     fallback = baseline
     if selected is not None:
         baseline = form.candidate(name, selected, platooning=False)

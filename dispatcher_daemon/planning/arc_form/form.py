@@ -10,12 +10,12 @@ from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.forms import ArcProblem, decode
 from dispatcher_daemon.planning.arc_form.arcs import ArcParts, arc_parts_of
 from dispatcher_daemon.planning.improvement import Choice, choice_of, scheduled
-from dispatcher_daemon.planning.plans import Candidate, Cycle, Refusal
+from dispatcher_daemon.planning.plans import Candidate, CandidateRefusal, Cycle
 from dispatcher_daemon.planning.platooning import JudgedPair
 from dispatcher_daemon.planning.roads import Route, RoutedArc, timetable
 from dispatcher_daemon.planning.routes import Planner
 from dispatcher_daemon.solvers import BASELINE_SOLVER, Outcome, cheapest_insertion
-from dispatcher_daemon.solvers.workers import Job, Solve
+from dispatcher_daemon.solvers.workers import PoolJob, Solve
 from slipstream.vehicle_types import RoutingProfile
 
 
@@ -51,7 +51,7 @@ class ArcForm:
 
     def candidate(
         self, solver: str, selected: frozenset[int], *, platooning: bool = True
-    ) -> Candidate | Refusal:
+    ) -> Candidate | CandidateRefusal:
         """The verified plans of a selection of arcs.
 
         Departures are chosen within the vehicles' windows so that platoons meet. The objective is
@@ -59,10 +59,10 @@ class ArcForm:
         """
         problem, cycle = self.problem, self.cycle
         if not all(0 <= index < len(problem.arcs) for index in selected):
-            return Refusal(("not a selection of arcs",))
+            return CandidateRefusal(("not a selection of arcs",))
         decoded = decode(problem, selected)
         if decoded.routes is None:
-            return Refusal(tuple(decoded.violations))
+            return CandidateRefusal(tuple(decoded.violations))
         routes = [
             timetable(cycle.problem, self.parts.legs, v, decoded.routes[v.id], cycle.reference_s)
             for v in cycle.problem.fleet.vehicles
@@ -98,18 +98,18 @@ class ArcForm:
         plan = None if selected is None else self.candidate("insertion", selected)
         return {"insertion": plan.objective_kwh} if isinstance(plan, Candidate) else {}
 
-    def baseline(self, solve: Solve, deadline_s: float) -> tuple[str, Candidate | Refusal]:
+    def baseline(self, solve: Solve, deadline_s: float) -> tuple[str, Candidate | CandidateRefusal]:
         """The plan without platooning: the exact one, or the best found in time."""
         (outcome,) = solve([self.baseline_job], deadline_s)
         name, selected = self.baseline_answer(outcome)
         if selected is None:
-            return name, Refusal(("no plan found",))
+            return name, CandidateRefusal(("no plan found",))
         return name, self.candidate(name, selected, platooning=False)
 
     @property
-    def baseline_job(self) -> Job:
+    def baseline_job(self) -> PoolJob:
         """The job for the plan without platooning."""
-        return Job(BASELINE_SOLVER, self.problem.without_platooning(), self.cycle.seed)
+        return PoolJob(BASELINE_SOLVER, self.problem.without_platooning(), self.cycle.seed)
 
     def baseline_answer(self, outcome: Outcome) -> tuple[str, frozenset[int] | None]:
         """Solver of the plan without platooning, and its arcs; the insertion plan if the solver has

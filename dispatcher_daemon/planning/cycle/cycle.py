@@ -17,9 +17,9 @@ from dispatcher_daemon.planning.arc_form import ArcForm, arc_cycle, arc_form, ar
 from dispatcher_daemon.planning.improvement import refused_platoons
 from dispatcher_daemon.planning.plans import (
     Candidate,
+    CandidateRefusal,
     Cycle,
     FormResult,
-    Refusal,
     RouteEnergy,
     plan_energies,
     plans_to_send,
@@ -223,7 +223,7 @@ def _choose(found: FormResult) -> tuple[Candidate | None, str, str | None]:
     if chosen is not None:
         return chosen, "ok", None
     answers = "; ".join(f"{r.solver}: {r.reason or r.status}" for r in found.reports)
-    if isinstance(found.fallback, Refusal):
+    if isinstance(found.fallback, CandidateRefusal):
         return None, "failed", f"no valid plan ({answers}; baseline: {found.fallback.reason})"
     return found.fallback, "baseline", f"no solver gave a valid plan ({answers})"
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
-from dispatcher_daemon.planning.roads import Leg
+from dispatcher_daemon.planning.roads import RoadLeg
 from dispatcher_daemon.planning.routes.itineraries import Itinerary, Planner
 
 MAX_HUBS: Final = 2
@@ -30,7 +30,7 @@ def over_hubs(planner: Planner, itinerary: Itinerary) -> Iterator[tuple[int, Iti
         return  # it goes on as it can: its charge is not looked at
     travel = planner.travels[0].of(fleet.vehicles[itinerary.number])
     fixed = len(planner.fixed_legs(itinerary.number) or ())
-    found: list[tuple[float, int, Leg, Leg]] = []
+    found: list[tuple[float, int, RoadLeg, RoadLeg]] = []
     for at, leg in enumerate(legs[fixed:], fixed):
         if leg.pause is not None:
             continue

@@ -29,7 +29,7 @@ from dispatcher_daemon.planning.routes.itineraries import Itinerary, Planner
 from dispatcher_daemon.planning.routes.pyvrp_model import StopsByVehicle
 from dispatcher_daemon.settings import CitySettings
 from dispatcher_daemon.solvers import Outcome
-from dispatcher_daemon.solvers.workers import Job, Solve
+from dispatcher_daemon.solvers.workers import PoolJob, Solve
 from slipstream.tracing import traced
 
 _BETTER_KWH = 1e-9
@@ -295,7 +295,7 @@ class BlockDescent:
         self, blocks: Sequence[Block], deadline_s: float, seed: int
     ) -> list[list[Outcome]]:
         names = self.settings.solvers
-        jobs = [Job(name, block.problem, seed) for block in blocks for name in names]
+        jobs = [PoolJob(name, block.problem, seed) for block in blocks for name in names]
         outcomes = self._solve(jobs, deadline_s)
         return [outcomes[i : i + len(names)] for i in range(0, len(outcomes), len(names))]
 

@@ -6,11 +6,11 @@ from dispatcher_daemon.planning.plans.accounts import plan_energies, vehicle_acc
 from dispatcher_daemon.planning.plans.candidates import (
     Attempt,
     Candidate,
+    CandidateRefusal,
     Cycle,
     DeclinedMeeting,
     FormResult,
     Gains,
-    Refusal,
 )
 from dispatcher_daemon.planning.plans.energy import RouteEnergy, route_energy, summarise
 from dispatcher_daemon.planning.plans.forms import Form, attempt
@@ -21,12 +21,12 @@ from dispatcher_daemon.planning.plans.verify import verify_plans
 __all__ = [
     "Attempt",
     "Candidate",
+    "CandidateRefusal",
     "Cycle",
     "DeclinedMeeting",
     "Form",
     "FormResult",
     "Gains",
-    "Refusal",
     "RouteEnergy",
     "attempt",
     "plan_energies",

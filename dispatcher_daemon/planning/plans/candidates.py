@@ -66,7 +66,7 @@ class Candidate:
 
 
 @dataclass(frozen=True)
-class Refusal:
+class CandidateRefusal:
     """Why there is no verified plan set.
 
     Attributes:
@@ -86,7 +86,7 @@ class Attempt:
     """One solver's outcome, and its verified plans or why there are none."""
 
     outcome: Outcome
-    result: Candidate | Refusal
+    result: Candidate | CandidateRefusal
 
     @property
     def candidate(self) -> Candidate | None:
@@ -96,7 +96,7 @@ class Attempt:
     @property
     def faults(self) -> tuple[str, ...]:
         """Why there are none."""
-        return self.result.faults if isinstance(self.result, Refusal) else ()
+        return self.result.faults if isinstance(self.result, CandidateRefusal) else ()
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ class Cycle:
         platooning: bool = True,
         unserved: Mapping[str, str] | None = None,
         gains_kwh: Gains | None = None,
-    ) -> Candidate | Refusal:
+    ) -> Candidate | CandidateRefusal:
         """The verified plan set of finished routes, or what is wrong with it.
 
         Args:
@@ -187,7 +187,7 @@ class Cycle:
             commitments=self.commitments,
         )
         if faults:
-            return Refusal(tuple(faults))
+            return CandidateRefusal(tuple(faults))
         sent = {route.vehicle for route in routes}
         joined = {passage: place for passage, place in places.items() if passage[0] not in sent}
         found = tuple(routes), plans, energies, joined
@@ -230,8 +230,8 @@ class FormResult:
     candidates: tuple[Candidate, ...]
     reports: tuple[SolverReport, ...]
     baseline_solver: str
-    baseline: Candidate | Refusal
-    fallback: Candidate | Refusal
+    baseline: Candidate | CandidateRefusal
+    fallback: Candidate | CandidateRefusal
     variables: int
     unserved: Mapping[str, str] = field(default_factory=dict)
     stops: Mapping[str, tuple[str, ...]] = field(default_factory=dict)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from dispatcher_daemon.fleet import Passage
 from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.platooning import Place, drag_reductions
-from dispatcher_daemon.planning.roads import Leg, Route
+from dispatcher_daemon.planning.roads import RoadLeg, Route
 from dispatcher_daemon.planning.roads.charge import battery_of, charges_kwh, leg_energy_kwh
 from slipstream.energy import (
     ETA_ALONE,
@@ -80,7 +80,7 @@ def route_energy(
     )
 
 
-def _spread_beyond(problem: RoutingProblem, leg: Leg) -> list[float]:
+def _spread_beyond(problem: RoutingProblem, leg: RoadLeg) -> list[float]:
     """The energy of a leg beyond its drive's, by segment."""
     lengths_m = [problem.network.segments[segment].length_m for segment in leg.path]
     whole_m = sum(lengths_m)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Literal, Protocol
 
 from dispatcher_daemon.forms import Problem
-from dispatcher_daemon.planning.plans.candidates import Attempt, Candidate, Cycle, Refusal
+from dispatcher_daemon.planning.plans.candidates import Attempt, Candidate, CandidateRefusal, Cycle
 from dispatcher_daemon.planning.platooning import JudgedPair
 from dispatcher_daemon.planning.roads import RoutedArc
 from dispatcher_daemon.solvers import Outcome
@@ -48,7 +48,7 @@ class Form(Protocol):
         """Every pair of them on a watched segment, with its reward or the reason why it is 0."""
         ...
 
-    def candidate(self, solver: str, selected: frozenset[int]) -> Candidate | Refusal:
+    def candidate(self, solver: str, selected: frozenset[int]) -> Candidate | CandidateRefusal:
         """The verified plans of a selection, or the rules that it breaks."""
         ...
 
@@ -56,7 +56,7 @@ class Form(Protocol):
         """Objectives of reference heuristics, by name, kWh."""
         ...
 
-    def baseline(self, solve: Solve, deadline_s: float) -> tuple[str, Candidate | Refusal]:
+    def baseline(self, solve: Solve, deadline_s: float) -> tuple[str, Candidate | CandidateRefusal]:
         """Solver of the plan without platooning, and that plan."""
         ...
 
@@ -64,5 +64,5 @@ class Form(Protocol):
 def attempt(form: Form, outcome: Outcome) -> Attempt:
     """The verified plans of an outcome, or why there are none."""
     if outcome.selected is None:
-        return Attempt(outcome, Refusal((outcome.reason or outcome.status,)))
+        return Attempt(outcome, CandidateRefusal((outcome.reason or outcome.status,)))
     return Attempt(outcome, form.candidate(outcome.solver, outcome.selected))

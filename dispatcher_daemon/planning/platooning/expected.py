@@ -21,7 +21,7 @@ from dispatcher_daemon.planning.platooning.closing_up import (
     meeting,
     onward,
 )
-from dispatcher_daemon.planning.roads import Leg, Route, planning_speed_mps
+from dispatcher_daemon.planning.roads import RoadLeg, Route, planning_speed_mps
 from dispatcher_daemon.traffic import TrafficSnapshot
 
 LegFrom = tuple[str, tuple[str, ...]]
@@ -87,7 +87,7 @@ class ExpectedDrafting:
         }
         self.shares = lru_cache(_GROUPS)(self._shares)
 
-    def of_leg(self, vehicle: str, number: int, leg: Leg) -> tuple[Approach, ...]:
+    def of_leg(self, vehicle: str, number: int, leg: RoadLeg) -> tuple[Approach, ...]:
         """Approaches to all segments of a leg of a route.
 
         Args:

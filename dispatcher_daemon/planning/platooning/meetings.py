@@ -19,7 +19,7 @@ from dispatcher_daemon.planning.platooning.platoons import platoons_of
 from dispatcher_daemon.planning.platooning.segment_order import Change, SegmentOrder
 from dispatcher_daemon.planning.platooning.shares import Shares
 from dispatcher_daemon.planning.platooning.stretches import Traversal
-from dispatcher_daemon.planning.roads import Leg, Route
+from dispatcher_daemon.planning.roads import RoadLeg, Route
 
 Traversals = Mapping[str, Sequence[Traversal]]
 """One vehicle's passages of segments whose gate is open, or may be then, by segment."""
@@ -43,7 +43,7 @@ class OpenPassages:
         """
         self._shares, self._expected = shares, expected
         # By the drive's identity, which lasts as the leg is kept with it.
-        self._known: dict[tuple[int, Approach], tuple[Leg, list[_OpenPassage]]] = {}
+        self._known: dict[tuple[int, Approach], tuple[RoadLeg, list[_OpenPassage]]] = {}
 
     def of(self, number: int, route: Route) -> dict[str, tuple[Traversal, ...]]:
         """A route's passages of open segments.
@@ -60,7 +60,7 @@ class OpenPassages:
                 found[segment] = (passage,) if known is None else (*known, passage)
         return found
 
-    def _of_leg(self, vehicle: str, at: int, leg: Leg) -> list[_OpenPassage]:
+    def _of_leg(self, vehicle: str, at: int, leg: RoadLeg) -> list[_OpenPassage]:
         expected = self._expected
         key = id(leg.drive), -1 if expected is None else expected.start_of(vehicle, at)
         known = self._known.get(key)

@@ -11,7 +11,7 @@ from dispatcher_daemon.fleet import Passage
 from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.platooning.expected import ExpectedDrafting
 from dispatcher_daemon.planning.platooning.reductions import planned_reductions
-from dispatcher_daemon.planning.roads import Leg, Route
+from dispatcher_daemon.planning.roads import RoadLeg, Route
 from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.energy import ETA_ALONE
 
@@ -166,7 +166,7 @@ def drag_reductions(
     """
     profile = problem.profile_of(route.vehicle)
 
-    def eta(number: int, leg: Leg, position: int) -> float:
+    def eta(number: int, leg: RoadLeg, position: int) -> float:
         place = places.get((route.vehicle, number, position))
         if place is None:
             return ETA_ALONE

@@ -11,14 +11,14 @@ from dispatcher_daemon.planning.replay.inputs import (
     restored_settings,
     versions,
 )
-from dispatcher_daemon.planning.replay.trace import Recorder, Trace
+from dispatcher_daemon.planning.replay.trace import Trace, TraceRecorder
 
 __all__ = [
     "CycleRecord",
     "InputEncoder",
-    "Recorder",
     "Replayed",
     "Trace",
+    "TraceRecorder",
     "cycle_record",
     "replayed",
     "restored_cycle",

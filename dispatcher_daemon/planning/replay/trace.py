@@ -18,7 +18,7 @@ from typing import Any, Final, ParamSpec, Self, TypeVar
 
 from dispatcher_daemon.planning.routes import Searched
 from dispatcher_daemon.solvers import Outcome, Status
-from dispatcher_daemon.solvers.workers import Job, Solve, TimedExecutor
+from dispatcher_daemon.solvers.workers import PoolJob, Solve, TimedExecutor
 
 ENDED_BY_TIME: Final = 0.5
 """Share of its deadline from which on a solver's answer may be one that time has ended. The shares
@@ -32,7 +32,7 @@ A = TypeVar("A")
 
 
 @dataclass(frozen=True)
-class Answer:
+class RecordedAnswer:
     """What one solver said to one problem.
 
     Attributes:
@@ -66,7 +66,7 @@ class Trace:
     clock_ms: tuple[int, ...] = ()
     searches: tuple[tuple[int, ...] | None, ...] = ()
     cut: int = 0
-    answers: tuple[Answer, ...] = ()
+    answers: tuple[RecordedAnswer, ...] = ()
 
     @property
     def kept(self) -> int:
@@ -101,7 +101,7 @@ class _TimedSubmitted(_Submitted, TimedExecutor):
         return self._submit_within(within_s, limit_s, function, argument)
 
 
-class Recorder:
+class TraceRecorder:
     """Stands between a cycle and its clock, executor and solvers; a context manager.
 
     Args:
@@ -121,7 +121,7 @@ class Recorder:
         self._inner = self._own or executor
         self._looked_ms: list[int] = []
         self._searches: list[Future[Any] | None] = []
-        self._answers: list[Answer] = []
+        self._answers: list[RecordedAnswer] = []
         self.executor: Executor = _Submitted(self._submit)
         if isinstance(executor, TimedExecutor):
             self.executor = _TimedSubmitted(
@@ -133,7 +133,7 @@ class Recorder:
         self._looked_ms.append(round(1000 * (self._clock() - self._began)))
         return self._looked_ms[-1] / 1000
 
-    def solve(self, jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
+    def solve(self, jobs: Sequence[PoolJob], deadline_s: float) -> list[Outcome]:
         """See `Solve`."""
         outcomes = self._solve(jobs, deadline_s)
         count = Counter(job.solver for job in jobs)
@@ -208,17 +208,20 @@ class Player:
         self._looked += 1
         return self._now_ms / 1000
 
-    def solve(self, jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
+    def solve(self, jobs: Sequence[PoolJob], deadline_s: float) -> list[Outcome]:
         """See `Solve`."""
         known = self.trace.answers[self._asked : self._asked + len(jobs)]
         self._asked += len(jobs)
-        answers: list[Answer | None] = [*known, *[None] * (len(jobs) - len(known))]
+        answers: list[RecordedAnswer | None] = [*known, *[None] * (len(jobs) - len(known))]
         again = [job for job, answer in zip(jobs, answers, strict=True) if _is_solved(job, answer)]
         outcomes = iter(self.inner(again, _NO_DEADLINE_S) if again else ())
         return list(self._taken(jobs, answers, outcomes))
 
     def _taken(
-        self, jobs: Sequence[Job], answers: Sequence[Answer | None], outcomes: Iterator[Outcome]
+        self,
+        jobs: Sequence[PoolJob],
+        answers: Sequence[RecordedAnswer | None],
+        outcomes: Iterator[Outcome],
     ) -> Iterator[Outcome]:
         for job, answer in zip(jobs, answers, strict=True):
             if answer is not None and not _is_solved(job, answer):
@@ -243,17 +246,17 @@ class Player:
         return self.workers.submit(fn, job, **kwargs)
 
 
-def _is_solved(job: Job, answer: Answer | None) -> bool:
+def _is_solved(job: PoolJob, answer: RecordedAnswer | None) -> bool:
     """Whether a job is solved again."""
     return answer is None or answer.solver != job.solver or answer.repeatable
 
 
-def _answer(outcome: Outcome, deadline_s: float) -> Answer:
+def _answer(outcome: Outcome, deadline_s: float) -> RecordedAnswer:
     ran = outcome.execution
     on_device = ran is not None and (ran.kind == "hardware" or ran.fallback is not None)
     ended = outcome.status in ("timeout", "failed") or outcome.wall_s >= ENDED_BY_TIME * deadline_s
     selected = None if outcome.selected is None else tuple(sorted(outcome.selected))
-    return Answer(outcome.solver, outcome.status, selected, not (on_device or ended))
+    return RecordedAnswer(outcome.solver, outcome.status, selected, not (on_device or ended))
 
 
 def _result(future: Future[Any] | None) -> Searched | None:

@@ -7,7 +7,7 @@ from dispatcher_daemon.planning.roads.costs import planning_speed_mps, segment_c
 from dispatcher_daemon.planning.roads.given import given_matrices
 from dispatcher_daemon.planning.roads.onward import leg_from, leg_onward, unhindered_s
 from dispatcher_daemon.planning.roads.routes import (
-    Leg,
+    RoadLeg,
     Route,
     RoutedArc,
     candidate_arcs,
@@ -29,7 +29,7 @@ from dispatcher_daemon.planning.roads.weights import Floats
 
 __all__ = [
     "Floats",
-    "Leg",
+    "RoadLeg",
     "Roads",
     "Route",
     "RoutedArc",

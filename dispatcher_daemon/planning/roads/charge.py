@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from dispatcher_daemon.fleet import Fleet, Vehicle
-from dispatcher_daemon.planning.roads.routes import Leg
+from dispatcher_daemon.planning.roads.routes import RoadLeg
 from slipstream.energy import VehicleParameters, drive_energy_kwh
 
 _S_PER_H: Final = 3600.0
@@ -63,13 +63,13 @@ def battery_of(fleet: Fleet, vehicle: Vehicle) -> Battery | None:
     )
 
 
-def leg_energy_kwh(leg: Leg, physics: VehicleParameters) -> float:
+def leg_energy_kwh(leg: RoadLeg, physics: VehicleParameters) -> float:
     """Energy that a leg takes out of the battery, every vehicle driving alone."""
     return drive_energy_kwh(leg.drive, physics) + leg.beyond_kwh
 
 
 def charges_kwh(
-    battery: Battery, legs: Sequence[Leg], energies_kwh: Sequence[float], departure_kwh: float
+    battery: Battery, legs: Sequence[RoadLeg], energies_kwh: Sequence[float], departure_kwh: float
 ) -> list[float]:
     """Charge at the departure and on arrival at the end of each leg, below 0 where it is empty."""
     charge = departure_kwh
@@ -83,7 +83,7 @@ def charges_kwh(
 
 
 def shortfall_kwh(
-    battery: Battery, legs: Sequence[Leg], energies_kwh: Sequence[float], departure_kwh: float
+    battery: Battery, legs: Sequence[RoadLeg], energies_kwh: Sequence[float], departure_kwh: float
 ) -> float:
     """By how much the charge falls below the reserve; 0: it does not."""
     lowest = min(charges_kwh(battery, legs, energies_kwh, departure_kwh)[1:], default=math.inf)

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse.csgraph import dijkstra
 
 from dispatcher_daemon.planning.roads.arrays import Roads
-from dispatcher_daemon.planning.roads.routes import Leg, empty_leg
+from dispatcher_daemon.planning.roads.routes import RoadLeg, empty_leg
 from dispatcher_daemon.planning.roads.travel import Travel, leg_along
 from slipstream.drive import DrivingStyle, plan_drive
 
@@ -26,7 +26,7 @@ def leg_onward(
     style: DrivingStyle,
     *,
     complete: bool = False,
-) -> Leg | None:
+) -> RoadLeg | None:
     """The leg that begins with a path and goes on as is cheapest; None if no way leads there.
 
     Args:
@@ -52,7 +52,9 @@ def leg_onward(
     return leg_along(roads, rows, start[0], end[0], style)
 
 
-def leg_from(roads: Roads, leg: Leg, share: float, speed_mps: float, style: DrivingStyle) -> Leg:
+def leg_from(
+    roads: Roads, leg: RoadLeg, share: float, speed_mps: float, style: DrivingStyle
+) -> RoadLeg:
     """A leg as a vehicle drives it that is on its first segment.
 
     The part of that segment which lies behind it counts as driven at the planning speed, and needs

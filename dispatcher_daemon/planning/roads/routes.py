@@ -21,7 +21,7 @@ class Charging:
 
 
 @dataclass(frozen=True)
-class Leg:
+class RoadLeg:
     """The path between two places (stops or the depot).
 
     Attributes:
@@ -55,7 +55,7 @@ class RoutedArc:
     """
 
     vehicle: str
-    leg: Leg
+    leg: RoadLeg
     depart_s: float
     exact: bool
 
@@ -94,7 +94,7 @@ class Route:
 
     vehicle: str
     visits: tuple[StopVisit, ...]
-    legs: tuple[Leg, ...]
+    legs: tuple[RoadLeg, ...]
 
     def entries_s(self) -> list[tuple[int, int, str, float, float]]:
         """(leg, position in it, segment, entry, exit) of all segments, s, in driving order."""
@@ -116,7 +116,7 @@ class Route:
 
 
 def candidate_arcs(
-    problem: RoutingProblem, legs: Mapping[tuple[str, str], Leg], reference_s: float = 0.0
+    problem: RoutingProblem, legs: Mapping[tuple[str, str], RoadLeg], reference_s: float = 0.0
 ) -> tuple[RoutedArc, ...]:
     """All candidate arcs with predicted departures, vehicle by vehicle.
 
@@ -143,7 +143,7 @@ def _earliest_departures(
     problem: RoutingProblem,
     vehicle: Vehicle,
     pairs: Sequence[tuple[str, str]],
-    legs: Mapping[tuple[str, str], Leg],
+    legs: Mapping[tuple[str, str], RoadLeg],
     reference_s: float,
 ) -> dict[str, tuple[float, bool]]:
     fleet, depot = problem.fleet, problem.fleet.depot_of(vehicle).id
@@ -175,14 +175,14 @@ def _earliest_departures(
     return {place: (time, is_exact(place)) for place, time in earliest.items()}
 
 
-def empty_leg(start: str, end: str) -> Leg:
+def empty_leg(start: str, end: str) -> RoadLeg:
     """The leg between two places at one junction: no segment, no time."""
-    return Leg(start, end, (), 0.0, Drive((0.0,), (0.0,), (), 0.0))
+    return RoadLeg(start, end, (), 0.0, Drive((0.0,), (0.0,), (), 0.0))
 
 
 def timetable(
     problem: RoutingProblem,
-    legs: Mapping[tuple[str, str], Leg],
+    legs: Mapping[tuple[str, str], RoadLeg],
     vehicle: Vehicle,
     stops: Sequence[str],
     reference_s: float = 0.0,
@@ -204,7 +204,7 @@ def timetable(
 
 def timed(
     problem: RoutingProblem,
-    legs: Sequence[Leg],
+    legs: Sequence[RoadLeg],
     vehicle: Vehicle,
     reference_s: float = 0.0,
     depart_s: float | None = None,

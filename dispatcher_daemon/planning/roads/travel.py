@@ -18,7 +18,7 @@ from dispatcher_daemon.fleet import Vehicle
 from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.roads.all_pairs import AllPairs
 from dispatcher_daemon.planning.roads.arrays import Roads, roads_of
-from dispatcher_daemon.planning.roads.routes import Leg, empty_leg
+from dispatcher_daemon.planning.roads.routes import RoadLeg, empty_leg
 from dispatcher_daemon.planning.roads.weights import Floats, Weights, k_shortest_paths
 from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.drive import DrivingStyle, plan_drive
@@ -81,9 +81,9 @@ class Travel:
         self.search_cost_kwh, self.duration_s = self._pairs.search(kinds, may_go_on)
         for values in (self.search_cost_kwh, self.duration_s):
             np.fill_diagonal(values, 0.0)
-        self._legs: dict[tuple[str, str], Leg | None] = {}
+        self._legs: dict[tuple[str, str], RoadLeg | None] = {}
         # By junction: stops at one junction share their ways.
-        self._of_rows: dict[tuple[int, int], Leg | None] = {}
+        self._of_rows: dict[tuple[int, int], RoadLeg | None] = {}
         self._paths: dict[tuple[int, int, int], list[list[int]]] = {}
 
     @cached_property
@@ -117,7 +117,7 @@ class Travel:
         """
         return self.by_profile[self._problem.profile_of(vehicle)]
 
-    def leg(self, start: str, end: str) -> Leg | None:
+    def leg(self, start: str, end: str) -> RoadLeg | None:
         """The path between two places; None if there is none."""
         if (start, end) not in self._legs:
             pair = self.row[start], self.row[end]
@@ -127,7 +127,7 @@ class Travel:
             self._legs[start, end] = None if known is None else replace(known, start=start, end=end)
         return self._legs[start, end]
 
-    def paths(self, start: str, end: str, max_paths: int) -> list[Leg]:
+    def paths(self, start: str, end: str, max_paths: int) -> list[RoadLeg]:
         """The k cheapest loopless paths between two places, k = ``max_paths`` (Yen, 1971).
 
         Each takes tens of milliseconds on a city's network.
@@ -144,7 +144,7 @@ class Travel:
         style = self._problem.style
         return [leg_along(self.roads, path, start, end, style) for path in self._paths[key]]
 
-    def _make(self, i: int, j: int, start: str, end: str) -> Leg | None:
+    def _make(self, i: int, j: int, start: str, end: str) -> RoadLeg | None:
         if i == j:
             return empty_leg(start, end)
         if self._pairs.last[i, j] < 0:
@@ -186,7 +186,7 @@ def searched_again(
 
 def least_energy_legs(
     problem: RoutingProblem, snapshot: TrafficSnapshot
-) -> dict[tuple[str, str], Leg]:
+) -> dict[tuple[str, str], RoadLeg]:
     """Least-energy path of every candidate arc, by (from, to), except pairs without a path.
 
     Raises:
@@ -200,7 +200,9 @@ def least_energy_legs(
     return {pair: leg for pair, leg in legs.items() if leg is not None}
 
 
-def leg_along(roads: Roads, path: Sequence[int], start: str, end: str, style: DrivingStyle) -> Leg:
+def leg_along(
+    roads: Roads, path: Sequence[int], start: str, end: str, style: DrivingStyle
+) -> RoadLeg:
     """The leg along given segments (indices into ``roads.ids``)."""
     rows = np.array(path)
     drive = plan_drive(roads.length_m[rows].tolist(), roads.speed_mps[rows].tolist(), style)
@@ -215,4 +217,4 @@ def leg_along(roads: Roads, path: Sequence[int], start: str, end: str, style: Dr
         cost_kwh = roads.searched_kwh(drive_kwh + beyond_kwh, drive.duration_s)
     else:
         cost_kwh = roads.cost(roads.objective, path)
-    return Leg(start, end, names, cost_kwh, drive, beyond_kwh)
+    return RoadLeg(start, end, names, cost_kwh, drive, beyond_kwh)

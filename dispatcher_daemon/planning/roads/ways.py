@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Protocol
 
 from dispatcher_daemon.fleet import Vehicle
-from dispatcher_daemon.planning.roads.routes import Leg
+from dispatcher_daemon.planning.roads.routes import RoadLeg
 from dispatcher_daemon.planning.roads.weights import Floats
 from slipstream.vehicle_types import RoutingProfile
 
@@ -33,5 +33,5 @@ class Ways(Protocol):
     def of(self, vehicle: Vehicle) -> Ways:
         """The ways of a vehicle's profile."""
 
-    def leg(self, start: str, end: str) -> Leg | None:
+    def leg(self, start: str, end: str) -> RoadLeg | None:
         """The way between two places; None if there is none. Asked where a battery limits it."""

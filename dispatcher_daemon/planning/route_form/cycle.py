@@ -10,10 +10,10 @@ from dataclasses import replace
 from dispatcher_daemon.planning.improvement.sweeps import Choice
 from dispatcher_daemon.planning.plans import (
     Candidate,
+    CandidateRefusal,
     Cycle,
     FormResult,
     Gains,
-    Refusal,
     solver_report,
 )
 from dispatcher_daemon.planning.route_form.fleet_plan import FleetPlan, plan_fleet
@@ -38,7 +38,7 @@ def route_cycle(
         executor: for the search of base routes.
         clock: seconds.
     """
-    checked: list[Candidate | Refusal] = []
+    checked: list[Candidate | CandidateRefusal] = []
 
     def check(whole: Cycle, base: Choice, unserved: Mapping[str, str]) -> None:
         found = whole.candidate(
@@ -72,7 +72,7 @@ def route_cycle(
 
 def _candidate(
     cycle: Cycle, name: str, choice: Choice, plan: FleetPlan, gains_kwh: Gains
-) -> Candidate | Refusal:
+) -> Candidate | CandidateRefusal:
     objective = choice.objective_kwh
     return cycle.candidate(
         name, choice.routes, objective, unserved=plan.unserved, gains_kwh=gains_kwh
@@ -90,7 +90,7 @@ def _made_by(plan: FleetPlan) -> str:
     return GREEDY if plan.greedy.objective_kwh < plan.base.objective_kwh else BASE
 
 
-def _reports(plan: FleetPlan, best: Candidate | Refusal) -> tuple[SolverReport, ...]:
+def _reports(plan: FleetPlan, best: Candidate | CandidateRefusal) -> tuple[SolverReport, ...]:
     """One report a solver over all blocks of all sweeps."""
     outcomes: dict[str, list[Outcome]] = {}
     for sweep in plan.sweeps:

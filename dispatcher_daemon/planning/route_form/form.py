@@ -17,7 +17,7 @@ from dispatcher_daemon.planning.improvement.carriers import nobody_worse_off
 from dispatcher_daemon.planning.improvement.exchanges import best_exchanges
 from dispatcher_daemon.planning.improvement.options import add_discounted_ways, options_for
 from dispatcher_daemon.planning.improvement.sweeps import choice_of
-from dispatcher_daemon.planning.plans import Candidate, Cycle, Refusal
+from dispatcher_daemon.planning.plans import Candidate, CandidateRefusal, Cycle
 from dispatcher_daemon.planning.platooning import JudgedPair, judge_pairs
 from dispatcher_daemon.planning.roads import RoutedArc
 from dispatcher_daemon.planning.route_form.cycle import BASE
@@ -71,15 +71,15 @@ class RouteForm:
         window_s = cycle.settings.sync_window_s
         return tuple(judge_pairs(cycle.problem, self.arcs, cycle.snapshot, window_s))
 
-    def candidate(self, solver: str, selected: frozenset[int]) -> Candidate | Refusal:
+    def candidate(self, solver: str, selected: frozenset[int]) -> Candidate | CandidateRefusal:
         """The verified plans of a selection of options; its objective is evaluated from nothing, as
         the block's is an expansion.
         """
         if not all(0 <= index < self.problem.choices for index in selected):
-            return Refusal(("not a selection of options",))
+            return CandidateRefusal(("not a selection of options",))
         faults = violations(self.problem, selected)
         if faults:
-            return Refusal(tuple(faults))
+            return CandidateRefusal(tuple(faults))
         planner, base = self.first.planner, self.first.base.itineraries
         chosen = {i.number: i for i in self.block.chosen(selected)}
         present = [chosen.get(i.number, i) for i in base]
@@ -97,7 +97,7 @@ class RouteForm:
             "route, then schedule": self.first.greedy.objective_kwh,
         }
 
-    def baseline(self, solve: Solve, deadline_s: float) -> tuple[str, Candidate | Refusal]:
+    def baseline(self, solve: Solve, deadline_s: float) -> tuple[str, Candidate | CandidateRefusal]:
         """Base routes, all vehicles leaving when ready."""
         base = self.first.base
         return BASE, self.cycle.candidate(

@@ -17,7 +17,7 @@ from typing import Final
 from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.roads import Ways
 from dispatcher_daemon.planning.routes.parts import (
-    Part,
+    FleetPart,
     are_full,
     by_carrier,
     parts_of_routes,
@@ -27,10 +27,10 @@ from dispatcher_daemon.planning.routes.parts import (
 from dispatcher_daemon.planning.routes.pyvrp_model import StopsByVehicle, VrpModel
 from dispatcher_daemon.planning.routes.pyvrp_search import (
     HIGH_PENALTIES,
-    Attempt,
     Found,
-    Job,
+    SearchAttempt,
     Searched,
+    SearchJob,
     low_penalties,
     search_in_turn,
     search_within,
@@ -113,7 +113,7 @@ def base_routes(
         if start is None and groups:
             found, timed_out = search.first(groups, seed, None)
             start = routes | found
-        groups = [Part(problem.fleet.vehicles, stops)]
+        groups = [FleetPart(problem.fleet.vehicles, stops)]
         carriers = carriers or groups
     found, cut = search.first(groups, seed, start)
     routes |= found
@@ -176,7 +176,7 @@ class _Search:
         self.ends = clock() + settings.time_limit_s
 
     def first(
-        self, groups: Sequence[Part], seed: int, start: Mapping[str, Sequence[str]] | None
+        self, groups: Sequence[FleetPart], seed: int, start: Mapping[str, Sequence[str]] | None
     ) -> tuple[StopsByVehicle, bool]:
         """(first feasible routes, whether time ran out); of many stops part by part, as the search
         for feasible routes takes more than twice as long for twice as many stops.
@@ -186,7 +186,7 @@ class _Search:
         """
         problem, settings = self._problem, self._settings
         limit_s = _FIRST_SHARE * settings.time_limit_s
-        most, parts = _FIRST_PARTS * settings.part_stops, list[Part]()
+        most, parts = _FIRST_PARTS * settings.part_stops, list[FleetPart]()
         for group in groups:
             if len(group.stops) <= _WHOLE_STOPS:
                 parts.append(group)
@@ -208,21 +208,21 @@ class _Search:
         start: Mapping[str, Sequence[str]] | None,
         limit_s: float,
         seed: int,
-    ) -> Job:
+    ) -> SearchJob:
         """All stops by low penalties, then by high ones; at last as many stops as possible."""
         most = self._settings.iterations_to_feasible
-        attempts: list[Attempt] = []
+        attempts: list[SearchAttempt] = []
         if not model.demand_exceeds_capacity():
             data = model.data(required=True)
             # Rounds improve more from routes that low penalties found.
             penalties = self._penalties, HIGH_PENALTIES
-            attempts += [Attempt(data, penalty, most, first=True) for penalty in penalties]
-        attempts.append(Attempt(model.data(required=False), HIGH_PENALTIES, most, first=True))
-        return Job(attempts, None if start is None else model.visits(start), limit_s, seed)
+            attempts += [SearchAttempt(data, penalty, most, first=True) for penalty in penalties]
+        attempts.append(SearchAttempt(model.data(required=False), HIGH_PENALTIES, most, first=True))
+        return SearchJob(attempts, None if start is None else model.visits(start), limit_s, seed)
 
     def round(
         self,
-        parts: Sequence[Part],
+        parts: Sequence[FleetPart],
         unassigned: AbstractSet[str],
         routes: StopsByVehicle,
         limit_s: float,
@@ -239,7 +239,7 @@ class _Search:
             unassigned: stops that are on none of the routes.
             limit_s: for all parts together.
             times: how many rounds' iterations it has.
-            deep: see `Attempt`.
+            deep: see `SearchAttempt`.
         """
         jobs = []
         most = times * self._settings.iterations_per_stop
@@ -247,7 +247,7 @@ class _Search:
         for part in parts:
             model = VrpModel(self._problem, self._travel, part.vehicles, part.stops)
             required = unassigned.isdisjoint(part.stops)
-            attempt = Attempt(
+            attempt = SearchAttempt(
                 model.data(required),
                 self._penalties if required else HIGH_PENALTIES,
                 round(most * max(1, len(part.stops))),
@@ -255,7 +255,7 @@ class _Search:
             )
             seeds = self._settings.workers // len(parts) if attempt.is_long else 1
             jobs += [
-                (model, Job([attempt], model.visits(routes), each_s, seed + _SEED_STEP * i))
+                (model, SearchJob([attempt], model.visits(routes), each_s, seed + _SEED_STEP * i))
                 for i in range(max(1, seeds))
             ]
         return self._side_by_side(jobs, limit_s)
@@ -265,7 +265,7 @@ class _Search:
         return limit_s / math.ceil(parts / self._settings.workers)
 
     def _side_by_side(
-        self, jobs: Iterable[tuple[VrpModel, Job]], limit_s: float, *, make_up: bool = False
+        self, jobs: Iterable[tuple[VrpModel, SearchJob]], limit_s: float, *, make_up: bool = False
     ) -> tuple[StopsByVehicle, bool]:
         """The cheapest routes of each model, whether time ran out.
 
@@ -308,7 +308,7 @@ def _known(
     return known
 
 
-def _submit(executor: Executor, job: Job, limit_s: float) -> Future[Searched]:
+def _submit(executor: Executor, job: SearchJob, limit_s: float) -> Future[Searched]:
     """A search on an executor; what keeps it from being taken on is raised with its result."""
     try:
         if isinstance(executor, TimedExecutor):

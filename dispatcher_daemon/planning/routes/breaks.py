@@ -7,12 +7,12 @@ from dataclasses import replace
 
 from dispatcher_daemon.fleet import Vehicle
 from dispatcher_daemon.forms import RoutingProblem
-from dispatcher_daemon.planning.roads import Leg, Route, empty_leg, lateness_s, timed
+from dispatcher_daemon.planning.roads import RoadLeg, Route, empty_leg, lateness_s, timed
 
 
 def with_breaks(
-    problem: RoutingProblem, vehicle: Vehicle, legs: Sequence[Leg], reference_s: float
-) -> list[Leg]:
+    problem: RoutingProblem, vehicle: Vehicle, legs: Sequence[RoadLeg], reference_s: float
+) -> list[RoadLeg]:
     """The legs of a tour with the vehicle's breaks, each at the stop at which it makes the tour
     least late, then shortest, if it leaves as soon as it is ready. Those that the time at the depot
     takes are left out.

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.forms import RoutingProblem
-from dispatcher_daemon.planning.roads import Leg, Travel
+from dispatcher_daemon.planning.roads import RoadLeg, Travel
 from dispatcher_daemon.planning.roads.charge import (
     TOLERANCE_KWH,
     Battery,
@@ -36,7 +36,7 @@ class _Label:
 
     extra_s: float
     charge_kwh: float
-    legs: tuple[Leg, ...]
+    legs: tuple[RoadLeg, ...]
 
 
 class Batteries:
@@ -52,8 +52,8 @@ class Batteries:
         self._energies_kwh: dict[tuple[VehicleParameters, tuple[str, ...], float], float] = {}
 
     def with_stops(
-        self, number: int, travel: Travel, legs: Sequence[Leg], fixed: int, *, under_way: bool
-    ) -> list[Leg] | None:
+        self, number: int, travel: Travel, legs: Sequence[RoadLeg], fixed: int, *, under_way: bool
+    ) -> list[RoadLeg] | None:
         """The legs of a vehicle's route, over charging stops where its battery needs them; None if
         it does not last.
 
@@ -76,7 +76,7 @@ class Batteries:
             return list(legs)
         return found
 
-    def needed_h(self, number: int, legs: Sequence[Leg]) -> float:
+    def needed_h(self, number: int, legs: Sequence[RoadLeg]) -> float:
         """How long a vehicle has to charge at its depot for a route, h; inf: it does not last."""
         battery = self.of[number]
         if battery is None:
@@ -90,11 +90,11 @@ class Batteries:
             return math.inf
         return short_kwh / battery.depot_power_kw
 
-    def _energy_kwh(self, number: int) -> Callable[[Leg], float]:
+    def _energy_kwh(self, number: int) -> Callable[[RoadLeg], float]:
         """What a leg takes out of a vehicle's battery."""
         physics = self._problem.profile_of(self._problem.fleet.vehicles[number]).physics
 
-        def energy_kwh(leg: Leg) -> float:
+        def energy_kwh(leg: RoadLeg) -> float:
             # The rest of a leg has the path of the whole one.
             key = physics, leg.path, leg.drive.duration_s
             if key not in self._energies_kwh:
@@ -108,11 +108,11 @@ def with_charging_stops(
     battery: Battery,
     fleet: Fleet,
     travel: Travel,
-    legs: Sequence[Leg],
+    legs: Sequence[RoadLeg],
     departure_kwh: float,
-    energy_kwh: Callable[[Leg], float],
+    energy_kwh: Callable[[RoadLeg], float],
     fixed: int = 0,
-) -> list[Leg] | None:
+) -> list[RoadLeg] | None:
     """The legs of a route, over charging stops where the battery needs them.
 
     Args:
@@ -149,10 +149,10 @@ def _over_charging_stops(
     battery: Battery,
     fleet: Fleet,
     travel: Travel,
-    leg: Leg,
+    leg: RoadLeg,
     label: _Label,
     after_kwh: float,
-    energy_kwh: Callable[[Leg], float],
+    energy_kwh: Callable[[RoadLeg], float],
 ) -> Iterator[_Label]:
     """The leg over each charging stop within reach."""
     for place in fleet.charging_stops:

@@ -9,7 +9,7 @@ from typing import Final
 from dispatcher_daemon.fleet import Commitment, Vehicle
 from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.roads import (
-    Leg,
+    RoadLeg,
     Roads,
     Route,
     Travel,
@@ -65,7 +65,7 @@ def planned_waits_s(
 
 def committed_legs(
     problem: RoutingProblem, travel: Travel, own: Commitment, vehicle: Vehicle
-) -> list[Leg] | None:
+) -> list[RoadLeg] | None:
     """Its first legs, of which something is fixed; None: no way leads on."""
     fleet, roads, style = problem.fleet, travel.roads, problem.style
     depot = fleet.depot_of(vehicle)

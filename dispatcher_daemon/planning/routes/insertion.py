@@ -10,7 +10,7 @@ from itertools import pairwise
 from typing import Final
 
 from dispatcher_daemon.fleet import Fleet, Stop, Vehicle
-from dispatcher_daemon.planning.plans import Candidate, Cycle, Refusal
+from dispatcher_daemon.planning.plans import Candidate, CandidateRefusal, Cycle
 from dispatcher_daemon.planning.roads import fleet_travel, lateness_s, timed
 from dispatcher_daemon.planning.routes.itineraries import Itinerary, Planner
 from slipstream.explain import InsertedStop, OfferedTour, TourObstacle
@@ -111,7 +111,7 @@ def insert_stops(
     timetables = [itinerary.route for itinerary in planned if itinerary.route is not None]
     cost_kwh = math.fsum(itinerary.cost_kwh for itinerary in planned)
     result = cycle.candidate(NAME, timetables, cost_kwh, platooning=False)
-    if isinstance(result, Refusal):
+    if isinstance(result, CandidateRefusal):
         why = f"its plan was refused: {result.reason}"
         refused = {s: why for i in planned for s in i.stops if s in set(wanted)}
         return Insertion(None, missing | refused, tuple(tried))

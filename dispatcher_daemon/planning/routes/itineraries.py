@@ -13,7 +13,7 @@ from dispatcher_daemon.fleet import Commitment, RoadUser
 from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.platooning import MeetingBook, Traversals
 from dispatcher_daemon.planning.roads import (
-    Leg,
+    RoadLeg,
     Route,
     Travel,
     lateness_by_window_s,
@@ -95,9 +95,9 @@ class Planner:
         now_ns = snapshot.now_ns
         self.windows = Windows(problem, now_ns, self.travels, reference_s, commitments)
         self.batteries = Batteries(problem)
-        self._committed: dict[tuple[int, int], list[Leg] | None] = {}
+        self._committed: dict[tuple[int, int], list[RoadLeg] | None] = {}
 
-    def legs(self, number: int, stops: Sequence[str], travel: int = 0) -> list[Leg] | None:
+    def legs(self, number: int, stops: Sequence[str], travel: int = 0) -> list[RoadLeg] | None:
         """Legs of a route, over charging stops where the battery needs them, with the breaks of a
         vehicle that is free; None if one of them has no path or the battery does not last.
         """
@@ -119,15 +119,15 @@ class Planner:
             return found
         return with_breaks(self.problem, vehicle, found, self.windows.reference_s)
 
-    def lasts(self, number: int, legs: Sequence[Leg]) -> bool:
+    def lasts(self, number: int, legs: Sequence[RoadLeg]) -> bool:
         """Whether a vehicle's battery lasts for a route, charged at its depot if need be."""
         return math.isfinite(self.ready_after_charging_s(number, legs))
 
-    def ready_after_charging_s(self, number: int, legs: Sequence[Leg]) -> float:
+    def ready_after_charging_s(self, number: int, legs: Sequence[RoadLeg]) -> float:
         """When a vehicle can leave at the earliest, s; inf: its battery does not last."""
         return self.windows.of(number)[0] + S_PER_H * self.batteries.needed_h(number, legs)
 
-    def fixed_legs(self, number: int, travel: int = 0) -> list[Leg] | None:
+    def fixed_legs(self, number: int, travel: int = 0) -> list[RoadLeg] | None:
         """The first legs of a bound vehicle, which are the same whatever it does; of any other
         vehicle there are none. None: no way leads on.
         """
@@ -149,7 +149,7 @@ class Planner:
         self,
         number: int,
         stops: tuple[str, ...],
-        legs: Sequence[Leg] | None,
+        legs: Sequence[RoadLeg] | None,
         depart_s: float | None = None,
         waits_s: Sequence[float] = (),
     ) -> Itinerary | None:
@@ -184,7 +184,7 @@ class Planner:
         self,
         number: int,
         stops: tuple[str, ...],
-        legs: Sequence[Leg],
+        legs: Sequence[RoadLeg],
         depart_s: float | None,
         waits_s: Sequence[float],
     ) -> Itinerary | None:

@@ -20,20 +20,20 @@ _FULL_SHARE: Final = 0.99
 
 
 @dataclass(frozen=True)
-class Part:
+class FleetPart:
     """Some vehicles, and the stops that only they may serve."""
 
     vehicles: Sequence[Vehicle]
     stops: Sequence[str]
 
 
-def by_carrier(fleet: Fleet, stops: Sequence[str]) -> tuple[list[Part], list[str]]:
+def by_carrier(fleet: Fleet, stops: Sequence[str]) -> tuple[list[FleetPart], list[str]]:
     """(each carrier's vehicles and stops, if it has any; stops that are anybody's).
 
     Of a fleet of one carrier all stops are its own.
     """
     if len(fleet.carriers) == 1:
-        return [Part(fleet.vehicles, stops)], []
+        return [FleetPart(fleet.vehicles, stops)], []
     loaded = {vehicle.first_stop: vehicle.carrier for vehicle in fleet.vehicles}
     own: dict[str | None, list[str]] = {carrier: [] for carrier in fleet.carriers}
     anybodys = []
@@ -46,7 +46,7 @@ def by_carrier(fleet: Fleet, stops: Sequence[str]) -> tuple[list[Part], list[str
         else:
             own.setdefault(carrier, []).append(name)
     parts = [
-        Part([vehicle for vehicle in fleet.vehicles if vehicle.carrier == carrier], of_one)
+        FleetPart([vehicle for vehicle in fleet.vehicles if vehicle.carrier == carrier], of_one)
         for carrier, of_one in own.items()
     ]
     return [part for part in parts if part.vehicles and part.stops], anybodys
@@ -63,11 +63,11 @@ def are_full(fleet: Fleet, stops: Sequence[str]) -> bool:
 
 def parts_of_routes(
     problem: RoutingProblem,
-    whole: Part,
+    whole: FleetPart,
     routes: StopsByVehicle,
     max_stops: int,
     number: int,
-) -> list[Part]:
+) -> list[FleetPart]:
     """A part's routes cut at the median of where their stops lie, again and again, across a
     direction that turns from cut to cut and from round to round.
 
@@ -97,7 +97,7 @@ def parts_of_routes(
             break
         groups, angle = halves, angle + np.pi / 2
     return [
-        Part(
+        FleetPart(
             [*group, *idle[i :: len(groups)]],
             [*(s for v in group for s in routes[v.id]), *unassigned[i :: len(groups)]],
         )
@@ -111,7 +111,9 @@ def unserved(stops: Sequence[str], routes: StopsByVehicle) -> tuple[str, ...]:
     return tuple(stop for stop in stops if stop not in served)
 
 
-def parts_of_stops(problem: RoutingProblem, whole: Part, max_stops: int, seed: int) -> list[Part]:
+def parts_of_stops(
+    problem: RoutingProblem, whole: FleetPart, max_stops: int, seed: int
+) -> list[FleetPart]:
     """A part's stops cut at the median of their demand across the longer side of where they lie,
     again and again, each half with the vehicles that begin nearest to it and have its share of the
     capacity.
@@ -130,7 +132,7 @@ def parts_of_stops(problem: RoutingProblem, whole: Part, max_stops: int, seed: i
     room = {v.id: float(v.capacity or 0) if limited else 1.0 for v in vehicles}
     demand = {s: 1e-6 + fleet.stop_by_id[s].demand for s in stops}
     drawn = np.random.default_rng(seed).permutation(len(vehicles))
-    parts = [Part([vehicles[i] for i in drawn], [s for s in stops if s not in loaded])]
+    parts = [FleetPart([vehicles[i] for i in drawn], [s for s in stops if s not in loaded])]
     total = len(parts[0].stops)
     while total > max_stops * len(parts):
         halves = []
@@ -152,13 +154,14 @@ def parts_of_stops(problem: RoutingProblem, whole: Part, max_stops: int, seed: i
             near = sorted(part.vehicles, key=lambda v: float(begin[v.id] @ line))
             count = np.cumsum([room[v.id] for v in near])
             middle = min(int(np.searchsorted(count, share * count[-1])) + 1, len(near) - 1)
-            halves += [Part(near[:middle], before), Part(near[middle:], after)]
+            halves += [FleetPart(near[:middle], before), FleetPart(near[middle:], after)]
         if len(halves) == len(parts):
             break
         parts = halves
     firsts = [[v.first_stop for v in part.vehicles if v.first_stop] for part in parts]
     return [
-        Part(part.vehicles, [*own, *part.stops]) for part, own in zip(parts, firsts, strict=True)
+        FleetPart(part.vehicles, [*own, *part.stops])
+        for part, own in zip(parts, firsts, strict=True)
     ]
 
 

@@ -42,7 +42,7 @@ def low_penalties(settings: SearchSettings, *, full: bool) -> pyvrp.PenaltyParam
 
 
 @dataclass(frozen=True)
-class Attempt:
+class SearchAttempt:
     """A search.
 
     Attributes:
@@ -74,14 +74,14 @@ class Found:
 
 
 @dataclass(frozen=True)
-class Job:
+class SearchJob:
     """Attempts at the routes of one part, in turn.
 
     Attributes:
         limit_s: of each attempt.
     """
 
-    attempts: Sequence[Attempt]
+    attempts: Sequence[SearchAttempt]
     start: Visits | None
     limit_s: float
     seed: int
@@ -91,7 +91,7 @@ class Job:
         """Limit of all attempts together."""
         return self.limit_s * len(self.attempts)
 
-    def repeating(self, iterations: Sequence[int]) -> Job:
+    def repeating(self, iterations: Sequence[int]) -> SearchJob:
         """The same with these numbers of iterations of the first attempts, and no others."""
         numbered = zip(self.attempts, iterations, strict=False)
         attempts = [replace(attempt, stop_after=number) for attempt, number in numbered]
@@ -113,7 +113,7 @@ class Searched:
     iterations: tuple[int, ...]
 
 
-def search_in_turn(job: Job) -> Searched:
+def search_in_turn(job: SearchJob) -> Searched:
     """Make a job's attempts until one finds feasible routes."""
     found, cut, iterations = None, False, list[int]()
     for attempt in job.attempts:
@@ -124,14 +124,14 @@ def search_in_turn(job: Job) -> Searched:
     return Searched(found, cut, tuple(iterations))
 
 
-def search_within(job: Job, limit_s: float) -> Searched:
+def search_within(job: SearchJob, limit_s: float) -> Searched:
     """As `search_in_turn`, with at most so much time for all attempts together."""
     each_s = min(job.limit_s, limit_s / len(job.attempts))
     return search_in_turn(replace(job, limit_s=each_s))
 
 
 def _search(
-    attempt: Attempt, start: Visits | None, limit_s: float, seed: int
+    attempt: SearchAttempt, start: Visits | None, limit_s: float, seed: int
 ) -> tuple[Found | None, bool, int]:
     data, begin = attempt.data, None
     if start is not None:

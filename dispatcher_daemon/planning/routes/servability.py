@@ -10,7 +10,7 @@ from typing import Final
 
 from dispatcher_daemon.fleet import Fleet, Stop, Vehicle
 from dispatcher_daemon.forms import RoutingProblem
-from dispatcher_daemon.planning.roads import Leg, Travel, fleet_travel
+from dispatcher_daemon.planning.roads import RoadLeg, Travel, fleet_travel
 from dispatcher_daemon.planning.roads.charge import battery_of, leg_energy_kwh
 from dispatcher_daemon.planning.routes.charging_stops import with_charging_stops
 from dispatcher_daemon.traffic import TrafficSnapshot
@@ -204,7 +204,7 @@ def _charge_refusal(
     latest_s = vehicle.ready_s if vehicle.depart_by_s is None else vehicle.depart_by_s
     charge_kwh = battery.at_departure_kwh(latest_s)
 
-    def energy_kwh(leg: Leg) -> float:
+    def energy_kwh(leg: RoadLeg) -> float:
         return leg_energy_kwh(leg, physics)
 
     lasts = with_charging_stops(battery, problem.fleet, travel, found, charge_kwh, energy_kwh)

@@ -32,7 +32,7 @@ MAX_STREAMS: Final = 32
 
 
 @dataclass(frozen=True)
-class Event:
+class HubEvent:
     """One thing that happened.
 
     Attributes:
@@ -57,7 +57,7 @@ class Event:
         return f"{number}event: {self.kind}\ndata: {data}\n\n".encode()
 
 
-class Stream(EventQueue[Event]):
+class Stream(EventQueue[HubEvent]):
     """The events that one caller has not taken yet.
 
     Args:
@@ -68,9 +68,9 @@ class Stream(EventQueue[Event]):
     def __init__(self, kinds: Collection[Kind], loop: asyncio.AbstractEventLoop) -> None:
         super().__init__(loop)
         self.kinds = frozenset(kinds)
-        self._states: dict[tuple[str, str], Event] = {}
+        self._states: dict[tuple[str, str], HubEvent] = {}
 
-    def put(self, event: Event) -> None:
+    def put(self, event: HubEvent) -> None:
         """Add an event of a kind that it wants."""
         with self._lock:
             if isinstance(event.value, SegmentState):
@@ -82,7 +82,7 @@ class Stream(EventQueue[Event]):
                 self._waiting.append(event)
         self._notify()
 
-    def _drained(self) -> list[Event]:
+    def _drained(self) -> list[HubEvent]:
         found = [*super()._drained(), *self._states.values()]
         self._states.clear()
         return found
@@ -99,7 +99,7 @@ class EventHub:
         self._run = run
         self._count = 0
         self._lock = threading.Lock()
-        self._kept: deque[Event] = deque(maxlen=KEPT_EVENTS)
+        self._kept: deque[HubEvent] = deque(maxlen=KEPT_EVENTS)
         self._streams: set[Stream] = set()
 
     def publish(self, kind: Kind, value: Message | OrderChange) -> None:
@@ -107,10 +107,10 @@ class EventHub:
         if kind == "state" and not self._streams:
             return
         with self._lock:
-            event = Event(kind, value)
+            event = HubEvent(kind, value)
             if kind != "state":
                 self._count += 1
-                event = Event(kind, value, f"{self._run}-{self._count}")
+                event = HubEvent(kind, value, f"{self._run}-{self._count}")
                 self._kept.append(event)
             for stream in self._streams:
                 if kind in stream.kinds:
@@ -147,7 +147,7 @@ class EventHub:
                 stream.close()
             self._streams = set()
 
-    def _since(self, last_id: str) -> Iterator[Event]:
+    def _since(self, last_id: str) -> Iterator[HubEvent]:
         run, _, text = last_id.partition("-")
         number = int(text) if text.isdecimal() and len(text) < 20 else -1
         first = self._count - len(self._kept) + 1
@@ -159,5 +159,5 @@ class EventHub:
                 yield event
 
 
-def _reset(why: str) -> Event:
-    return Event("reset", {"reason": f"{why}; read the present state again"})
+def _reset(why: str) -> HubEvent:
+    return HubEvent("reset", {"reason": f"{why}; read the present state again"})

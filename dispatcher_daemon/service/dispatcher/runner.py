@@ -14,11 +14,11 @@ from typing import Final
 
 from dispatcher_daemon import metrics
 from dispatcher_daemon.fleet import Fleet
-from dispatcher_daemon.fleet.tracking import HIDDEN, Situation, fleet_of
+from dispatcher_daemon.fleet.tracking import HIDDEN, FleetSituation, fleet_of
 from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.cycle import cycle_of, run_cycle
 from dispatcher_daemon.planning.plans import plan_energies
-from dispatcher_daemon.planning.replay import InputEncoder, Recorder
+from dispatcher_daemon.planning.replay import InputEncoder, TraceRecorder
 from dispatcher_daemon.planning.route_form import NO_VEHICLE
 from dispatcher_daemon.planning.routes import insert_stops
 from dispatcher_daemon.service.dispatcher.delivery import PlanDelivery, PlannedCycle
@@ -156,7 +156,7 @@ class CycleRunner:
             start=self._stops or None,
             commitments=situation.commitments,
         )
-        with Recorder(self._around.solve, self._around.executor) as recorder:
+        with TraceRecorder(self._around.solve, self._around.executor) as recorder:
             result = run_cycle(cycle, recorder.solve, recorder.executor, recorder.clock)
         unserved = tuple(_explained(one, situation) for one in result.report.unserved)
         report = result.report.model_copy(update={"unserved": unserved})
@@ -219,7 +219,7 @@ class CycleRunner:
             metrics.INSERTION_SECONDS.observe(time.monotonic() - began)
             log.info("orders inserted between cycles: %d plans", stored.plans)
 
-    def _situation(self, number: int, now_ns: int) -> Situation:
+    def _situation(self, number: int, now_ns: int) -> FleetSituation:
         """What the cycle may plan, by the fleet's list as it is now."""
         fleet = self._around.listed(now_ns + round(1e9 * self._reference_s))
         situation = self._watch.situation(fleet, number, now_ns, self._reference_s)
@@ -251,13 +251,13 @@ class CycleRunner:
             return None
 
 
-def _explained(one: Unserved, situation: Situation) -> Unserved:
+def _explained(one: Unserved, situation: FleetSituation) -> Unserved:
     """A stop without a vehicle, with what keeps all vehicles."""
     why = situation.nobody if one.reason == NO_VEHICLE else one.reason
     return one.model_copy(update={"reason": why})
 
 
-def _with_kept_back(report: CycleReport, situation: Situation) -> CycleReport:
+def _with_kept_back(report: CycleReport, situation: FleetSituation) -> CycleReport:
     """A report with the stops that its cycle was not given."""
     kept_back = [*((stop, HIDDEN) for stop in situation.hidden), *situation.waiting.items()]
     others = tuple(Unserved(stop=stop, reason=reason) for stop, reason in kept_back)

@@ -19,20 +19,20 @@ from dispatcher_daemon.service.vroom.model import (
     Ints,
     Kind,
     Matrices,
-    Pause,
-    Problem,
-    Task,
     Van,
-    Ways,
+    VroomPause,
+    VroomProblem,
+    VroomVisit,
+    VroomWays,
     Windows,
 )
 from dispatcher_daemon.service.vroom.schema import (
     Coordinates,
-    Job,
     Request,
     Shipment,
     TaskStep,
-    Vehicle,
+    VroomJob,
+    VroomVehicle,
     Window,
 )
 from slipstream.errors import InputError
@@ -69,7 +69,7 @@ def build_problem(
     row: Row,
     by_profile: Mapping[str, Matrices],
     source: str,
-) -> Problem:
+) -> VroomProblem:
     """Join a request with matrices.
 
     Args:
@@ -85,7 +85,7 @@ def build_problem(
     if different > _MAX_SKILL_SETS:
         mend = f"give at most {_MAX_SKILL_SETS}"
         raise InputError(source, f"{different} different sets of skills", mend, key="jobs.skills")
-    ways: dict[object, Ways] = {}
+    ways: dict[object, VroomWays] = {}
     vans = []
     for number, spec in enumerate(request.vehicles):
         key = f"vehicles.{number}"
@@ -104,7 +104,9 @@ def build_problem(
             for place, index in ((spec.start, spec.start_index), (spec.end, spec.end_index))
         )
         window = (0, FOREVER) if spec.time_window is None else windows_of([spec.time_window])[0]
-        pauses = [Pause(b, windows_of(b.time_windows), PER_SECOND * b.service) for b in spec.breaks]
+        pauses = [
+            VroomPause(b, windows_of(b.time_windows), PER_SECOND * b.service) for b in spec.breaks
+        ]
         pauses.sort(key=lambda pause: pause.windows[0])
         vans.append(
             Van(
@@ -114,10 +116,10 @@ def build_problem(
             )
         )
     _check_unique(source, "vehicles", [van.spec.id for van in vans])
-    return Problem(request, tasks, tuple(vans), tuple(coordinates), by_profile)
+    return VroomProblem(request, tasks, tuple(vans), tuple(coordinates), by_profile)
 
 
-def _tasks(request: Request, row: Row, size: int, source: str) -> Iterator[Task]:
+def _tasks(request: Request, row: Row, size: int, source: str) -> Iterator[VroomVisit]:
     number = 0
     for job in request.jobs:
         key = f"jobs.{job.id}"
@@ -142,14 +144,14 @@ def _task(
     number: int,
     kind: Kind,
     step: TaskStep,
-    shared: Job | Shipment,
+    shared: VroomJob | Shipment,
     row: Row,
     delivery: tuple[int, ...] | None,
     pickup: tuple[int, ...] | None,
     size: int,
     partner: int | None = None,
-) -> Task:
-    return Task(
+) -> VroomVisit:
+    return VroomVisit(
         *(number, kind, step, row(step.location, step.location_index)),
         windows_of(step.time_windows),
         delivery or (0,) * size,
@@ -172,7 +174,7 @@ def _check_unique(source: str, key: str, ids: Sequence[int]) -> None:
         raise InputError(source, f"id {twice} is given twice", "rename one", key=key)
 
 
-def _check_costs(spec: Vehicle, matrices: Matrices, key: str, source: str) -> None:
+def _check_costs(spec: VroomVehicle, matrices: Matrices, key: str, source: str) -> None:
     needs_metres = spec.costs.per_km or spec.max_distance is not None
     if needs_metres and matrices.distances is None:
         name = "max_distance" if spec.max_distance is not None else "costs.per_km"
@@ -183,12 +185,12 @@ def _check_costs(spec: Vehicle, matrices: Matrices, key: str, source: str) -> No
         raise InputError(source, "beside a matrix of costs", mend, key=f"{key}.costs")
 
 
-def _factor(spec: Vehicle) -> int:
+def _factor(spec: VroomVehicle) -> int:
     """Hundredths of a second of one second in the matrix."""
     return max(1, math.floor(PER_SECOND / spec.speed_factor + 0.5))
 
 
-def _ways(spec: Vehicle, matrices: Matrices, source: str) -> Ways:
+def _ways(spec: VroomVehicle, matrices: Matrices, source: str) -> VroomWays:
     seconds, metres = matrices.durations, matrices.distances
     per_hour = _PER_HOUR if spec.costs.per_hour is None else spec.costs.per_hour
     dearest = max(
@@ -208,7 +210,7 @@ def _ways(spec: Vehicle, matrices: Matrices, source: str) -> Ways:
             cost = cost + _METRE_UNITS * spec.costs.per_km * metres
     blocked = seconds < 0
     distance = None if metres is None else _rows(metres, blocked)
-    return Ways(_rows(duration, blocked), distance, _rows(cost, blocked))
+    return VroomWays(_rows(duration, blocked), distance, _rows(cost, blocked))
 
 
 def _rows(values: Ints, blocked: npt.NDArray[np.bool_]) -> list[array[int]]:

@@ -11,14 +11,14 @@ from collections.abc import Sequence
 from typing import Final
 
 from dispatcher_daemon.service.vroom.given_routes import GivenRoute, described
-from dispatcher_daemon.service.vroom.least_missed import Event, least_missed
+from dispatcher_daemon.service.vroom.least_missed import MissedEvent, least_missed
 from dispatcher_daemon.service.vroom.model import (
     FOREVER,
     NO_WAY,
     PER_SECOND,
-    Pause,
-    Problem,
-    Task,
+    VroomPause,
+    VroomProblem,
+    VroomVisit,
     Windows,
 )
 from dispatcher_daemon.service.vroom.response import Violations
@@ -39,7 +39,7 @@ _MIN_S: Final = 1.0
 
 
 def chosen_times(
-    problem: Problem, ends: float, source: str
+    problem: VroomProblem, ends: float, source: str
 ) -> tuple[list[Timetable], dict[int, list[Violations]]]:
     """(all described routes, by number of the vehicle what each step breaks, and the route's own
     last).
@@ -76,7 +76,7 @@ def chosen_times(
     return routes, violations
 
 
-def _events(given: GivenRoute) -> list[Event]:
+def _events(given: GivenRoute) -> list[MissedEvent]:
     """The steps of a route, hundredths of a second."""
     van, tasks = given.van, given.tasks
     worked, driven = iter(actions(van, tasks)), iter(travels(van, tasks))
@@ -85,12 +85,12 @@ def _events(given: GivenRoute) -> list[Event]:
         at, after, before = _hard(step)
         low = max((PER_SECOND * s for s in (at, after) if s is not None), default=0)
         high = min((PER_SECOND * s for s in (at, before) if s is not None), default=FOREVER)
-        if isinstance(one, Pause):
-            found.append(Event(one.windows, low, high, one.service, None))
+        if isinstance(one, VroomPause):
+            found.append(MissedEvent(one.windows, low, high, one.service, None))
         elif one is None:
-            found.append(Event((van.window,), low, high, 0, next(driven, 0)))
+            found.append(MissedEvent((van.window,), low, high, 0, next(driven, 0)))
         else:
-            found.append(Event(one.windows, low, high, sum(next(worked)), next(driven)))
+            found.append(MissedEvent(one.windows, low, high, sum(next(worked)), next(driven)))
     return found
 
 
@@ -114,10 +114,10 @@ def _timed(given: GivenRoute, begins: Sequence[int]) -> Timetable:
         if not steps:
             steps.append(Step(None, begin, begin, 0, 0, 0, metres, at[0]))
             continue
-        share = min(left, begin - over) if isinstance(one, Pause) else left
+        share = min(left, begin - over) if isinstance(one, VroomPause) else left
         arrival, left, travelled = over + share, left - share, travelled + share
         setup = service = 0
-        if isinstance(one, Pause):
+        if isinstance(one, VroomPause):
             service = one.service
         else:
             leg = ways[number]
@@ -132,7 +132,7 @@ def _timed(given: GivenRoute, begins: Sequence[int]) -> Timetable:
     return Timetable(van, tuple(tasks), tuple(steps), user_cost(van, tasks))
 
 
-def _violations(problem: Problem, route: Timetable) -> list[Violations]:
+def _violations(problem: VroomProblem, route: Timetable) -> list[Violations]:
     """What each step breaks, and what only the whole route does last."""
     van, spec = route.van, route.van.spec
     present = {task.number for task in route.tasks}
@@ -144,7 +144,7 @@ def _violations(problem: Problem, route: Timetable) -> list[Violations]:
         _add_times(wrong, step, (van.window,) if one is None else one.windows)
         if any(a > b for a, b in zip(step.load, spec.capacity, strict=True)):
             wrong["load"] = None
-        if isinstance(one, Task):
+        if isinstance(one, VroomVisit):
             seen.add(one.number)
             if not one.skills <= van.skills:
                 wrong["skills"] = None
@@ -160,10 +160,10 @@ def _violations(problem: Problem, route: Timetable) -> list[Violations]:
             wrong["max_travel_time"] = None
         if spec.max_distance is not None and (step.metres or 0) > spec.max_distance:
             wrong["max_distance"] = None
-        if isinstance(one, Pause) and not one.fits(step.load):
+        if isinstance(one, VroomPause) and not one.fits(step.load):
             wrong["max_load"] = None
         found.append(wrong)
-    taken = {id(step.of) for step in route.steps if isinstance(step.of, Pause)}
+    taken = {id(step.of) for step in route.steps if isinstance(step.of, VroomPause)}
     missing = any(id(pause) not in taken for pause in van.pauses)
     return [*found, {"missing_break": None} if missing else {}]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from dispatcher_daemon.service.vroom.model import Pause, Problem, Task, Van
+from dispatcher_daemon.service.vroom.model import Van, VroomPause, VroomProblem, VroomVisit
 from dispatcher_daemon.service.vroom.schema import VehicleStep
 from dispatcher_daemon.service.vroom.timing import Timetable, fault, timetable
 from slipstream.errors import InputError
@@ -22,21 +22,21 @@ class GivenRoute:
 
     van: Van
     steps: tuple[VehicleStep, ...]
-    of: tuple[Task | Pause | None, ...]
+    of: tuple[VroomVisit | VroomPause | None, ...]
 
     @property
-    def tasks(self) -> list[Task]:
+    def tasks(self) -> list[VroomVisit]:
         """Tasks in order."""
-        return [one for one in self.of if isinstance(one, Task)]
+        return [one for one in self.of if isinstance(one, VroomVisit)]
 
 
-def described(problem: Problem, source: str) -> list[GivenRoute]:
+def described(problem: VroomProblem, source: str) -> list[GivenRoute]:
     """The routes of all vehicles that have steps.
 
     Raises:
         InputError: an unknown id, a task or break twice, or a start or end amid the route.
     """
-    by_id: dict[tuple[str, int | None], Task] = {
+    by_id: dict[tuple[str, int | None], VroomVisit] = {
         (task.kind, task.step.id): task for task in problem.tasks
     }
     used: set[object] = set()
@@ -47,10 +47,10 @@ def described(problem: Problem, source: str) -> list[GivenRoute]:
             continue
         pauses = {pause.spec.id: pause for pause in van.pauses}
         inner = steps[steps[0].type == "start" : len(steps) - (steps[-1].type == "end")]
-        of: list[Task | Pause | None] = []
+        of: list[VroomVisit | VroomPause | None] = []
         for step in inner:
             key = f"vehicles.{van.spec.id}.steps"
-            one: Task | Pause | None = None
+            one: VroomVisit | VroomPause | None = None
             if step.type == "break" and step.id is not None:
                 one = pauses.get(step.id)
             elif step.type in ("job", "pickup", "delivery"):
@@ -72,7 +72,7 @@ def described(problem: Problem, source: str) -> list[GivenRoute]:
     return found
 
 
-def start_routes(problem: Problem, source: str) -> Sequence[Timetable]:
+def start_routes(problem: VroomProblem, source: str) -> Sequence[Timetable]:
     """Described routes to start a search from; of their steps the tasks count.
 
     Raises:

@@ -25,7 +25,7 @@ _Times = tuple[Ints, Ints]
 
 
 @dataclass(frozen=True)
-class Event:
+class MissedEvent:
     """A step; times are whole numbers of one unit.
 
     Attributes:
@@ -60,7 +60,7 @@ class _Leg:
     to: int
 
 
-def least_missed(events: Sequence[Event], ends: float) -> list[int] | None:
+def least_missed(events: Sequence[MissedEvent], ends: float) -> list[int] | None:
     """When each step begins: of the times with the least sum of misses those with the earliest end,
     then with the latest start, then with the rest as early as possible; None: the hard bounds
     contradict each other.
@@ -102,7 +102,7 @@ def least_missed(events: Sequence[Event], ends: float) -> list[int] | None:
 class _Chain:
     """Steps with the times that are looked at."""
 
-    def __init__(self, events: Sequence[Event], ends: float) -> None:
+    def __init__(self, events: Sequence[MissedEvent], ends: float) -> None:
         self._events, self._ends = events, ends
         places = [n for n, event in enumerate(events) if event.travel is not None]
         self.legs = [self._leg(a, b) for a, b in pairwise(places)]

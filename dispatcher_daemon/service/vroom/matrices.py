@@ -9,7 +9,7 @@ import numpy as np
 from dispatcher_daemon.planning.roads import given_matrices
 from dispatcher_daemon.service.vroom.build import build_problem, check_size
 from dispatcher_daemon.service.vroom.engine import RoadWays, RoutingEngine
-from dispatcher_daemon.service.vroom.model import Matrices, Problem
+from dispatcher_daemon.service.vroom.model import Matrices, VroomProblem
 from dispatcher_daemon.service.vroom.schema import Coordinates, ProfileMatrices, Request
 from slipstream.errors import InputError
 
@@ -17,7 +17,7 @@ _Place = tuple[str, Coordinates | None, int | None]
 """(key, coordinates, index)."""
 
 
-def with_matrices(request: Request, source: str) -> Problem:
+def with_matrices(request: Request, source: str) -> VroomProblem:
     """The problem with the request's matrices.
 
     Raises:
@@ -55,7 +55,7 @@ def with_matrices(request: Request, source: str) -> Problem:
 
 def with_roads(
     request: Request, engine: RoutingEngine, source: str
-) -> tuple[Problem, dict[str, RoadWays]]:
+) -> tuple[VroomProblem, dict[str, RoadWays]]:
     """(the problem with ways over our roads, these by profile).
 
     Raises:

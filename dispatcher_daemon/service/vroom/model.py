@@ -13,11 +13,11 @@ import numpy as np
 import numpy.typing as npt
 
 from dispatcher_daemon.service.vroom.schema import (
-    Break,
     Coordinates,
     Request,
     TaskStep,
-    Vehicle,
+    VroomBreak,
+    VroomVehicle,
 )
 
 Ints = npt.NDArray[np.int64]
@@ -50,7 +50,7 @@ class Matrices:
 
 
 @dataclass(frozen=True)
-class Task:
+class VroomVisit:
     """A job, or one step of a shipment.
 
     Attributes:
@@ -79,14 +79,14 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Pause:
+class VroomPause:
     """A break.
 
     Attributes:
         spec: as requested.
     """
 
-    spec: Break
+    spec: VroomBreak
     windows: Windows
     service: int
 
@@ -97,7 +97,7 @@ class Pause:
 
 
 @dataclass(frozen=True, eq=False)
-class Ways:
+class VroomWays:
     """Travel of vehicles of one profile, speed and price.
 
     Attributes:
@@ -125,12 +125,12 @@ class Van:
     """
 
     number: int
-    spec: Vehicle
-    ways: Ways
+    spec: VroomVehicle
+    ways: VroomWays
     start: int | None
     end: int | None
     window: tuple[int, int]
-    pauses: tuple[Pause, ...]
+    pauses: tuple[VroomPause, ...]
     skills: frozenset[int]
     actions: dict[int, tuple[int, int]] = field(default_factory=dict)
 
@@ -140,7 +140,7 @@ class Van:
         spec = self.spec.model_copy(update={"id": 0, "description": None, "steps": ()})
         return spec.model_dump_json(), self.start, self.end
 
-    def action(self, task: Task) -> tuple[int, int]:
+    def action(self, task: VroomVisit) -> tuple[int, int]:
         """(setup, service) of a task with this vehicle."""
         known = self.actions.get(task.number)
         if known is None:
@@ -154,7 +154,7 @@ class Van:
 
 
 @dataclass(frozen=True)
-class Problem:
+class VroomProblem:
     """A request with its matrices.
 
     Attributes:
@@ -164,7 +164,7 @@ class Problem:
     """
 
     request: Request
-    tasks: tuple[Task, ...]
+    tasks: tuple[VroomVisit, ...]
     vans: tuple[Van, ...]
     coordinates: tuple[Coordinates | None, ...]
     by_profile: Mapping[str, Matrices]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from dispatcher_daemon.service.vroom.model import PER_SECOND, Pause, Problem, Task
+from dispatcher_daemon.service.vroom.model import PER_SECOND, VroomPause, VroomProblem, VroomVisit
 from dispatcher_daemon.service.vroom.timing import Step, Timetable
 
 Violations = dict[str, int | None]
@@ -16,7 +16,7 @@ _SUMMED = ("cost", "setup", "service", "duration", "waiting_time", "priority")
 
 
 def response(
-    problem: Problem,
+    problem: VroomProblem,
     routes: Sequence[Timetable],
     unassigned: Mapping[int, str],
     violations: Mapping[int, Sequence[Violations]] | None = None,
@@ -51,7 +51,7 @@ def response(
 
 
 def _route(
-    problem: Problem,
+    problem: VroomProblem,
     route: Timetable,
     violations: Mapping[int, Sequence[Violations]],
     geometries: Mapping[int, str] | None,
@@ -84,7 +84,7 @@ def _route(
     return row
 
 
-def _steps(problem: Problem, route: Timetable, violations: Sequence[Violations]) -> list[Json]:
+def _steps(problem: VroomProblem, route: Timetable, violations: Sequence[Violations]) -> list[Json]:
     """Travel is what is left between rounded times, so that all of a route adds up."""
     rows, travelled = [], 0
     over = route.steps[0].arrival // PER_SECOND
@@ -110,13 +110,13 @@ def _steps(problem: Problem, route: Timetable, violations: Sequence[Violations])
     return rows
 
 
-def _place(problem: Problem, route: Timetable, step: Step, number: int) -> Json:
-    if isinstance(step.of, Pause):
+def _place(problem: VroomProblem, route: Timetable, step: Step, number: int) -> Json:
+    if isinstance(step.of, VroomPause):
         named: Json = {"type": "break", "id": step.of.spec.id}
         if step.of.spec.description:
             named["description"] = step.of.spec.description
         return named
-    if isinstance(step.of, Task):
+    if isinstance(step.of, VroomVisit):
         named = _named(problem, step.of)
         return {**named, "job": named["id"]}
     spec, tasks = route.van.spec, route.tasks
@@ -132,7 +132,7 @@ def _place(problem: Problem, route: Timetable, step: Step, number: int) -> Json:
     return {"type": "start" if begins else "end", **_located(coordinates, index)}
 
 
-def _named(problem: Problem, task: Task) -> Json:
+def _named(problem: VroomProblem, task: VroomVisit) -> Json:
     step = task.step
     row: Json = {"type": task.kind, "id": step.id}
     if step.description:

@@ -66,7 +66,7 @@ class TaskStep(_Table):
     time_windows: _Windows | None = None
 
 
-class Job(TaskStep):
+class VroomJob(TaskStep):
     """A single place to visit."""
 
     amount: _Amount | None = Field(default=None, description="Former name of `delivery`.")
@@ -95,7 +95,7 @@ class Costs(_Table):
     per_km: _Whole = 0
 
 
-class Break(_Table):
+class VroomBreak(_Table):
     """A pause of the driver, anywhere."""
 
     id: _Id
@@ -121,7 +121,7 @@ class VehicleStep(_Table):
         return self
 
 
-class Vehicle(_Table):
+class VroomVehicle(_Table):
     """One vehicle."""
 
     id: _Id
@@ -136,7 +136,7 @@ class Vehicle(_Table):
     skills: _Skills = ()
     type: _Text = ""
     time_window: Window | None = None
-    breaks: Annotated[tuple[Break, ...], Field(max_length=20)] = ()
+    breaks: Annotated[tuple[VroomBreak, ...], Field(max_length=20)] = ()
     speed_factor: float = Field(default=1.0, gt=0, le=5, allow_inf_nan=False)
     max_tasks: _Whole | None = None
     max_travel_time: _Whole | None = None
@@ -177,9 +177,9 @@ class ProfileMatrices(_Table):
 class Request(_Table):
     """A vehicle routing problem."""
 
-    jobs: tuple[Job, ...] = ()
+    jobs: tuple[VroomJob, ...] = ()
     shipments: tuple[Shipment, ...] = ()
-    vehicles: Annotated[tuple[Vehicle, ...], Field(min_length=1, max_length=2000)]
+    vehicles: Annotated[tuple[VroomVehicle, ...], Field(min_length=1, max_length=2000)]
     matrices: dict[str, ProfileMatrices] | None = None
     matrix: _Matrix | None = Field(
         default=None, description="Former form of the durations of profile car."

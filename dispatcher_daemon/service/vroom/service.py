@@ -10,7 +10,7 @@ from dispatcher_daemon.service.vroom.engine import RoadWays, RoutingEngine, Rout
 from dispatcher_daemon.service.vroom.eta import chosen_times
 from dispatcher_daemon.service.vroom.given_routes import start_routes
 from dispatcher_daemon.service.vroom.matrices import with_matrices, with_roads
-from dispatcher_daemon.service.vroom.model import Problem
+from dispatcher_daemon.service.vroom.model import VroomProblem
 from dispatcher_daemon.service.vroom.response import Json, response
 from dispatcher_daemon.service.vroom.routes import repaired, search, units_of, unservable
 from dispatcher_daemon.service.vroom.schema import Request
@@ -122,7 +122,7 @@ def _answer(
 
 
 def _solved(
-    problem: Problem, ends: float, seed: int, source: str
+    problem: VroomProblem, ends: float, seed: int, source: str
 ) -> tuple[list[Timetable], dict[int, str]]:
     """(routes with their times, reason by number of each task that is on none)."""
     start = start_routes(problem, source)
@@ -141,7 +141,7 @@ def _solved(
     return timed, missing | left
 
 
-def _is_exact(problem: Problem) -> bool:
+def _is_exact(problem: VroomProblem) -> bool:
     """Whether PyVRP knows all rules of a request."""
     shipments = any(task.partner is not None for task in problem.tasks)
     return not any(

@@ -14,9 +14,9 @@ from dispatcher_daemon.service.vroom.model import (
     COST_UNITS,
     NO_WAY,
     PER_SECOND,
-    Pause,
-    Task,
     Van,
+    VroomPause,
+    VroomVisit,
     Windows,
 )
 
@@ -33,7 +33,7 @@ class Step:
         load: after it.
     """
 
-    of: Task | Pause | None
+    of: VroomVisit | VroomPause | None
     arrival: int
     begin: int
     setup: int
@@ -52,12 +52,12 @@ class Timetable:
     """
 
     van: Van
-    tasks: tuple[Task, ...]
+    tasks: tuple[VroomVisit, ...]
     steps: tuple[Step, ...]
     cost: int
 
 
-def actions(van: Van, tasks: Sequence[Task]) -> list[tuple[int, int]]:
+def actions(van: Van, tasks: Sequence[VroomVisit]) -> list[tuple[int, int]]:
     """(set-up, service) of each task: no set-up where the one before, or the start, is there."""
     found, place = [], van.start
     for task in tasks:
@@ -67,19 +67,19 @@ def actions(van: Van, tasks: Sequence[Task]) -> list[tuple[int, int]]:
     return found
 
 
-def legs(van: Van, tasks: Sequence[Task]) -> list[tuple[int, int] | None]:
+def legs(van: Van, tasks: Sequence[VroomVisit]) -> list[tuple[int, int] | None]:
     """(from, to) of the ways to each task and to the end; None: there is none to drive."""
     places = [van.start, *(task.place for task in tasks), van.end]
     return [None if a is None or b is None else (a, b) for a, b in pairwise(places)]
 
 
-def travels(van: Van, tasks: Sequence[Task]) -> list[int]:
+def travels(van: Van, tasks: Sequence[VroomVisit]) -> list[int]:
     """Times of the ways to each task and to the end; `NO_WAY` where no road leads."""
     duration = van.ways.duration
     return [0 if leg is None else duration[leg[0]][leg[1]] for leg in legs(van, tasks)]
 
 
-def cost_of(van: Van, tasks: Sequence[Task]) -> int:
+def cost_of(van: Van, tasks: Sequence[VroomVisit]) -> int:
     """Internal cost of a route; none where the vehicle stays."""
     if not tasks:
         return 0
@@ -89,7 +89,7 @@ def cost_of(van: Van, tasks: Sequence[Task]) -> int:
     return COST_UNITS * costs.fixed + driven + costs.per_task_hour * worked
 
 
-def user_cost(van: Van, tasks: Sequence[Task]) -> int:
+def user_cost(van: Van, tasks: Sequence[VroomVisit]) -> int:
     """Cost of a route in the answer: that of travel and that of tasks are rounded down each."""
     worked = van.spec.costs.per_task_hour * sum(map(sum, actions(van, tasks)))
     fixed = COST_UNITS * van.spec.costs.fixed
@@ -97,7 +97,7 @@ def user_cost(van: Van, tasks: Sequence[Task]) -> int:
     return van.spec.costs.fixed + driven // COST_UNITS + worked // COST_UNITS
 
 
-def loads(tasks: Sequence[Task], size: int) -> list[tuple[int, ...]]:
+def loads(tasks: Sequence[VroomVisit], size: int) -> list[tuple[int, ...]]:
     """Load at the start and after each task."""
     load = [0] * size
     for task in tasks:
@@ -122,7 +122,7 @@ NO_WAY_STAGE: Final = 4
 """Stage of a fault that is mended where other tasks lie between."""
 
 
-def fault(van: Van, tasks: Sequence[Task]) -> Fault | None:
+def fault(van: Van, tasks: Sequence[VroomVisit]) -> Fault | None:
     """The first rule that a route breaks; None: none, and its times are found."""
     spec = van.spec
     if any(not task.skills <= van.skills for task in tasks):
@@ -150,7 +150,7 @@ def fault(van: Van, tasks: Sequence[Task]) -> Fault | None:
     return None
 
 
-def timetable(van: Van, tasks: Sequence[Task]) -> Timetable | None:
+def timetable(van: Van, tasks: Sequence[VroomVisit]) -> Timetable | None:
     """The earliest end of a route, with the latest start for it; None: a rule is broken."""
     if fault(van, tasks) is not None:
         return None
@@ -165,7 +165,7 @@ def timetable(van: Van, tasks: Sequence[Task]) -> Timetable | None:
     )
 
 
-def metres(van: Van, tasks: Sequence[Task]) -> int:
+def metres(van: Van, tasks: Sequence[VroomVisit]) -> int:
     """Distance of a route whose vehicle knows distances."""
     distance = van.ways.distance or ()
     return sum(distance[leg[0]][leg[1]] for leg in legs(van, tasks) if leg is not None)
@@ -186,7 +186,7 @@ _Reached = dict[int, tuple[int, tuple[int, ...]]]
 
 
 def _pauses_before(
-    van: Van, tasks: Sequence[Task], driven: Sequence[int], at: Sequence[tuple[int, ...]]
+    van: Van, tasks: Sequence[VroomVisit], driven: Sequence[int], at: Sequence[tuple[int, ...]]
 ) -> tuple[tuple[int, ...], int] | None:
     """(breaks before each task and before the end, the earliest end), or None.
 
@@ -221,7 +221,7 @@ def _pauses_before(
 
 
 def _latest_start(
-    van: Van, tasks: Sequence[Task], driven: Sequence[int], pauses: Sequence[int], end: int
+    van: Van, tasks: Sequence[VroomVisit], driven: Sequence[int], pauses: Sequence[int], end: int
 ) -> int:
     """The latest start that ends as early."""
     worked = actions(van, tasks)
@@ -243,7 +243,7 @@ def _latest_start(
 
 def _steps(
     van: Van,
-    tasks: Sequence[Task],
+    tasks: Sequence[VroomVisit],
     pauses: Sequence[int],
     begin: int,
     at: Sequence[tuple[int, ...]],

@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple, get_args, get_origin
 
 from pydantic import BaseModel
 
-from dispatcher_daemon.service.vroom.schema import Job, Request
+from dispatcher_daemon.service.vroom.schema import Request, VroomJob
 from slipstream.errors import MAX_FAULTS, InputError
 
 _INDICES: Final = ("location_index", "start_index", "end_index")
@@ -84,7 +84,7 @@ def _reason(
         mend = f"did you mean {near[0]}?" if near else "remove it or mend its spelling"
         return "unknown key, not read", mend
     beside = (row.get(name) for name in ("delivery", "pickup"))
-    if model is Job and key == "amount" and any(value is not None for value in beside):
+    if model is VroomJob and key == "amount" and any(value is not None for value in beside):
         return "not read beside delivery or pickup", "remove it, the former name of delivery"
     if key == "matrix" and row.get("matrices"):
         return "not read beside matrices", "remove it, their former form"

@@ -47,7 +47,7 @@ def _version(name: str) -> str:
 
 
 @dataclass(frozen=True)
-class Call:
+class ClusterCall:
     """What a worker is asked for.
 
     Attributes:
@@ -97,7 +97,7 @@ class CallFailed(Exception):
 
 
 @dataclass(frozen=True)
-class Answer:
+class CallAnswer:
     """What became of a call.
 
     Attributes:
@@ -134,7 +134,7 @@ def use_processes(executor: WorkerExecutor) -> None:
     _executors[:] = [executor]
 
 
-def run_call(expected: str, text: bytes, arrays: Sequence[bytes], timeout_s: float) -> Answer:
+def run_call(expected: str, text: bytes, arrays: Sequence[bytes], timeout_s: float) -> CallAnswer:
     """Run a call in one of the worker's processes; a thread of the worker waits for it.
 
     Nothing is unpickled where the build is not the expected one.
@@ -144,16 +144,16 @@ def run_call(expected: str, text: bytes, arrays: Sequence[bytes], timeout_s: flo
         timeout_s: the process is killed then, as threads cannot be.
     """
     if expected != build():
-        return Answer("refused", reason=build())
+        return CallAnswer("refused", reason=build())
     if not _executors:
-        return Answer("refused", reason="not started by `slipstream worker`")
+        return CallAnswer("refused", reason="not started by `slipstream worker`")
     try:
         future = _executors[0].submit_limited(timeout_s, _run, text, arrays)
-        return Answer("value", future.result())
+        return CallAnswer("value", future.result())
     except TimeoutError:
-        return Answer("late", reason=f"no answer within {timeout_s:.3g} s")
+        return CallAnswer("late", reason=f"no answer within {timeout_s:.3g} s")
     except Exception as error:
-        return Answer("raised", reason=error_line(error))
+        return CallAnswer("raised", reason=error_line(error))
 
 
 def _run(text: bytes, arrays: Sequence[bytes]) -> Any:

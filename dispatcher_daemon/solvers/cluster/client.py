@@ -15,8 +15,8 @@ from dispatcher_daemon import metrics
 from dispatcher_daemon.settings import LOCAL, ClusterSettings
 from dispatcher_daemon.solvers.cluster.arrays import SentArrays
 from dispatcher_daemon.solvers.cluster.calls import (
-    Answer,
-    Call,
+    CallAnswer,
+    ClusterCall,
     ClusterLost,
     build,
     run_call,
@@ -102,7 +102,7 @@ class Cluster:
             a future that ends within that time: with the value, `CallFailed`, `TimeoutError` (its
             process was killed), or `ClusterLost`.
         """
-        return self._start(self._counted(Call(function, args, timeout_s, within_s)))
+        return self._start(self._counted(ClusterCall(function, args, timeout_s, within_s)))
 
     def close(self) -> None:
         """Give up the connection; calls end with `ClusterLost`."""
@@ -179,11 +179,11 @@ class Cluster:
             task.add_done_callback(self._tasks.discard)
 
     async def _admit(self, worker: str, processes: int) -> None:
-        call = Call(warm_up, self._warm_up_args, _WARM_UP_S, _WARM_UP_S, (worker,))
+        call = ClusterCall(warm_up, self._warm_up_args, _WARM_UP_S, _WARM_UP_S, (worker,))
         answers = await asyncio.gather(
             *(self._answer(call) for _ in range(processes)), return_exceptions=True
         )
-        refused = [a.reason for a in answers if isinstance(a, Answer) and a.kind == "refused"]
+        refused = [a.reason for a in answers if isinstance(a, CallAnswer) and a.kind == "refused"]
         if refused:
             self._refused.add(worker)
             log.warning(
@@ -192,7 +192,7 @@ class Cluster:
                 refused[0],
                 build(),
             )
-        elif all(isinstance(a, Answer) for a in answers) and worker in self._asked:
+        elif all(isinstance(a, CallAnswer) for a in answers) and worker in self._asked:
             self._set_ready({**self._ready, worker: processes})
         else:
             self._asked.discard(worker)
@@ -229,7 +229,7 @@ class Cluster:
         before, self._lost = self._lost, self._loop.create_future()
         before.set_result(reason)
 
-    async def _counted(self, call: Call) -> Any:
+    async def _counted(self, call: ClusterCall) -> Any:
         try:
             answer = await self._answer(call)
         except ClusterLost:
@@ -238,7 +238,7 @@ class Cluster:
         metrics.CLUSTER_CALLS.labels(answer.kind).inc()
         return answer.result()
 
-    async def _answer(self, call: Call) -> Answer:
+    async def _answer(self, call: ClusterCall) -> CallAnswer:
         """The answer of a worker.
 
         Raises:
@@ -270,7 +270,7 @@ class Cluster:
             self._end(f"no answer within {call.within_s:.3g} s")
         raise ClusterLost("no answer in time")
 
-    async def _ask(self, call: Call) -> Answer:
+    async def _ask(self, call: ClusterCall) -> CallAnswer:
         workers = call.workers or tuple(self._ready)
         if self._client is None or self._arrays is None or not workers:
             raise ClusterLost("no worker is ready")
@@ -293,6 +293,6 @@ class Cluster:
         finally:
             # A queued call of which nobody awaits the answer is not begun.
             future.release()
-        if not isinstance(answer, Answer):
+        if not isinstance(answer, CallAnswer):
             raise ClusterLost(f"answered with a {type(answer).__name__}")
         return answer

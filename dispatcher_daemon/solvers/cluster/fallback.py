@@ -13,7 +13,7 @@ from dispatcher_daemon.solvers.cluster.calls import ClusterLost
 from dispatcher_daemon.solvers.cluster.client import Cluster
 from dispatcher_daemon.solvers.protocol import Outcome, Solver
 from dispatcher_daemon.solvers.workers.executor import TimedExecutor
-from dispatcher_daemon.solvers.workers.pool import GRACE_S, Job, Solve, error_line, run_job
+from dispatcher_daemon.solvers.workers.pool import GRACE_S, PoolJob, Solve, error_line, run_job
 from dispatcher_daemon.solvers.workers.processes import WorkerExecutor
 
 CLUSTER_SHARE: Final = 0.6
@@ -33,7 +33,7 @@ def cluster_solve(cluster: Cluster, solvers: Sequence[Solver], local: Solve) -> 
     """
     by_name = {solver.name: solver for solver in solvers}
 
-    def solve(jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
+    def solve(jobs: Sequence[PoolJob], deadline_s: float) -> list[Outcome]:
         began, slots = time.monotonic(), cluster.slots
         if slots == 0:
             return local(jobs, deadline_s)
@@ -60,7 +60,7 @@ def cluster_solve(cluster: Cluster, solvers: Sequence[Solver], local: Solve) -> 
     return solve
 
 
-def _collect(job: Job, future: Future[Any] | None, began: float) -> Outcome | None:
+def _collect(job: PoolJob, future: Future[Any] | None, began: float) -> Outcome | None:
     """A job's outcome; None if the cluster gave no answer."""
     if future is None:
         return None

@@ -19,7 +19,7 @@ import numpy as np
 
 from dispatcher_daemon.forms import Encoding, Problem, QuboModel, build_model
 from dispatcher_daemon.solvers.protocol import Execution, Outcome, Status
-from dispatcher_daemon.solvers.quantum.backends.ibm_account import Access
+from dispatcher_daemon.solvers.quantum.backends.ibm_account import AccountAccess
 from dispatcher_daemon.solvers.sampling import Bits, answer
 from dispatcher_daemon.solvers.workers.pool import error_line
 
@@ -108,14 +108,14 @@ class IskaySolver:
         catalog: opens the catalogue of functions; None: `qiskit_ibm_catalog`'s.
     """
 
-    access: Access
+    access: AccountAccess
     device: str
     shots: int = 10_000
     iterations: int = 10
     job: str | None = None
     gamma: float | None = None
     encoding: Encoding = "reduced"
-    catalog: Callable[[Access], Any] | None = None
+    catalog: Callable[[AccountAccess], Any] | None = None
     poll_s: float = _POLL_S
     name: str = "iskay"
 
@@ -252,7 +252,7 @@ class _Run:
         return " ".join(line.split())[:300].replace(self.solver.access.token, "***")
 
 
-def _open_catalog(access: Access) -> Any:
+def _open_catalog(access: AccountAccess) -> Any:
     from qiskit_ibm_catalog import QiskitFunctionsCatalog
 
     instance = None if access.instance == "auto" else access.instance

@@ -14,12 +14,12 @@ import numpy as np
 from dispatcher_daemon.forms import Encoding, Problem, QuboModel, RouteProblem, build_model
 from dispatcher_daemon.settings import LcQaoaSettings
 from dispatcher_daemon.solvers.distribution import BitDistribution
-from dispatcher_daemon.solvers.pace import Pace, measure_pace
+from dispatcher_daemon.solvers.pace import SolverPace, measure_pace
 from dispatcher_daemon.solvers.protocol import Execution, Outcome
 from dispatcher_daemon.solvers.quantum.ansatz import linear_ramp, scheduled
 from dispatcher_daemon.solvers.quantum.backends.base import Backend
 from dispatcher_daemon.solvers.quantum.backends.fallback import Opened, open_or_fall_back
-from dispatcher_daemon.solvers.quantum.chain.layout import Placement
+from dispatcher_daemon.solvers.quantum.chain.layout import QubitPlacement
 from dispatcher_daemon.solvers.quantum.chain.one_hot import (
     group_order,
     inside_groups,
@@ -40,7 +40,7 @@ from dispatcher_daemon.solvers.quantum.circuits import circuit_of
 from dispatcher_daemon.solvers.quantum.ising import Ising, to_ising
 from dispatcher_daemon.solvers.sampling import Bits, Counts, SampledBits, solve_by_sampling, stages
 
-Place = Callable[[int, Sequence[float]], Placement]
+Place = Callable[[int, Sequence[float]], QubitPlacement]
 """`Backend.place`."""
 
 _CVAR_SHOTS = 1024
@@ -330,7 +330,7 @@ class LcQaoaSolver:
 
     def _pace(
         self, model: QuboModel, backend: Backend, place: Place | None, enough_s: float, seed: int
-    ) -> Pace:
+    ) -> SolverPace:
         """Of drawing and processing samples of the circuit before it is trained."""
         one_hot = self.settings.variant.startswith("one-hot")
         untrained = {"variant": "one-hot" if one_hot else "ramp", "iterations": 1}

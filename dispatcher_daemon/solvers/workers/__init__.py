@@ -6,7 +6,7 @@ from dispatcher_daemon.solvers.workers.executor import TimedExecutor, executor_s
 from dispatcher_daemon.solvers.workers.pool import (
     GRACE_S,
     RESERVE,
-    Job,
+    PoolJob,
     Solve,
     SolverPool,
     error_line,
@@ -18,7 +18,7 @@ from dispatcher_daemon.solvers.workers.processes import Processes, WorkerExecuto
 __all__ = [
     "GRACE_S",
     "RESERVE",
-    "Job",
+    "PoolJob",
     "Processes",
     "Solve",
     "SolverPool",

@@ -10,7 +10,7 @@ from concurrent.futures import CancelledError, Executor, Future, TimeoutError
 from typing import TypeVar
 
 from dispatcher_daemon.solvers.protocol import Outcome, Solver, Status
-from dispatcher_daemon.solvers.workers.pool import GRACE_S, Job, Solve, error_line, run_job
+from dispatcher_daemon.solvers.workers.pool import GRACE_S, PoolJob, Solve, error_line, run_job
 
 log = logging.getLogger(__name__)
 
@@ -55,7 +55,7 @@ def executor_solve(executor: Executor, solvers: Sequence[Solver], *, workers: in
     if workers < 1:
         raise ValueError(f"{workers} workers")
 
-    def solve(jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
+    def solve(jobs: Sequence[PoolJob], deadline_s: float) -> list[Outcome]:
         began = time.monotonic()
         share_s = deadline_s / max(1, math.ceil(len(jobs) / workers))
         futures = [_submit(executor, by_name, job, share_s) for job in jobs]
@@ -66,7 +66,7 @@ def executor_solve(executor: Executor, solvers: Sequence[Solver], *, workers: in
 
 
 def _submit(
-    executor: Executor, solvers: dict[str, Solver], job: Job, deadline_s: float
+    executor: Executor, solvers: dict[str, Solver], job: PoolJob, deadline_s: float
 ) -> Future[Outcome] | Exception:
     try:
         return executor.submit(run_job, solvers[job.solver], job.problem, deadline_s, job.seed)
@@ -74,7 +74,9 @@ def _submit(
         return error
 
 
-def _collect(job: Job, future: Future[Outcome] | Exception, began: float, ends: float) -> Outcome:
+def _collect(
+    job: PoolJob, future: Future[Outcome] | Exception, began: float, ends: float
+) -> Outcome:
     try:
         if isinstance(future, Exception):
             raise future
@@ -91,6 +93,6 @@ def _collect(job: Job, future: Future[Outcome] | Exception, began: float, ends: 
         return _fault(job, error_line(error), began)
 
 
-def _fault(job: Job, reason: str, began: float, *, late: bool = False) -> Outcome:
+def _fault(job: PoolJob, reason: str, began: float, *, late: bool = False) -> Outcome:
     status: Status = "timeout" if late else "failed"
     return Outcome(job.solver, status, None, time.monotonic() - began, reason=reason)

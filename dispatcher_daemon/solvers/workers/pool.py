@@ -33,7 +33,7 @@ RESERVE = 0.2
 
 
 @dataclass(frozen=True)
-class Job:
+class PoolJob:
     """One problem for one solver (by name)."""
 
     solver: str
@@ -44,7 +44,7 @@ class Job:
 class Solve(Protocol):
     """Solves jobs within the deadline; outcomes in the order of the jobs."""
 
-    def __call__(self, jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
+    def __call__(self, jobs: Sequence[PoolJob], deadline_s: float) -> list[Outcome]:
         """Does not raise for a solver's fault: its Outcome has no answer, and the reason."""
         ...
 
@@ -137,7 +137,7 @@ class SolverPool:
         return faults
 
     @traced("solve")
-    def __call__(self, jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
+    def __call__(self, jobs: Sequence[PoolJob], deadline_s: float) -> list[Outcome]:
         """Run the jobs in parallel, as many of one solver at once as it has workers.
 
         Jobs of one solver that have to queue share the deadline.
@@ -150,7 +150,7 @@ class SolverPool:
             for job, future in zip(jobs, futures, strict=True)
         ]
 
-    def _submit(self, job: Job, count: int, deadline_s: float) -> Future[Outcome] | Exception:
+    def _submit(self, job: PoolJob, count: int, deadline_s: float) -> Future[Outcome] | Exception:
         with self._lock:
             if self._closed:
                 return RuntimeError("the pool is closed")
@@ -162,7 +162,7 @@ class SolverPool:
                 return error
 
     def _collect(
-        self, job: Job, future: Future[Outcome] | Exception, began: float, deadline_s: float
+        self, job: PoolJob, future: Future[Outcome] | Exception, began: float, deadline_s: float
     ) -> Outcome:
         try:
             if isinstance(future, Exception):
@@ -184,7 +184,7 @@ class SolverPool:
 
     @staticmethod
     def _fault(
-        job: Job, status: Literal["timeout", "failed"], reason: str, began: float
+        job: PoolJob, status: Literal["timeout", "failed"], reason: str, began: float
     ) -> Outcome:
         return Outcome(job.solver, status, None, time.monotonic() - began, reason=reason)
 
@@ -220,7 +220,7 @@ def solve_in_process(solvers: Sequence[Solver]) -> Solve:
     """A `Solve` without worker processes and hard deadlines, for tools and tests."""
     by_name = {solver.name: solver for solver in solvers}
 
-    def solve(jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
+    def solve(jobs: Sequence[PoolJob], deadline_s: float) -> list[Outcome]:
         outcomes = []
         for job in jobs:
             began = time.monotonic()

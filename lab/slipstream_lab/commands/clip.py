@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from slipstream.errors import InputError
-from slipstream_cli.progress import Progress
+from slipstream_cli.progress import ProgressLine
 from slipstream_lab.commands.sumo_files import add_options, sumo_files
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ def run_streetdrive(options: argparse.Namespace) -> int:
             exposure_s=options.exposure_ms / 1000,
         ),
     )
-    with Progress("rendering", sys.stderr) as progress:
+    with ProgressLine("rendering", sys.stderr) as progress:
         summary = render_clip(settings, options.out, progress.update)
     return _report(options, summary)
 
@@ -132,7 +132,7 @@ def run_sumo(options: argparse.Namespace) -> int:
     camera = None
     if options.rsu is None and net != find_net("avenue"):
         camera = _busiest(net, routes)
-    with tempfile.TemporaryDirectory() as folder, Progress("rendering", sys.stderr) as progress:
+    with tempfile.TemporaryDirectory() as folder, ProgressLine("rendering", sys.stderr) as progress:
         settings = SumoClipSettings(
             net=net,
             routes=routes,

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from slipstream.errors import InputError
-from slipstream_cli.progress import Progress
+from slipstream_cli.progress import ProgressLine
 
 if TYPE_CHECKING:
     from slipstream_lab.simulation.evaluation.measures import Evaluation
@@ -121,7 +121,7 @@ class Curve:
         fleets = self._fleets(files)
         cells = curve_cells(self.densities, seeds)
         if not self.stored:
-            with Progress("planning", sys.stderr) as progress:
+            with ProgressLine("planning", sys.stderr) as progress:
                 plan_missing(cells, self.out, workers, progress.update)
         results = planned(cells, self.out)
         found: dict[int, Evaluation] = {}

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from slipstream.config import load
 from slipstream.errors import InputError
-from slipstream_cli.progress import Progress
+from slipstream_cli.progress import ProgressLine
 from slipstream_lab.commands import sumo_files
 from slipstream_lab.commands.curve import Curve, add_options, parse_numbers
 
@@ -241,7 +241,7 @@ def _simulate(
             workers = options.workers or arms.processes
         elif options.databases:
             simulate = partial(world.simulate, databases=store.folder / "databases")
-        progress = stack.enter_context(Progress("simulating", sys.stderr))
+        progress = stack.enter_context(ProgressLine("simulating", sys.stderr))
         update = _update_of(progress)
         done = run_missing(policies, seeds, span_s, store, simulate, workers, update)
     return done.kept
@@ -259,7 +259,7 @@ def _exogenous(
     for watched in ARMS:
         if stored and not (options.out / f"exogenous-{watched}").is_dir():
             continue
-        with Progress(f"on recorded traffic, watched: {watched}", sys.stderr) as progress:
+        with ProgressLine(f"on recorded traffic, watched: {watched}", sys.stderr) as progress:
             evaluation = exogenous_evaluation(
                 world, watched, seeds, options.out, workers, _update_of(progress), stored=stored
             )
@@ -280,7 +280,7 @@ def _further_tables(
     return tables
 
 
-def _update_of(progress: Progress) -> Callable[[float, float], None]:
+def _update_of(progress: ProgressLine) -> Callable[[float, float], None]:
     return lambda passed_s, whole_s: progress.update(round(passed_s), round(whole_s))
 
 

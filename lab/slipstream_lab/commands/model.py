@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from slipstream.errors import InputError
 from slipstream_cli.clip_options import add_config, add_fps, settings_of
-from slipstream_cli.progress import Progress
+from slipstream_cli.progress import ProgressLine
 
 if TYPE_CHECKING:
     from edge_daemon.coverage import Coverage
@@ -215,7 +215,7 @@ def run_check(options: argparse.Namespace) -> int:
     settings = settings_of(options)
     detector = settings.detector.model_copy(update={"model": options.model, "backend": None})
     camera = None if options.camera is None else load_camera(options.camera)
-    with Progress("looking", sys.stderr) as progress:
+    with ProgressLine("looking", sys.stderr) as progress:
         coverage = measure_coverage(
             options.clip,
             detector,

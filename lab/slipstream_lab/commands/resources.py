@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from slipstream.errors import InputError
 from slipstream.files import ending_of
-from slipstream_cli.progress import Progress
+from slipstream_cli.progress import ProgressLine
 
 if TYPE_CHECKING:
     from slipstream_lab.research.resources.counts import QuboSize, ResourceRow
@@ -62,7 +62,7 @@ def run(options: argparse.Namespace) -> int:
             "resources", "more vehicles than customers", "give K ≤ N", key="--vehicles"
         )
     rows = []
-    with Progress("resources", sys.stderr) as progress:
+    with ProgressLine("resources", sys.stderr) as progress:
         for number, (customers, vehicles) in enumerate(sizes, start=1):
             rows.append(resource_row(customers, vehicles, seed=options.seed))
             progress.update(number, len(sizes))

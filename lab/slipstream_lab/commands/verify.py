@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from slipstream.errors import InputError
-from slipstream_cli.progress import Progress
+from slipstream_cli.progress import ProgressLine
 
 if TYPE_CHECKING:
     from dispatcher_daemon.forms import Encoding, Problem
@@ -81,7 +81,7 @@ def run(options: argparse.Namespace) -> int:
     rows: list[dict[str, Any]] = []
     if not options.json:
         print(_HEAD)
-    with Progress("verify", sys.stderr) as progress:
+    with ProgressLine("verify", sys.stderr) as progress:
         for number, ((name, form, problem), gamma) in enumerate(
             ((case, weight) for case in cases for weight in weights), start=1
         ):

@@ -13,7 +13,7 @@ import pytest
 
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.protocol import Execution, Outcome
-from dispatcher_daemon.solvers.workers.pool import Job, solve_in_process
+from dispatcher_daemon.solvers.workers.pool import PoolJob, solve_in_process
 from slipstream_lab.benchmarks.quantum import hardware
 from slipstream_lab.benchmarks.quantum.faulty_service import FaultyServiceFactory, ServiceRecords
 from slipstream_lab.benchmarks.quantum.hardware_checks import Run, check_run
@@ -33,7 +33,7 @@ SHORT = SETTINGS.model_copy(
 )
 
 
-def solve(jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
+def solve(jobs: Sequence[PoolJob], deadline_s: float) -> list[Outcome]:
     """The exact solver in the simulator's place: this is about the device."""
     ran = Execution("aer", "simulated", "ramp", 2, 4, 40, 0.0, 0.0)
     exact = EXACT([replace(job, solver="exact") for job in jobs], deadline_s)
@@ -65,7 +65,7 @@ def test_no_promise_is_broken_in_twenty_cycles(tmp_path: Path) -> None:
 def test_a_late_cycle_is_a_broken_promise(tmp_path: Path) -> None:
     """Its plan may be good: it has to be stored before the deadline, not some time after it."""
 
-    def late(jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
+    def late(jobs: Sequence[PoolJob], deadline_s: float) -> list[Outcome]:
         time.sleep(0.3)
         return solve(jobs, deadline_s)
 

@@ -115,7 +115,7 @@ def test_one_circuit_stands_beside_sweeps_and_controls(monkeypatch: pytest.Monke
     """Every way has its ratio; a valid one lies at most at the optimum."""
     problem, graph = fleet(4, [3, 3, 3, 3])
     monkeypatch.setattr(large, "city_part", lambda *_: CityPart(problem, graph))
-    plan = large.Plan(
+    plan = large.LargePlan(
         variants=("one-hot",), layers=1, shots=60, iterations=8, backend="aer", sweeps=False
     )
     block = large.measure(plan, 12)

@@ -18,7 +18,7 @@ from slipstream.bus import free_port
 from slipstream.config import BusSettings, load
 from slipstream.messages import VehiclePosition
 from slipstream_cli.main import main
-from slipstream_lab.commands.live.movement import Movement
+from slipstream_lab.commands.live.movement import FleetMovement
 from slipstream_lab.commands.live.world import time_of_day_s
 from slipstream_lab.commands.live.world_daemons import write_world_settings
 from slipstream_lab.simulation.live.prepare import prepare_world
@@ -167,7 +167,7 @@ def test_daemons_are_set_for_the_world(tmp_path: Path) -> None:
 
 def test_a_vehicle_has_moved_when_it_is_elsewhere() -> None:
     """Positions are counted, and vehicles that were seen at two places; noise is left out."""
-    movement = Movement()
+    movement = FleetMovement()
 
     def tell(vehicle: str, segment: str, share: float) -> None:
         position = VehiclePosition(

@@ -18,12 +18,12 @@ from dashboard.live import LiveData
 from dashboard.settings import DashboardSettings
 from dashboard.view.places import Places
 from dashboard.web.app import make_app
-from dashboard.web.hub import Hub
+from dashboard.web.hub import PageHub
 from dashboard.web.pictures import Pictures
 from dashboard.web.present import Present
 from dashboard.web.rows import Scene
-from dashboard.web.services import Services
-from dashboard.web.tables import Limits, Tables
+from dashboard.web.services import PageServices
+from dashboard.web.tables import Limits, PageTables
 from slipstream.http.server import HttpServer
 from slipstream.messages import DISPATCHER_HEALTH_KEY, rsu_health_key, state_key
 
@@ -88,9 +88,9 @@ class Served:
     port: int
     live: LiveData
     present: Present
-    hub: Hub
+    hub: PageHub
     pictures: Pictures
-    services: Services
+    services: PageServices
     open_connections: list[socket.socket] = field(default_factory=list)
 
     def ask(
@@ -139,10 +139,10 @@ def serve(world, now_ns) -> Iterator[Callable[..., Served]]:
         chosen = DashboardSettings.model_validate({"database_url": None} | settings)
         live = LiveData(chosen.history_cycles, lambda: now_ns)
         scene = Scene(Places(world.network), {"depot": "depot"})
-        tables = Tables(scene, Limits(chosen.stale_after_s, chosen.silent_after_s))
-        hub, pictures = Hub(), Pictures()
+        tables = PageTables(scene, Limits(chosen.stale_after_s, chosen.silent_after_s))
+        hub, pictures = PageHub(), Pictures()
         present = Present(live, tables, hub, lambda: True)
-        services = Services(chosen, scene, present.known, hub, pictures)
+        services = PageServices(chosen, scene, present.known, hub, pictures)
         server = HttpServer("the page", "127.0.0.1", 0, "port")
         server.start(make_app(services))
         served = Served(server.port, live, present, hub, pictures, services)

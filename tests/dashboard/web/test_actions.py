@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import pytest
 
-from dashboard.web.actions import Action, Call, call_of, told
+from dashboard.web.actions import Action, ActionCall, call_of, told
 from slipstream.config import check
 from slipstream.errors import InputError
 
 CALLS = {
-    "pause dispatcher": Call("POST", "/v1/control/pause"),
-    "resume dispatcher": Call("POST", "/v1/control/resume"),
-    "solve dispatcher": Call("POST", "/v1/control/cycle"),
-    "pin order/o-17": Call("POST", "/v1/orders/o-17/pin"),
-    "release order/a/b ?c": Call("POST", "/v1/orders/a%2Fb%20%3Fc/release"),
-    "cancel order/../x": Call("DELETE", "/v1/orders/..%2Fx"),
-    "acknowledge alarm/rsu-1:silent": Call("POST", "/v1/alarms/rsu-1%3Asilent/acknowledge"),
+    "pause dispatcher": ActionCall("POST", "/v1/control/pause"),
+    "resume dispatcher": ActionCall("POST", "/v1/control/resume"),
+    "solve dispatcher": ActionCall("POST", "/v1/control/cycle"),
+    "pin order/o-17": ActionCall("POST", "/v1/orders/o-17/pin"),
+    "release order/a/b ?c": ActionCall("POST", "/v1/orders/a%2Fb%20%3Fc/release"),
+    "cancel order/../x": ActionCall("DELETE", "/v1/orders/..%2Fx"),
+    "acknowledge alarm/rsu-1:silent": ActionCall("POST", "/v1/alarms/rsu-1%3Asilent/acknowledge"),
 }
 
 
@@ -39,7 +39,7 @@ def test_the_reason_goes_to_the_dispatcher(asked: str) -> None:
 def test_an_order_is_pinned_to_a_vehicle() -> None:
     """If one is named."""
     action = Action(action="pin", subject="order/o-1", vehicle="van-2")
-    assert call_of(action) == Call("POST", "/v1/orders/o-1/pin", {"vehicle": "van-2"})
+    assert call_of(action) == ActionCall("POST", "/v1/orders/o-1/pin", {"vehicle": "van-2"})
     assert "van-2" in told(action)
 
 

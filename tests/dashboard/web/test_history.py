@@ -23,7 +23,7 @@ from dashboard.web.energy import EnergyBook, Factors, local, zone_of
 from dashboard.web.past import StoredPast
 from dashboard.web.report import clock
 from dashboard.web.rows import Scene
-from dashboard.web.services import Services
+from dashboard.web.services import PageServices
 from slipstream.http.server import HttpServer
 
 from .conftest import Served
@@ -90,7 +90,7 @@ def run(url: str, world: Any, begin_ns: int) -> Iterator[Run]:
         past = StoredPast(reader, scene, energy, None)
         last = past.span()
         assert last is not None
-        services = Services(settings, scene, lambda: past.at(last[1]), past=past, reader=reader)
+        services = PageServices(settings, scene, lambda: past.at(last[1]), past=past, reader=reader)
         server = HttpServer("the page", "127.0.0.1", 0, "port")
         server.start(make_app(services))
         yield Run(Served(server.port, None, None, None, None, services), begin_ns)  # type: ignore[arg-type]

@@ -24,7 +24,7 @@ from dispatcher_daemon.service.schedule import CycleScheduler
 from dispatcher_daemon.service.store import PRUNE_BATCH
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.workers.pool import Job, Solve, solve_in_process
+from dispatcher_daemon.solvers.workers.pool import PoolJob, Solve, solve_in_process
 from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings
 from slipstream.energy_ledger import PlanEnergy
@@ -242,7 +242,7 @@ def test_traffic_that_cannot_be_read_keeps_no_cycle(
 def test_a_cycle_that_raises_is_recorded_with_its_reason(demo: RoutingProblem) -> None:
     """Even a fault in our own code leaves a failed cycle behind, and the next one runs."""
 
-    def broken(jobs: Sequence[Job], deadline_s: float) -> list[object]:
+    def broken(jobs: Sequence[PoolJob], deadline_s: float) -> list[object]:
         raise ZeroDivisionError("a bug")
 
     log = Log()

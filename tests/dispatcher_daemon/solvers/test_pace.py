@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from dispatcher_daemon.solvers import pace
-from dispatcher_daemon.solvers.pace import Pace, measure_pace
+from dispatcher_daemon.solvers.pace import SolverPace, measure_pace
 
 Make = Callable[[Callable[[int, int], float]], tuple[list[int], Callable[[int], object]]]
 
@@ -56,10 +56,10 @@ def test_a_first_trial_that_warms_up_hides_no_cost(sampler: Make) -> None:
 
 def test_without_a_deadline_all_shots_are_taken() -> None:
     """A recorded cycle is solved again so."""
-    assert Pace(5.0, 0.1).shots_in(float("inf"), 4096) == 4096
+    assert SolverPace(5.0, 0.1).shots_in(float("inf"), 4096) == 4096
 
 
 def test_no_time_is_a_few_shots() -> None:
     """A solver always answers."""
-    assert Pace(5.0, 0.1).shots_in(1.0, 4096) == 16
-    assert Pace(5.0, 0.1).shots_in(-1.0, 8) == 8
+    assert SolverPace(5.0, 0.1).shots_in(1.0, 4096) == 16
+    assert SolverPace(5.0, 0.1).shots_in(-1.0, 8) == 8

@@ -17,7 +17,7 @@ from dispatcher_daemon.service.api.body import SOURCE, describe_body, json_body
 from dispatcher_daemon.service.api.parameters import Name
 from dispatcher_daemon.service.api.problems import Problem
 from dispatcher_daemon.service.api.services import Dispatch, Services
-from dispatcher_daemon.service.api.solving import FullError, Job, JobState
+from dispatcher_daemon.service.api.solving import FullError, JobState, SolveJob
 from dispatcher_daemon.service.api.solving.jobs import KEPT_S, MAX_WAITING
 from dispatcher_daemon.service.api.solving.worker import (
     SolveResult,
@@ -127,14 +127,14 @@ def cancel_solve(dispatch: Dispatch, job: Name) -> Response:
     return JSONResponse(_status(_known(dispatch.solve_jobs.cancel(job), job)))
 
 
-def _known(job: Job | None, name: str) -> Job:
+def _known(job: SolveJob | None, name: str) -> SolveJob:
     if job is None:
         mend = f"submit it again; results are kept for {KEPT_S / 60:g} minutes"
         raise Problem(404, f"no job {name!r}", mend, field="job")
     return job
 
 
-def _status(job: Job) -> dict[str, Any]:
+def _status(job: SolveJob) -> dict[str, Any]:
     return {name: getattr(job, name) for name in SolveStatus.model_fields}
 
 

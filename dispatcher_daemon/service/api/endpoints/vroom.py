@@ -13,7 +13,7 @@ from dispatcher_daemon.service.api.auth import requires
 from dispatcher_daemon.service.api.body import describe_body, json_body
 from dispatcher_daemon.service.api.problems import FAULT, MEDIA_TYPE, Problem
 from dispatcher_daemon.service.api.services import Dispatch
-from dispatcher_daemon.service.api.solving import FullError, Job
+from dispatcher_daemon.service.api.solving import FullError, SolveJob
 from dispatcher_daemon.service.api.solving.vroom import VroomTask
 from dispatcher_daemon.service.api.solving.worker import fingerprint, picklable
 from dispatcher_daemon.service.vroom import INTERNAL_ERROR
@@ -100,7 +100,7 @@ def _busy(problem: str) -> Problem:
     return Problem(503, problem, "try again later", headers={"Retry-After": "10"})
 
 
-def _failure(job: Job) -> Problem:
+def _failure(job: SolveJob) -> Problem:
     if isinstance(job.error, InputError):
         # The request is sound: only the network's file can be in the way.
         return Problem(503, str(job.error), job.error.mend, headers={"Retry-After": "30"})

@@ -12,7 +12,7 @@ from concurrent.futures import CancelledError, Future, ThreadPoolExecutor, Timeo
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
-from dispatcher_daemon.service.api.solving.worker import Task, run_task
+from dispatcher_daemon.service.api.solving.worker import WorkerTask, run_task
 from dispatcher_daemon.solvers.workers import Processes, error_line
 from slipstream.errors import InputError
 
@@ -32,8 +32,8 @@ _STOP_WITHIN_S: Final = 5.0
 _NICENESS: Final = 10
 """The dispatcher's own cycles come first."""
 
-MakeTask = Callable[[], Task]
-Run = Callable[[Task], bytes]
+MakeTask = Callable[[], WorkerTask]
+Run = Callable[[WorkerTask], bytes]
 
 
 class FullError(Exception):
@@ -41,7 +41,7 @@ class FullError(Exception):
 
 
 @dataclass
-class Job:
+class SolveJob:
     """One fleet to plan.
 
     Attributes:
@@ -85,7 +85,7 @@ class SolveJobs:
         clock: Callable[[], int] = time.time_ns,
     ) -> None:
         self._run, self._overhead_s, self._clock = run, overhead_s, clock
-        self._jobs: OrderedDict[str, Job] = OrderedDict()
+        self._jobs: OrderedDict[str, SolveJob] = OrderedDict()
         self._condition = threading.Condition()
         self._closed = False
         self._keeper = ThreadPoolExecutor(1, thread_name_prefix="solve-process")
@@ -93,7 +93,7 @@ class SolveJobs:
         self._thread = threading.Thread(target=self._serve, name="solve-jobs", daemon=True)
         self._thread.start()
 
-    def submit(self, deadline_s: float, make_task: MakeTask) -> Job:
+    def submit(self, deadline_s: float, make_task: MakeTask) -> SolveJob:
         """Queue one.
 
         Args:
@@ -107,30 +107,30 @@ class SolveJobs:
             self._forget()
             if sum(job.state == "waiting" for job in self._jobs.values()) >= MAX_WAITING:
                 raise FullError
-            job = Job(secrets.token_hex(8), deadline_s, make_task, submitted_ns=self._clock())
+            job = SolveJob(secrets.token_hex(8), deadline_s, make_task, submitted_ns=self._clock())
             self._jobs[job.id] = job
             self._condition.notify_all()
             return job
 
-    def get(self, name: str) -> Job | None:
+    def get(self, name: str) -> SolveJob | None:
         """A job; None: there is none, or it ended too long ago."""
         with self._condition:
             self._forget()
             return self._jobs.get(name)
 
-    def wait(self, job: Job, within_s: float) -> bool:
+    def wait(self, job: SolveJob, within_s: float) -> bool:
         """Wait for a job's end, whatever it is; False: it has not ended in time."""
         with self._condition:
             return self._condition.wait_for(lambda: self._closed or job.state in ENDED, within_s)
 
-    def wait_begun(self, job: Job, within_s: float) -> bool:
+    def wait_begun(self, job: SolveJob, within_s: float) -> bool:
         """Wait until a job's turn comes, or it ends; False: it still waits."""
         with self._condition:
             return self._condition.wait_for(
                 lambda: self._closed or job.state != "waiting", within_s
             )
 
-    def leave(self, job: Job) -> None:
+    def leave(self, job: SolveJob) -> None:
         """Forget a job that nobody asks for any more. One that runs goes on to its end, as the
         next one would wait for another process; what comes out is dropped.
         """
@@ -140,7 +140,7 @@ class SolveJobs:
             self._jobs.pop(job.id, None)
             self._condition.notify_all()
 
-    def cancel(self, name: str) -> Job | None:
+    def cancel(self, name: str) -> SolveJob | None:
         """End a job, whatever it is doing; one that has ended stays as it is."""
         with self._condition:
             self._forget()
@@ -186,7 +186,7 @@ class SolveJobs:
             else:
                 self._finish(job, "done", result=result)
 
-    def _plan(self, job: Job, task: Task) -> bytes:
+    def _plan(self, job: SolveJob, task: WorkerTask) -> bytes:
         with self._condition:
             if self._closed or job.state != "running":
                 raise CancelledError
@@ -194,11 +194,11 @@ class SolveJobs:
         found: Any = job.future.result()
         return bytes(found)
 
-    def _limit_s(self, job: Job) -> float:
+    def _limit_s(self, job: SolveJob) -> float:
         return job.deadline_s + self._overhead_s
 
     def _finish(
-        self, job: Job, state: JobState, reason: str | None = None, result: bytes | None = None
+        self, job: SolveJob, state: JobState, reason: str | None = None, result: bytes | None = None
     ) -> None:
         with self._condition:
             job.future = None
@@ -206,12 +206,12 @@ class SolveJobs:
                 job.result = result
                 self._end(job, state, reason)
 
-    def _end(self, job: Job, state: JobState, reason: str | None) -> None:
+    def _end(self, job: SolveJob, state: JobState, reason: str | None) -> None:
         job.state, job.reason, job.ended_ns, job.make_task = state, reason, self._clock(), None
         self._jobs.move_to_end(job.id)
         self._condition.notify_all()
 
-    def _next(self) -> Job | None:
+    def _next(self) -> SolveJob | None:
         return next((job for job in self._jobs.values() if job.state == "waiting"), None)
 
     def _forget(self) -> None:

@@ -24,7 +24,7 @@ from slipstream.roads import RoadNetwork
 from slipstream.sumo_net import load_network
 
 
-class Task(Protocol):
+class WorkerTask(Protocol):
     """What a worker runs; it can be pickled."""
 
     def run(self) -> bytes:
@@ -32,7 +32,7 @@ class Task(Protocol):
         ...
 
 
-def run_task(task: Task) -> bytes:
+def run_task(task: WorkerTask) -> bytes:
     """Run a task in this process."""
     return task.run()
 

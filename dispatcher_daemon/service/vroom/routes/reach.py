@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from dispatcher_daemon.service.vroom.model import NO_WAY, Problem, Task, Van, Ways
+from dispatcher_daemon.service.vroom.model import NO_WAY, Van, VroomProblem, VroomVisit, VroomWays
 
 _Bools = npt.NDArray[np.bool_]
 
@@ -20,12 +20,12 @@ _Bools = npt.NDArray[np.bool_]
 class Reach:
     """Answers for the vehicles of one problem; ways lead by places of its tasks."""
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: VroomProblem) -> None:
         self._places = sorted({task.place for task in problem.tasks})
         self._leads = lru_cache(maxsize=None)(self._leads_of)
         self._from = lru_cache(maxsize=None)(self._found_from)
 
-    def serves(self, van: Van, tasks: Sequence[Task]) -> bool:
+    def serves(self, van: Van, tasks: Sequence[VroomVisit]) -> bool:
         """Whether ways lead from the vehicle's start to the tasks in order and to its end."""
         places = [van.start, *(task.place for task in tasks), van.end]
         return all(
@@ -33,11 +33,11 @@ class Reach:
             for a, b in pairwise(places)
         )
 
-    def _leads_of(self, ways: Ways) -> _Bools:
+    def _leads_of(self, ways: VroomWays) -> _Bools:
         """Whether a direct way leads, (from, to)."""
         return np.array([np.asarray(row) < NO_WAY for row in ways.duration])
 
-    def _found_from(self, ways: Ways, place: int) -> _Bools:
+    def _found_from(self, ways: VroomWays, place: int) -> _Bools:
         """Places that ways lead to from one."""
         leads = self._leads(ways)
         through = np.zeros(len(leads), dtype=bool)

@@ -11,12 +11,12 @@ from typing import Final
 
 import numpy as np
 
-from dispatcher_daemon.service.vroom.model import Problem, Task, Van
+from dispatcher_daemon.service.vroom.model import Van, VroomProblem, VroomVisit
 from dispatcher_daemon.service.vroom.routes.reach import Reach
 from dispatcher_daemon.service.vroom.routes.vrp_data import Routes
 from dispatcher_daemon.service.vroom.timing import NO_WAY_STAGE, Fault, cost_of, fault
 
-Unit = tuple[Task, ...]
+Unit = tuple[VroomVisit, ...]
 """A job, or pickup and delivery of a shipment."""
 
 _ROUNDS: Final = 200
@@ -25,7 +25,7 @@ _NO_ROOM: Final = "every vehicle that can serve it is full, out of time or serve
 _NO_TIME: Final = "no place was found for it before the deadline"
 
 
-def units_of(problem: Problem) -> list[Unit]:
+def units_of(problem: VroomProblem) -> list[Unit]:
     """All jobs and shipments."""
     return [
         (task,) if task.partner is None else (task, problem.tasks[task.partner])
@@ -34,7 +34,7 @@ def units_of(problem: Problem) -> list[Unit]:
     ]
 
 
-def unservable(problem: Problem, units: Sequence[Unit]) -> dict[int, str]:
+def unservable(problem: VroomProblem, units: Sequence[Unit]) -> dict[int, str]:
     """Reason by number of each task that no vehicle can serve, even alone."""
     found: dict[int, str] = {}
     vans, reach = list(_distinct(problem.vans)), Reach(problem)
@@ -51,7 +51,13 @@ def unservable(problem: Problem, units: Sequence[Unit]) -> dict[int, str]:
 
 
 def repaired(
-    problem: Problem, routes: Routes, units: Sequence[Unit], ends: float, seed: int, *, exact: bool
+    problem: VroomProblem,
+    routes: Routes,
+    units: Sequence[Unit],
+    ends: float,
+    seed: int,
+    *,
+    exact: bool,
 ) -> tuple[Routes, dict[int, str]]:
     """(sound routes, reason by number of each task that is on none).
 
@@ -106,7 +112,7 @@ def _changed(
 class _Plan:
     """Routes by number of the vehicle; all vehicles have one."""
 
-    problem: Problem
+    problem: VroomProblem
     routes: Routes
 
     def rank(self, loose: Sequence[Unit]) -> tuple[int, int, int]:
@@ -146,7 +152,7 @@ class _Plan:
         """Insert one after the other where it costs least; those that fit nowhere."""
         left = []
         for unit in units:
-            best: tuple[int, int, list[Task]] | None = None
+            best: tuple[int, int, list[VroomVisit]] | None = None
             idle: set[object] = set()
             for van in self.problem.vans:
                 if time.monotonic() >= ends:
@@ -170,7 +176,7 @@ class _Plan:
         return left
 
 
-def _insertions(tasks: list[Task], unit: Unit) -> Iterator[list[Task]]:
+def _insertions(tasks: list[VroomVisit], unit: Unit) -> Iterator[list[VroomVisit]]:
     for i in range(len(tasks) + 1):
         one = [*tasks[:i], unit[0], *tasks[i:]]
         if len(unit) == 1:

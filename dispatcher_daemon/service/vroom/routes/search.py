@@ -12,7 +12,7 @@ from pyvrp.exceptions import PenaltyBoundWarning
 from pyvrp.stop import MaxRuntime, MultipleCriteria, NoImprovement, StoppingCriterion
 
 from dispatcher_daemon.planning.routes import HIGH_PENALTIES, NO_PATH_MWH, search_parameters
-from dispatcher_daemon.service.vroom.model import Problem, Task
+from dispatcher_daemon.service.vroom.model import VroomProblem, VroomVisit
 from dispatcher_daemon.service.vroom.routes.vrp_data import Routes, VrpData
 from dispatcher_daemon.service.vroom.timing import Timetable
 
@@ -24,8 +24,8 @@ _FEASIBLE_SHARE: Final = 0.3
 
 
 def search(
-    problem: Problem,
-    tasks: Sequence[Task],
+    problem: VroomProblem,
+    tasks: Sequence[VroomVisit],
     limit_s: float,
     seed: int,
     start: Sequence[Timetable] = (),

@@ -12,11 +12,11 @@ from typing import Any, Final
 
 import pyvrp
 
-from dispatcher_daemon.service.vroom.model import COST_UNITS, FOREVER, Problem, Task, Van
+from dispatcher_daemon.service.vroom.model import COST_UNITS, FOREVER, Van, VroomProblem, VroomVisit
 from dispatcher_daemon.service.vroom.routes.vrp_ways import VrpWays
 from dispatcher_daemon.service.vroom.timing import Timetable
 
-Routes = dict[int, list[Task]]
+Routes = dict[int, list[VroomVisit]]
 """Tasks in order, by number of the vehicle."""
 
 _UNITS: Final = 100
@@ -26,7 +26,7 @@ _UNITS: Final = 100
 class VrpData:
     """Translation of a problem's tasks to PyVRP and back."""
 
-    def __init__(self, problem: Problem, tasks: Sequence[Task]) -> None:
+    def __init__(self, problem: VroomProblem, tasks: Sequence[VroomVisit]) -> None:
         """Take some of a problem's tasks; shipments whole."""
         self._jobs = [task for task in tasks if task.kind == "job"]
         self._shipments = [
@@ -104,7 +104,7 @@ class VrpData:
             acts = []
             for step in route.steps:
                 task = step.of
-                if not isinstance(task, Task):
+                if not isinstance(task, VroomVisit):
                     continue
                 if task.kind == "job":
                     window = next(i for i, w in enumerate(task.windows) if step.begin <= w[1])
@@ -119,7 +119,7 @@ class VrpData:
 
     def read(self, solution: pyvrp.Solution) -> Routes:
         """Routes by vehicle; those of equal vehicles are assigned in order."""
-        waiting: dict[int, list[list[Task]]] = defaultdict(list)
+        waiting: dict[int, list[list[VroomVisit]]] = defaultdict(list)
         for route in solution.routes():
             tasks = []
             for activity in route:
@@ -134,7 +134,7 @@ class VrpData:
             routes |= {van.number: tasks for van, tasks in zip(vans, own, strict=False)}
         return routes
 
-    def _marks(self, task: Task) -> list[int]:
+    def _marks(self, task: VroomVisit) -> list[int]:
         """What a task takes of `max_tasks`, and of what only vehicles with its skills have."""
         counted = [1] if self._counted else []
         return [*counted, *(_UNITS * (task.skills == skills) for skills in self._skills)]
@@ -145,7 +145,7 @@ class VrpData:
         counted = [tasks if most is None else min(most, tasks)] if self._counted else []
         return [*counted, *(_UNITS * tasks * (s <= van.skills) for s in self._skills)]
 
-    def _shipment(self, first: Task, last: Task, required: bool) -> pyvrp.Shipment:
+    def _shipment(self, first: VroomVisit, last: VroomVisit, required: bool) -> pyvrp.Shipment:
         hull = [(task.windows[0][0], max(end for _, end in task.windows)) for task in (first, last)]
         steps: dict[str, Any] = {
             f"{name}_{key}": value
@@ -212,6 +212,6 @@ class VrpData:
         ]
         return max(0, min(begins, default=0) - self._ways.whole_work())
 
-    def _prize(self, task: Task) -> int:
+    def _prize(self, task: VroomVisit) -> int:
         """More than any detour; a point of priority is more than all tasks without."""
         return self._ways.detour * (1 + task.priority * (len(self._steps) + 1))

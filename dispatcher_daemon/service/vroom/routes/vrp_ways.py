@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from dispatcher_daemon.planning.routes import NO_PATH_MWH
-from dispatcher_daemon.service.vroom.model import COST_UNITS, FOREVER, NO_WAY, Task, Van
+from dispatcher_daemon.service.vroom.model import COST_UNITS, FOREVER, NO_WAY, Van, VroomVisit
 
 _MAX_COST: Final = 10**9
 """Of a way, in PyVRP's units, far from what counts as no way."""
@@ -31,7 +31,7 @@ class VrpWays:
         detour: more than serving one task can cost, in PyVRP's units.
     """
 
-    def __init__(self, vans: Sequence[Van], steps: Sequence[Task]) -> None:
+    def __init__(self, vans: Sequence[Van], steps: Sequence[VroomVisit]) -> None:
         self._steps = steps
         self.depots = list(dict.fromkeys(end for van in vans for end in (van.start, van.end)))
         profiles: dict[object, Van] = {}
@@ -64,7 +64,7 @@ class VrpWays:
         """By profile, hundredths of a second, shape (locations, locations)."""
         return [self._times(van) for van in self.drivers]
 
-    def service(self, task: Task) -> int:
+    def service(self, task: VroomVisit) -> int:
         """The least of all vehicles, hundredths of a second.
 
         Set-up counts as service where there is a window, as it begins within.
@@ -120,11 +120,11 @@ class VrpWays:
         return cost
 
 
-def _has_window(task: Task) -> bool:
+def _has_window(task: VroomVisit) -> bool:
     return task.windows != ((0, FOREVER),)
 
 
-def _work(van: Van, task: Task) -> int:
+def _work(van: Van, task: VroomVisit) -> int:
     setup, service = van.action(task)
     return service + setup if _has_window(task) else service
 

@@ -18,7 +18,7 @@ from dispatcher_daemon.solvers.quantum.backends.targets import (
     with_fractional_gates,
 )
 from dispatcher_daemon.solvers.quantum.backends.trajectories import noiseless, sample_noisy
-from dispatcher_daemon.solvers.quantum.chain.layout import Placement, place_chain
+from dispatcher_daemon.solvers.quantum.chain.layout import QubitPlacement, place_chain
 from slipstream.errors import InputError
 
 STATE_VECTOR_QUBITS = 27
@@ -41,9 +41,9 @@ class AerBackend:
     kind: BackendKind = "simulated"
     target: Any = None
 
-    def place(self, n: int, bond_weights: Sequence[float] | None = None) -> Placement:
+    def place(self, n: int, bond_weights: Sequence[float] | None = None) -> QubitPlacement:
         """See `Backend.place`."""
-        return Placement(tuple(range(n)), (), 1.0)
+        return QubitPlacement(tuple(range(n)), (), 1.0)
 
     def sample(self, circuit: Any, shots: int, seed: int) -> Sampled:
         """See `Backend.sample`."""
@@ -114,7 +114,7 @@ class NoisyBackend:
     def _model(self) -> tuple[Any, DeviceNoise]:
         return _model(self.device, self.ending == FRACTIONAL, self.ending.startswith(IDLE))
 
-    def place(self, n: int, bond_weights: Sequence[float] | None = None) -> Placement:
+    def place(self, n: int, bond_weights: Sequence[float] | None = None) -> QubitPlacement:
         """See `Backend.place`."""
         return place_chain(self.target, n, bond_weights=bond_weights)
 

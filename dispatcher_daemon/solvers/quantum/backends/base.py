@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from dispatcher_daemon.solvers.protocol import BackendKind
 from dispatcher_daemon.solvers.quantum.backends.targets import transpile_dense, transpile_on
-from dispatcher_daemon.solvers.quantum.chain.layout import Placement, place_chain
+from dispatcher_daemon.solvers.quantum.chain.layout import QubitPlacement, place_chain
 
 OVERHEAD_S = 5.0
 """Assumed upper bound of a job's charge besides its shots, s."""
@@ -60,7 +60,7 @@ class Backend(Protocol):
         """The device's `qiskit.transpiler.Target`; None from a simulator without a device."""
         ...
 
-    def place(self, n: int, bond_weights: Sequence[float] | None = None) -> Placement:
+    def place(self, n: int, bond_weights: Sequence[float] | None = None) -> QubitPlacement:
         """Placement of a chain of n qubits; the bonds that it cuts must get an angle of 0.
 
         See `place_chain`. A simulator without a device cuts nothing.

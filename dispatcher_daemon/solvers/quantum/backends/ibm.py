@@ -9,11 +9,15 @@ from typing import Any
 
 from dispatcher_daemon.solvers.protocol import BackendKind
 from dispatcher_daemon.solvers.quantum.backends.base import Sampled, device_s, fit
-from dispatcher_daemon.solvers.quantum.backends.ibm_account import Access, find_access, open_client
+from dispatcher_daemon.solvers.quantum.backends.ibm_account import (
+    AccountAccess,
+    find_access,
+    open_client,
+)
 from dispatcher_daemon.solvers.quantum.backends.ibm_faults import ask, without_secrets
 from dispatcher_daemon.solvers.quantum.backends.jobs import JobState, JobView, ServiceFault
 from dispatcher_daemon.solvers.quantum.backends.targets import two_qubit_depth, two_qubit_gates
-from dispatcher_daemon.solvers.quantum.chain.layout import Placement, place_chain
+from dispatcher_daemon.solvers.quantum.chain.layout import QubitPlacement, place_chain
 from slipstream.errors import InputError
 
 LEAST_BUSY = "least-busy"
@@ -48,7 +52,7 @@ class IbmOptions:
 
 
 def open_ibm(
-    name: str, options: IbmOptions | None = None, access: Access | None = None
+    name: str, options: IbmOptions | None = None, access: AccountAccess | None = None
 ) -> IbmService:
     """A device of the account.
 
@@ -136,7 +140,7 @@ class IbmService:
         """See `JobService.estimate_s`; it is also the job's time limit at the service."""
         return device_s(shots)
 
-    def place(self, n: int, bond_weights: Sequence[float] | None = None) -> Placement:
+    def place(self, n: int, bond_weights: Sequence[float] | None = None) -> QubitPlacement:
         """See `Backend.place`."""
         return place_chain(self.target, n, bond_weights=bond_weights)
 
@@ -258,7 +262,7 @@ class IbmBackend:
         """See `Backend.target`."""
         return self.service.target
 
-    def place(self, n: int, bond_weights: Sequence[float] | None = None) -> Placement:
+    def place(self, n: int, bond_weights: Sequence[float] | None = None) -> QubitPlacement:
         """See `Backend.place`."""
         return self.service.place(n, bond_weights)
 

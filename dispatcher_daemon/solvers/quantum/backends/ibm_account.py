@@ -23,7 +23,7 @@ _MAX_CREDENTIAL_BYTES: Final = 65_536
 
 
 @dataclass(frozen=True)
-class Access:
+class AccountAccess:
     """Credentials and address of an account.
 
     Attributes:
@@ -37,7 +37,7 @@ class Access:
     address: str | None = None
 
 
-def find_access(environment: Mapping[str, str] | None = None) -> Access:
+def find_access(environment: Mapping[str, str] | None = None) -> AccountAccess:
     """The token and instance from the environment, otherwise from systemd credentials.
 
     Variables `QISKIT_IBM_TOKEN` and `QISKIT_IBM_INSTANCE`; files `ibm-quantum-token` and
@@ -56,10 +56,10 @@ def find_access(environment: Mapping[str, str] | None = None) -> Access:
             f"set {TOKEN}, or provide the systemd credential {TOKEN_CREDENTIAL}",
         )
     instance = known.get(INSTANCE, "").strip() or _credential(folder, INSTANCE_CREDENTIAL)
-    return Access(token, instance or "auto", known.get(ADDRESS) or None)
+    return AccountAccess(token, instance or "auto", known.get(ADDRESS) or None)
 
 
-def open_client(access: Access) -> Any:
+def open_client(access: AccountAccess) -> Any:
     """A `QiskitRuntimeService`; network calls are made.
 
     It has been given its token, so that the client's own file of accounts is not read.

@@ -17,7 +17,7 @@ from dispatcher_daemon.solvers.quantum.backends.aer import NoisyBackend
 from dispatcher_daemon.solvers.quantum.backends.base import Sampled, device_s, fit
 from dispatcher_daemon.solvers.quantum.backends.jobs import JobView
 from dispatcher_daemon.solvers.quantum.backends.targets import two_qubit_depth, two_qubit_gates
-from dispatcher_daemon.solvers.quantum.chain.layout import Placement, place_chain
+from dispatcher_daemon.solvers.quantum.chain.layout import QubitPlacement, place_chain
 
 KEPT = 100
 """Jobs that are over and still known, with their samples."""
@@ -61,7 +61,7 @@ class LocalService:
         """See `JobService.estimate_s`; the same rule as for a device."""
         return device_s(shots)
 
-    def place(self, n: int, bond_weights: Sequence[float] | None = None) -> Placement:
+    def place(self, n: int, bond_weights: Sequence[float] | None = None) -> QubitPlacement:
         """See `Backend.place`."""
         return place_chain(self._target, n, bond_weights=bond_weights)
 

@@ -21,7 +21,7 @@ NEGLIGIBLE = 1e-12
 
 
 @dataclass(frozen=True)
-class Block:
+class NoiseBlock:
     """Gates in a row on one or two qubits, and what noise adds after them.
 
     Attributes:
@@ -95,7 +95,7 @@ class DeviceNoise:
         return calibrated
 
 
-def blocks_of(circuit: Any, noise: DeviceNoise | None) -> list[Block]:
+def blocks_of(circuit: Any, noise: DeviceNoise | None) -> list[NoiseBlock]:
     """A circuit of gates on one and two qubits as blocks, in an order that may be executed.
 
     A gate joins the block that its qubits are in if that is one; measurements are passed over.
@@ -152,13 +152,13 @@ class _BlockBuilder:
         self.unitary = self.unitary.compose(before.unitary, qargs=where)
         self.channel = self.channel.compose(before.channel, qargs=where)
 
-    def block(self) -> Block:
+    def block(self) -> NoiseBlock:
         """The finished block."""
         from qiskit.quantum_info import SuperOp
 
         error = SuperOp(self.unitary).adjoint().compose(self.channel)
         p, kraus = rare_part(error)
-        return Block(self.qubits, np.asarray(self.unitary.data), p, kraus)
+        return NoiseBlock(self.qubits, np.asarray(self.unitary.data), p, kraus)
 
 
 def rare_part(channel: Any) -> tuple[float, tuple[Matrix, ...]]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from dispatcher_daemon.solvers.quantum.backends.noise import Block, DeviceNoise, blocks_of
+from dispatcher_daemon.solvers.quantum.backends.noise import DeviceNoise, NoiseBlock, blocks_of
 
 Bits = npt.NDArray[np.int8]
 
@@ -76,7 +76,7 @@ def counts_of(bits: Bits) -> dict[str, int]:
     }
 
 
-def _simulation_order(measured: Sequence[int], blocks: Sequence[Block]) -> dict[int, int]:
+def _simulation_order(measured: Sequence[int], blocks: Sequence[NoiseBlock]) -> dict[int, int]:
     """Simulated qubit of each that is measured or has gates; the measured ones come first."""
     order = {qubit: i for i, qubit in enumerate(measured)}
     for block in blocks:
@@ -97,7 +97,7 @@ def _draw_errors(
 
 
 def _with_errors(
-    blocks: Sequence[Block], erring: tuple[int, ...], order: Mapping[int, int], measured: int
+    blocks: Sequence[NoiseBlock], erring: tuple[int, ...], order: Mapping[int, int], measured: int
 ) -> Any:
     from qiskit import QuantumCircuit
     from qiskit.circuit import Instruction

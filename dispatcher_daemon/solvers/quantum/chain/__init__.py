@@ -3,8 +3,8 @@ placement on a device."""
 
 from __future__ import annotations
 
-from dispatcher_daemon.solvers.quantum.chain.layout import Placement
+from dispatcher_daemon.solvers.quantum.chain.layout import QubitPlacement
 from dispatcher_daemon.solvers.quantum.chain.order import heavy_path, path_weight
 from dispatcher_daemon.solvers.quantum.chain.state import ChainState
 
-__all__ = ["ChainState", "Placement", "heavy_path", "path_weight"]
+__all__ = ["ChainState", "QubitPlacement", "heavy_path", "path_weight"]

@@ -32,7 +32,7 @@ BEAM_QUBITS = 75
 
 
 @dataclass(frozen=True)
-class Placement:
+class QubitPlacement:
     """A chain on a device.
 
     Attributes:
@@ -48,7 +48,7 @@ class Placement:
 
 def place_chain(
     target: Any, n: int, layers: int = 2, bond_weights: Sequence[float] | None = None
-) -> Placement:
+) -> QubitPlacement:
     """The best chain of a device; with as few cuts as it allows, at the lightest bonds.
 
     A chain without cuts comes from a beam search, or beyond `BEAM_QUBITS` from integer programming,
@@ -93,7 +93,7 @@ def place_chain(
     bonds = list(nx.utils.pairwise(qubits))
     weight = sum(graph.nodes[v]["weight"] for v in qubits)
     weight += sum(graph.edges[bond]["weight"] for bond in bonds if graph.has_edge(*bond))
-    return Placement(
+    return QubitPlacement(
         qubits=tuple(qubits),
         cuts=tuple(q for q, bond in enumerate(bonds) if not graph.has_edge(*bond)),
         success=math.exp(-weight),

@@ -23,7 +23,7 @@ from dispatcher_daemon.solvers.quantum.hardware.ledger import DeviceKind, JobSto
 from dispatcher_daemon.solvers.quantum.hardware.request import JobRequest
 from dispatcher_daemon.solvers.quantum.hardware.thread import JobThread
 from dispatcher_daemon.solvers.quantum.lc_qaoa import LcQaoaSolver
-from dispatcher_daemon.solvers.workers import RESERVE, Job, Solve
+from dispatcher_daemon.solvers.workers import RESERVE, PoolJob, Solve
 from slipstream.messages import HardwareHealth
 
 
@@ -54,7 +54,7 @@ class JobManager:
         self._cycle, self._wait_left_s = number, self._wait_s
         self._thread.begin_cycle()
 
-    def __call__(self, jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
+    def __call__(self, jobs: Sequence[PoolJob], deadline_s: float) -> list[Outcome]:
         """See `Solve`."""
         began = time.monotonic()
         ends_at = min(began + deadline_s, self._wait_ends_at)

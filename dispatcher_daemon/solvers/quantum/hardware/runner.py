@@ -20,7 +20,11 @@ from dispatcher_daemon.solvers.quantum.hardware.breaker import CircuitBreaker
 from dispatcher_daemon.solvers.quantum.hardware.circuits import CircuitBuilder, Unsuitable
 from dispatcher_daemon.solvers.quantum.hardware.ledger import DeviceKind, Ledger, budget_refusal
 from dispatcher_daemon.solvers.quantum.hardware.request import JobRequest
-from dispatcher_daemon.solvers.quantum.hardware.service import Call, PreparedCircuit, ServiceFactory
+from dispatcher_daemon.solvers.quantum.hardware.service import (
+    DeviceCall,
+    PreparedCircuit,
+    ServiceFactory,
+)
 from dispatcher_daemon.solvers.quantum.hardware.tracking import (
     JobUpdate,
     TrackedJob,
@@ -64,7 +68,7 @@ class JobRunner:
         builder: CircuitBuilder,
         ledger: Ledger,
         breaker: CircuitBreaker,
-        call: Call,
+        call: DeviceCall,
         clock_ns: Callable[[], int],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:

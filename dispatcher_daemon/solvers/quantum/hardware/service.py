@@ -20,7 +20,7 @@ import pebble
 from dispatcher_daemon.forms import Problem
 from dispatcher_daemon.solvers.protocol import Outcome
 from dispatcher_daemon.solvers.quantum.backends.jobs import JobService, JobView, ServiceFault
-from dispatcher_daemon.solvers.quantum.chain.layout import Placement
+from dispatcher_daemon.solvers.quantum.chain.layout import QubitPlacement
 from dispatcher_daemon.solvers.quantum.hardware.circuits import (
     BuiltCircuit,
     CircuitBuilder,
@@ -62,7 +62,7 @@ class Compiler(Protocol):
 class Placer(Protocol):
     """A service that tells where a chain lies on its device."""
 
-    def place(self, n: int, bond_weights: Sequence[float] | None = None) -> Placement:
+    def place(self, n: int, bond_weights: Sequence[float] | None = None) -> QubitPlacement:
         """See `Backend.place`."""
         ...
 
@@ -171,7 +171,7 @@ def _with_service(
         raise
 
 
-class Call(Protocol):
+class DeviceCall(Protocol):
     """Runs a call in the worker process (`ServiceWorker.call`)."""
 
     def __call__(self, function: Callable[..., T], args: Sequence[Any], timeout_s: float) -> T:

@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from edge_daemon.settings import TrackSettings
-from slipstream_cli.progress import Progress
+from slipstream_cli.progress import ProgressLine
 from slipstream_lab.benchmarks.accuracy.clips import CLIPS, SECONDS, follow, make
 from slipstream_lab.benchmarks.accuracy.report import Row, classes, features, misses, table
 from slipstream_lab.research.perception import Comparison, compare, score
@@ -33,7 +33,7 @@ def main() -> int:
     settings = TrackSettings()
     compared: list[tuple[str, str, Comparison]] = []
     alarms: list[str] = []
-    with Progress("clips", sys.stderr) as progress:
+    with ProgressLine("clips", sys.stderr) as progress:
         for done, (clip, folder) in enumerate(make(options.folder, chosen), start=1):
             run, truth, camera = follow(folder, settings)
             comparison = compare(run.recorder, truth, camera, settings.stability)

@@ -31,7 +31,7 @@ from edge_daemon.offline import Recorder
 from edge_daemon.pipeline import Pipeline
 from edge_daemon.settings import TrackSettings
 from edge_daemon.sources.clip import FastClip, open_clip
-from slipstream_cli.progress import Progress
+from slipstream_cli.progress import ProgressLine
 from slipstream_lab.benchmarks.accuracy.clips import LEARNED_FROM, make
 from slipstream_lab.research.perception import compare
 from slipstream_lab.simulation.ground_truth import load_truth
@@ -112,7 +112,7 @@ def measured(folders: Sequence[Path]) -> dict[str, Errors]:
     rows: dict[str, list[tuple[float, float, float, float]]] = {
         name: [] for name in OCCLUSION_CORRECTIONS
     }
-    with Progress("clips", sys.stderr) as progress:
+    with ProgressLine("clips", sys.stderr) as progress:
         for number, folder in enumerate(folders):
             for name, row in _rows(folder):
                 rows[name].append((*row, number))

@@ -15,7 +15,7 @@ from pathlib import Path
 from edge_daemon.settings import TrackSettings
 from slipstream.messages import SegmentState
 from slipstream.tables import markdown_table
-from slipstream_cli.progress import Progress
+from slipstream_cli.progress import ProgressLine
 from slipstream_lab.benchmarks.accuracy.clips import WEATHER, follow, make
 from slipstream_lab.research.perception import Comparison, compare, true_windows
 from slipstream_lab.simulation.ground_truth import TrueWindow
@@ -95,7 +95,7 @@ def main() -> int:
         parser.error(f"no condition's name contains {options.only!r}")
     settings = TrackSettings()
     found = {}
-    with Progress("conditions", sys.stderr) as progress:
+    with ProgressLine("conditions", sys.stderr) as progress:
         for condition, clips in chosen.items():
             comparisons: list[Comparison] = []
             windows: list[tuple[SegmentState, TrueWindow]] = []

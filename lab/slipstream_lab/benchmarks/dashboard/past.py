@@ -24,7 +24,7 @@ from slipstream.messages import EnergySummary, PlannedSegment, PlannedStop, Vehi
 from slipstream.orders import FleetRecords, OrderChange, OrderRecord, PlanRecord
 from slipstream.roads import RoadNetwork, Segment, build_network
 from slipstream_lab.benchmarks.aims import Check
-from slipstream_lab.benchmarks.storage.city import CYCLE_S, START_NS, City, StoredCycle
+from slipstream_lab.benchmarks.storage.city import CYCLE_S, START_NS, City, CityCycle
 from storage.traffic.rollups import RollUp
 
 MAX_S: Final = 2.0
@@ -129,7 +129,7 @@ def fill(url: str, days: int, seed: int, say: Callable[[str], None]) -> None:
     say(f"past: {days} days are stored")
 
 
-def _hour(cycle: StoredCycle, now_ns: int) -> list[RollUp]:
+def _hour(cycle: CityCycle, now_ns: int) -> list[RollUp]:
     """A minute in the hour before, of which its roll-up is made when the next one comes."""
     hour_ns = now_ns // (3600 * 10**9) * 3600 * 10**9
     first_ns = cycle.minutes[0].began_ns

@@ -28,7 +28,7 @@ from dispatcher_daemon.settings import DispatcherSettings, HardwareSettings, LcQ
 from dispatcher_daemon.solvers import Outcome, configured_solvers
 from dispatcher_daemon.solvers.quantum import LcQaoaSolver
 from dispatcher_daemon.solvers.quantum.hardware import JobManager, JobThread
-from dispatcher_daemon.solvers.workers import RESERVE, Job, Solve, SolverPool
+from dispatcher_daemon.solvers.workers import RESERVE, PoolJob, Solve, SolverPool
 from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot
 from slipstream.messages import Message
 from slipstream.roads import RoadNetwork
@@ -81,7 +81,7 @@ class Timed:
         self.wall_s = 0.0
         self.late = False
 
-    def __call__(self, jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
+    def __call__(self, jobs: Sequence[PoolJob], deadline_s: float) -> list[Outcome]:
         """See `Solve`."""
         began = time.monotonic()
         outcomes = self._solve(jobs, deadline_s)

@@ -99,7 +99,7 @@ class Block:
 
 
 @dataclass(frozen=True)
-class Plan:
+class LargePlan:
     """What is measured.
 
     Attributes:
@@ -133,7 +133,7 @@ class Plan:
         )
 
 
-def measure(plan: Plan, variables: int) -> Block:
+def measure(plan: LargePlan, variables: int) -> Block:
     """One size, by all methods."""
     part = city_part(plan.seed, plan.city, variables)
     problem = part.problem
@@ -161,7 +161,7 @@ def measure(plan: Plan, variables: int) -> Block:
 
 
 def _one_circuit(
-    plan: Plan, problem: RouteProblem, scale: tuple[float, float], variant: LcQaoaVariant
+    plan: LargePlan, problem: RouteProblem, scale: tuple[float, float], variant: LcQaoaVariant
 ) -> Iterator[Result]:
     """The circuit, and uniformly drawn options in its place."""
     try:
@@ -195,7 +195,7 @@ def _no_result(name: str) -> Result:
 
 
 def _control(
-    plan: Plan,
+    plan: LargePlan,
     model: QuboModel,
     scale: tuple[float, float],
     name: str,
@@ -220,7 +220,7 @@ def _control(
 
 
 def _swept(
-    plan: Plan, part: CityPart, scale: tuple[float, float], variant: LcQaoaVariant | None
+    plan: LargePlan, part: CityPart, scale: tuple[float, float], variant: LcQaoaVariant | None
 ) -> Result:
     """Blocks of 25 with all others as they are, by LC-QAOA or exactly."""
     solver: Solver = ExactSolver() if variant is None else plan.solver(variant)
@@ -263,7 +263,7 @@ def _mean_ratio(samples: Samples, scale: tuple[float, float]) -> float | None:
     return ratio(*scale, sum(value * count for value, count in samples.raw) / shots)
 
 
-def report(blocks: Sequence[Block], plan: Plan) -> str:
+def report(blocks: Sequence[Block], plan: LargePlan) -> str:
     """In Markdown."""
 
     def number(value: float | None, digits: int = 2) -> str:
@@ -307,13 +307,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         prog="python -m slipstream_lab.benchmarks.quantum.large", description=__doc__
     )
     parser.add_argument("--sizes", type=int, nargs="+", default=list(SIZES), metavar="QUBITS")
-    parser.add_argument("--shots", type=int, default=Plan().shots, metavar="N")
-    parser.add_argument("--seed", type=int, default=Plan().seed, metavar="N")
-    parser.add_argument("--backend", default=Plan().backend, metavar="NAME")
+    parser.add_argument("--shots", type=int, default=LargePlan().shots, metavar="N")
+    parser.add_argument("--seed", type=int, default=LargePlan().seed, metavar="N")
+    parser.add_argument("--backend", default=LargePlan().backend, metavar="NAME")
     parser.add_argument("--no-sweeps", action="store_true", help="no sweeps with LC-QAOA")
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
     options = parser.parse_args(arguments)
-    plan = Plan(
+    plan = LargePlan(
         seed=options.seed,
         shots=options.shots,
         backend=options.backend,

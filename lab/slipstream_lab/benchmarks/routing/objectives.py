@@ -20,7 +20,7 @@ from dispatcher_daemon.fleet import Passage
 from dispatcher_daemon.planning.improvement import Choice
 from dispatcher_daemon.planning.plans import route_energy
 from dispatcher_daemon.planning.platooning import Place, expected_drafting, form_platoons
-from dispatcher_daemon.planning.roads import Leg, Route, leg_along, roads_of
+from dispatcher_daemon.planning.roads import RoadLeg, Route, leg_along, roads_of
 from dispatcher_daemon.planning.route_form import plan_fleet
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings
 from slipstream_lab.benchmarks.routing.city_run import workers
@@ -38,7 +38,7 @@ _FOLLOWER: Final = Place("", 1, 2)
 
 
 @dataclass(frozen=True)
-class Plan:
+class RoutingPlan:
     """One plan of one city.
 
     Attributes:
@@ -62,7 +62,7 @@ class Plan:
     ceilings_kwh: tuple[float, ...]
 
 
-def plan(seed: int, objective: Literal["energy", "paper"], price_kw: float) -> Plan:
+def plan(seed: int, objective: Literal["energy", "paper"], price_kw: float) -> RoutingPlan:
     """Plan one city of 40 vehicles under an objective; both are measured alike."""
     drawn = generate_city(seed, vehicles=40, stops=200, segments=400)
     problem = replace(drawn.problem, objective=objective, price_of_time_kw=price_kw)
@@ -86,13 +86,13 @@ def plan(seed: int, objective: Literal["energy", "paper"], price_kw: float) -> P
     )
     saving = 1 - found.choice.objective_kwh / found.base.cost_kwh
     ceilings = ceilings_kwh(city, base)
-    return Plan(
+    return RoutingPlan(
         seed, objective, price_kw, driven[0], alone[0], driven[1], alone[1], saving, ceilings
     )
 
 
 def ceilings_kwh(city: Instance, drives: Sequence[Route]) -> tuple[float, ...]:
-    """`Plan.ceilings_kwh` of the exact drives of routes without platooning."""
+    """`RoutingPlan.ceilings_kwh` of the exact drives of routes without platooning."""
     segments = city.snapshot.segments
     open_or_not = {
         (route.vehicle, leg, position): segments[segment].open
@@ -114,7 +114,7 @@ def exact_drives(city: Instance, choice: Choice) -> tuple[Route, ...]:
     problem = replace(city.problem, objective="energy")
     roads = roads_of(problem, city.snapshot)
 
-    def exact(leg: Leg) -> Leg:
+    def exact(leg: RoadLeg) -> RoadLeg:
         path = [roads.index[segment] for segment in leg.path]
         return leg_along(roads, path, leg.start, leg.end, problem.style) if path else leg
 
@@ -135,7 +135,7 @@ def measured(
     return sum(e.driven.total_kwh for e in energies), sum(e.driving_s for e in energies) / 3600
 
 
-def at_time(plans: Sequence[Plan], hours: float) -> float:
+def at_time(plans: Sequence[RoutingPlan], hours: float) -> float:
     """Energy of the objective "energy" at a driving time, by its prices; outside of their times
     that of the nearest one.
     """
@@ -148,7 +148,7 @@ def at_time(plans: Sequence[Plan], hours: float) -> float:
     return points[-1][1]
 
 
-def report(plans: Sequence[Plan]) -> str:
+def report(plans: Sequence[RoutingPlan]) -> str:
     """A row a city, and the means."""
     lines = [
         "| city | paper's, kWh | h | "

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from slipstream.errors import InputError
-from slipstream_cli.progress import Progress
+from slipstream_cli.progress import ProgressLine
 from slipstream_lab.benchmarks.aims import Check
 from slipstream_lab.benchmarks.command import Measured, report, start
 from slipstream_lab.benchmarks.soak.soak import SoakSettings, run_soak
@@ -43,7 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             clips=options.clips,
             interval_s=options.interval,
         )
-        with Progress("soaking", sys.stderr) as progress:
+        with ProgressLine("soaking", sys.stderr) as progress:
             verdict = run_soak(settings, progress.update)
         colour = "green" if verdict.green else "red"
         return Measured(settings.out, [Check("the soak", colour, "green", verdict.green)])

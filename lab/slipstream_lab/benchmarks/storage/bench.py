@@ -15,7 +15,7 @@ from dispatcher_daemon.service.store import PRUNE_BATCH, TIDY_S, delete_old_traf
 from slipstream.messages import VehiclePlan
 from slipstream.orders import FleetRecords, PlanRecord
 from slipstream_lab.benchmarks.aims import Check, report_head, write_report
-from slipstream_lab.benchmarks.storage.city import CYCLE_S, START_NS, City, StoredCycle
+from slipstream_lab.benchmarks.storage.city import CYCLE_S, START_NS, City, CityCycle
 
 CYCLES_A_DAY: Final = 86_400 // CYCLE_S
 MAX_GB: Final = 2.0
@@ -100,7 +100,7 @@ def measure(
             ended = FleetRecords(plans=tuple(PlanRecord(plan, "done", now_ns) for plan in before))
             before = cycle.plans
 
-            def store(cycle: StoredCycle = cycle, ended: FleetRecords = ended) -> None:
+            def store(cycle: CityCycle = cycle, ended: FleetRecords = ended) -> None:
                 database.record_cycle(cycle.report, cycle.plans, cycle.states, ended)
 
             record.append(_ms(store))

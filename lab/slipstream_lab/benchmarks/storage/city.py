@@ -34,7 +34,7 @@ _VARIANTS: Final = 6
 
 
 @dataclass(frozen=True)
-class StoredCycle:
+class CityCycle:
     """What one cycle stores."""
 
     report: CycleReport
@@ -60,7 +60,7 @@ class City:
         ]
         self._minutes = [self._minute() for _ in range(_VARIANTS)]
 
-    def cycle(self, number: int) -> StoredCycle:
+    def cycle(self, number: int) -> CityCycle:
         """The cycle of a number, from 1."""
         started_ns = START_NS + number * CYCLE_S * 10**9
         for place in range(len(self._open)):
@@ -72,7 +72,7 @@ class City:
             for part in self._minutes[(number + minute) % _VARIANTS]
         ]
         states = self._states[number % _VARIANTS]
-        return StoredCycle(
+        return CityCycle(
             self._report(number, started_ns),
             [self._plan(number, vehicle, started_ns) for vehicle in range(PLANS)],
             states,

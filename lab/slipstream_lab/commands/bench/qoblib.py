@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from slipstream.errors import InputError
-from slipstream_cli.progress import Progress
+from slipstream_cli.progress import ProgressLine
 
 _SETTINGS: Final = ("instances", "seeds", "circuit", "layers", "iterations", "shots", "limit")
 _EXIT_INTERRUPTED: Final = 130
@@ -81,7 +81,7 @@ def run(options: argparse.Namespace) -> int:
     given = {name: value for name, value in given.items() if value is not None}
     settings = check(given, QoblibSettings, "bench qoblib")
     try:
-        with Progress("bench qoblib", sys.stderr) as progress:
+        with ProgressLine("bench qoblib", sys.stderr) as progress:
             cases = measure(
                 settings, options.data, options.out, progress.update, stored=options.stored
             )

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Roadside:
+class DemoRoadside:
     """One RSU of the demo: clips of one camera, watched as that road segment.
 
     Attributes:
@@ -44,8 +44,8 @@ class Roadside:
 ROADSIDES: Final = (
     # A wave's tours take some eight minutes: gates that close more often than that leave it no
     # platoons. Periods of 9 and 6½ minutes; the second one begins turbulent.
-    Roadside("rsu-east", "avenue_east", 1, ("stable",) * 16 + ("turbulent",) * 2),
-    Roadside("rsu-west", "avenue_west", 2, ("turbulent",) + ("stable",) * 11 + ("turbulent",)),
+    DemoRoadside("rsu-east", "avenue_east", 1, ("stable",) * 16 + ("turbulent",) * 2),
+    DemoRoadside("rsu-west", "avenue_west", 2, ("turbulent",) + ("stable",) * 11 + ("turbulent",)),
 )
 _SECONDS: Final = 30
 _FPS: Final = 15
@@ -84,12 +84,12 @@ def make_clips(folder: Path, stopping: threading.Event) -> dict[str, dict[str, P
     return clips
 
 
-def _name(roadside: Roadside, scenario: str) -> str:
+def _name(roadside: DemoRoadside, scenario: str) -> str:
     form = f"{roadside.seed}-{_SECONDS}s-{_FPS}fps"
     return f"{roadside.segment}-{scenario}-{form}-v{__version__}"
 
 
-def _render(roadside: Roadside, scenario: str, target: Path, stopping: threading.Event) -> None:
+def _render(roadside: DemoRoadside, scenario: str, target: Path, stopping: threading.Event) -> None:
     unfinished = target.with_name(f"{target.name}.{os.getpid()}.part")
     options = {
         "--out": str(unfinished),

@@ -9,7 +9,7 @@ from slipstream.errors import InputError
 from slipstream.messages import ALL_POSITIONS, VehiclePosition, decode
 
 
-class Movement:
+class FleetMovement:
     """Positions since `listen`; it remembers one a vehicle."""
 
     def __init__(self) -> None:

@@ -20,7 +20,7 @@ from slipstream.service import set_from_handler
 from slipstream_lab.commands.live.bus_counts import BusCounts
 from slipstream_lab.commands.live.demo import make_clips, write_settings
 from slipstream_lab.commands.live.local import check_ports_are_free, locked, watch
-from slipstream_lab.commands.live.movement import Movement
+from slipstream_lab.commands.live.movement import FleetMovement
 from slipstream_lab.commands.live.supervisor import Supervisor
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
         Bus.open(BusSettings(connect=(router.endpoint,))) as bus,
         ExitStack() as stack,
     ):
-        counts, movement = BusCounts(), Movement()
+        counts, movement = BusCounts(), FleetMovement()
         counts.listen(bus)
         movement.listen(bus)
         town = _open_town(options.state / "town", router, stack, supervisor, stopping)

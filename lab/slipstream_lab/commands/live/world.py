@@ -17,10 +17,10 @@ from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings
 from slipstream.errors import InputError
 from slipstream.service import set_from_handler
-from slipstream_cli.progress import Progress
+from slipstream_cli.progress import ProgressLine
 from slipstream_lab.commands.live.bus_counts import BusCounts
 from slipstream_lab.commands.live.local import check_ports_are_free, locked, watch
-from slipstream_lab.commands.live.movement import Movement
+from slipstream_lab.commands.live.movement import FleetMovement
 from slipstream_lab.commands.live.supervisor import Supervisor
 from slipstream_lab.commands.sumo_files import add_options, scenario_name, sumo_files
 
@@ -141,11 +141,11 @@ def _run(options: argparse.Namespace, begin_s: float | None, stopping: threading
             seed=options.seed,
             say=lambda line: supervisor.say("slipstream", line),
         )
-        bus_counts, movement = BusCounts(), Movement()
+        bus_counts, movement = BusCounts(), FleetMovement()
         bus_counts.listen(bus)
         movement.listen(bus)
         supervisor.say("slipstream", f"filling the roads of {name}")
-        with WorldProcess(prepared) as world, Progress("filling the roads", sys.stderr) as bar:
+        with WorldProcess(prepared) as world, ProgressLine("filling the roads", sys.stderr) as bar:
             cameras = world.open(stopping.is_set, lambda share: bar.update(round(100 * share), 100))
             if stopping.is_set():
                 return 0

@@ -212,7 +212,7 @@ def _run_solvers(
 ) -> None:
     from dispatcher_daemon.planning.plans import Candidate, attempt
     from dispatcher_daemon.solvers import ExactSolver
-    from dispatcher_daemon.solvers.workers import Job, solve_in_process
+    from dispatcher_daemon.solvers.workers import PoolJob, solve_in_process
 
     solvers = make_solvers(names, options)
     for solver in solvers:
@@ -222,7 +222,7 @@ def _run_solvers(
         report.baseline_name, report.baseline = f"{name}, without platooning", baseline
     solve = solve_in_process(solvers)
     for solver in solvers:
-        (outcome,) = solve([Job(solver.name, form.problem, options.seed)], options.deadline)
+        (outcome,) = solve([PoolJob(solver.name, form.problem, options.seed)], options.deadline)
         tried = attempt(form, outcome)
         report.attempts.append(tried)
         report.missed[solver.name] = missed_rewards(form, tried, instance.sync_window_s)

@@ -110,7 +110,7 @@ def _milp_lines(answer: MilpAnswer) -> Iterator[str]:
 
 def _solve_qubo(options: argparse.Namespace, names: Sequence[str], model: QuboFile) -> int:
     from dispatcher_daemon.forms import build_model
-    from dispatcher_daemon.solvers.workers import Job, solve_in_process
+    from dispatcher_daemon.solvers.workers import PoolJob, solve_in_process
 
     for name in names:
         if name not in _FOR_QUBOS:
@@ -123,7 +123,7 @@ def _solve_qubo(options: argparse.Namespace, names: Sequence[str], model: QuboFi
         solver.warm_up()
     solve = solve_in_process(solvers)
     outcomes = [
-        solve([Job(solver.name, model.problem, options.seed)], options.deadline)[0]
+        solve([PoolJob(solver.name, model.problem, options.seed)], options.deadline)[0]
         for solver in solvers
     ]
     of_circuits: dict[str, dict[str, Any]] = {}

@@ -21,7 +21,7 @@ from scipy.optimize import Bounds, LinearConstraint, milp
 from dispatcher_daemon.settings import LcQaoaSettings, SearchSettings
 from dispatcher_daemon.solvers import descend, in_order, uniform_bits
 from dispatcher_daemon.solvers.quantum import Prepared, prepare_model
-from dispatcher_daemon.solvers.quantum.chain import ChainState, Placement
+from dispatcher_daemon.solvers.quantum.chain import ChainState, QubitPlacement
 from slipstream_lab.research.instances.matrices import (
     MatrixInstance,
     read_published,
@@ -215,8 +215,8 @@ def _sampled(model: CoverModel, task: Task, ends: float, cpu_ends: float) -> Rec
 
 
 def _trained(model: CoverModel, task: Task, *, gates: bool) -> Prepared:
-    def cut_everywhere(n: int, _: object) -> Placement:
-        return Placement(tuple(range(n)), tuple(range(n - 1)), 1.0)
+    def cut_everywhere(n: int, _: object) -> QubitPlacement:
+        return QubitPlacement(tuple(range(n)), tuple(range(n - 1)), 1.0)
 
     return prepare_model(
         model.qubo,

@@ -32,7 +32,7 @@ from slipstream_lab.simulation.closed_loop.dispatch_settings import (
 from slipstream_lab.simulation.closed_loop.gates import WINDOW_S, Roadside
 from slipstream_lab.simulation.closed_loop.planned_platoons import PlannedPlatoons
 from slipstream_lab.simulation.closed_loop.policy import AS_DRIVING, Policy, WaitingPrices
-from slipstream_lab.simulation.closed_loop.record import CycleRecord
+from slipstream_lab.simulation.closed_loop.record import LoopCycleRecord
 from slipstream_lab.simulation.scenarios.demand import Deliveries, fleet_at
 from storage import Database, StorageError
 from vehicle_agent.signals import DepartureSettings
@@ -100,7 +100,7 @@ class Dispatching:
             # Its problem is the policy's, which settings do not say all of.
             keep_inputs=False,
         )
-        self.cycles: list[CycleRecord] = []
+        self.cycles: list[LoopCycleRecord] = []
 
     def receive(self, message: Message) -> None:
         """Take in what a vehicle sends to the dispatcher."""
@@ -127,7 +127,7 @@ class Dispatching:
             return
         open_, judged, turbulent = roadside.open, roadside.judged, roadside.is_turbulent
         self.cycles.append(
-            CycleRecord(
+            LoopCycleRecord(
                 time_s=now_s,
                 status=outcome.planned.report.status,
                 vehicles=len(self._sent.begun),

@@ -8,7 +8,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Final
 
-from dispatcher_daemon.fleet.learning import History, Passages, Trace
+from dispatcher_daemon.fleet.learning import DrivenTrace, History, Passages
 from slipstream.roads import RoadNetwork
 from slipstream_lab.simulation.scenarios.day import DaySpec, sumo_options
 from slipstream_lab.simulation.scenarios.gridlock import CHECK_S, GridlockWatch
@@ -108,8 +108,8 @@ def _simulate(spec: HistorySpec, report_time: Callable[[float], None]) -> Histor
     passages = Passages(spec.limits_mps, day.step_s)
     gridlock = GridlockWatch()
     with Session(sumo_options(day), day.files) as session:
-        traces: dict[str, Trace | None] = {}
-        finished: list[Trace] = []
+        traces: dict[str, DrivenTrace | None] = {}
+        finished: list[DrivenTrace] = []
         while (now_s := session.time_s) < day.end_s:
             if now_s % CHECK_S == 0 and now_s > day.begin_s:
                 report_time(now_s)
@@ -123,7 +123,7 @@ def _simulate(spec: HistorySpec, report_time: Callable[[float], None]) -> Histor
     return passages.history()
 
 
-def _sample(traces: dict[str, Trace | None], now_s: float) -> list[Trace]:
+def _sample(traces: dict[str, DrivenTrace | None], now_s: float) -> list[DrivenTrace]:
     """Add the running simulation's present step; the traces that have ended."""
     import libsumo
 
@@ -135,7 +135,7 @@ def _sample(traces: dict[str, Trace | None], now_s: float) -> list[Trace]:
             trace = traces[name]
         except KeyError:
             counts = vehicle.getVehicleClass(name) in _CLASSES
-            trace = traces[name] = Trace(now_s, vehicle.getRoute(name)) if counts else None
+            trace = traces[name] = DrivenTrace(now_s, vehicle.getRoute(name)) if counts else None
         if trace is None:
             continue
         number = index(name)

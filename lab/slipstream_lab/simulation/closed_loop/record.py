@@ -17,7 +17,7 @@ class Service:
 
 
 @dataclass(frozen=True)
-class CycleRecord:
+class LoopCycleRecord:
     """One dispatch cycle.
 
     Attributes:
@@ -95,7 +95,7 @@ class ArmResult:
     end_s: float
     legs: tuple[DrivenLeg, ...]
     services: tuple[Service, ...]
-    cycles: tuple[CycleRecord, ...]
+    cycles: tuple[LoopCycleRecord, ...]
     others: Others
     disengagements: int
     teleports: int

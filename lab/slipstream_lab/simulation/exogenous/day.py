@@ -29,7 +29,7 @@ from slipstream_lab.simulation.closed_loop.dispatch_settings import (
 )
 from slipstream_lab.simulation.closed_loop.planned_platoons import platooned
 from slipstream_lab.simulation.closed_loop.policy import Policy
-from slipstream_lab.simulation.closed_loop.record import ArmResult, CycleRecord, Others
+from slipstream_lab.simulation.closed_loop.record import ArmResult, LoopCycleRecord, Others
 from slipstream_lab.simulation.exogenous.passages import RecordedLeg, evaluate
 from slipstream_lab.simulation.exogenous.recorded import RecordedTraffic
 from slipstream_lab.simulation.exogenous.roadside import Roadside
@@ -154,7 +154,7 @@ class _FleetDay:
     roadside: Roadside
     settings: DispatcherSettings
     legs: list[RecordedLeg] = field(default_factory=list)
-    cycles: list[CycleRecord] = field(default_factory=list)
+    cycles: list[LoopCycleRecord] = field(default_factory=list)
     _under_way: list[tuple[float, str, RecordedLeg]] = field(default_factory=list)
 
     def run(self, begin_s: float, end_s: float, until_s: float, progress: Progress | None) -> None:
@@ -224,7 +224,7 @@ class _FleetDay:
         watched, judged, opened, wrong = self.roadside.counts()
         in_platoons = [platooned(plan) for plan in plans]
         self.cycles.append(
-            CycleRecord(
+            LoopCycleRecord(
                 time_s=now_s,
                 status=status,
                 vehicles=len(plans),

@@ -15,7 +15,7 @@ from slipstream.errors import InputError
 from slipstream.service import die_with_parent
 from slipstream_lab.simulation.live.world_spec import CameraEndpoint
 from slipstream_lab.simulation.rsus import RsuSettings
-from slipstream_lab.simulation.sumo_view import Pose, Roads, SumoClipSettings, Vehicle
+from slipstream_lab.simulation.sumo_view import Pose, Roads, SumoClipSettings, ViewedVehicle
 
 JPEG_QUALITY: Final = 85
 _HELD: Final = 0.6
@@ -74,7 +74,7 @@ class Camera:
         assert isinstance(place, CameraEndpoint)
         return place
 
-    def show(self, vehicles: list[Vehicle], due_s: float) -> None:
+    def show(self, vehicles: list[ViewedVehicle], due_s: float) -> None:
         """Have a picture painted, unless the one before is not done.
 
         Args:
@@ -141,7 +141,7 @@ def _serve(connection: Connection, spec: CameraSpec) -> None:
     held_s = _HELD / spec.clip.fps
     due_s = 0.0
 
-    def scenes() -> Iterator[list[Vehicle]]:
+    def scenes() -> Iterator[list[ViewedVehicle]]:
         nonlocal due_s
         while True:
             try:

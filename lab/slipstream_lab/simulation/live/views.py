@@ -7,7 +7,7 @@ from typing import Final
 
 import libsumo
 
-from slipstream_lab.simulation.sumo_view import Kind, Pose, Vehicle, is_known
+from slipstream_lab.simulation.sumo_view import Kind, Pose, ViewedVehicle, is_known
 
 RADIUS_M: Final = 320.0
 _LOOKS: Final = 64
@@ -28,9 +28,9 @@ class Views:
         self._kind_numbers: dict[Kind, int] = {}
         self._seen = 0
 
-    def vehicles_in_view(self) -> list[list[Vehicle]]:
+    def vehicles_in_view(self) -> list[list[ViewedVehicle]]:
         """The vehicles around each camera after the last step, in the cameras' order."""
-        scenes: list[list[Vehicle]] = [[] for _ in self._poses]
+        scenes: list[list[ViewedVehicle]] = [[] for _ in self._poses]
         present = libsumo.vehicle.getIDList()
         for name in present:
             x, y = libsumo.vehicle.getPosition(name)
@@ -64,11 +64,11 @@ class Views:
                 self._seen += 1
         return name in self._numbers
 
-    def _vehicle(self, name: str, x_m: float, y_m: float) -> Vehicle:
+    def _vehicle(self, name: str, x_m: float, y_m: float) -> ViewedVehicle:
         kind = self._kinds[name]
         heading = math.radians(90.0 - libsumo.vehicle.getAngle(name))
         back = kind.length_m / 2
-        return Vehicle(
+        return ViewedVehicle(
             self._numbers[name],
             kind,
             x_m - back * math.cos(heading),

@@ -15,7 +15,7 @@ from slipstream_lab.simulation.sumo_view.lanes import Roads
 from slipstream_lab.simulation.sumo_view.pose import Pose, camera_site, draw_pose
 from slipstream_lab.simulation.sumo_view.settings import SumoClipSettings
 from slipstream_lab.simulation.sumo_view.shapes import Kind, is_known
-from slipstream_lab.simulation.sumo_view.traffic import Vehicle
+from slipstream_lab.simulation.sumo_view.traffic import ViewedVehicle
 
 __all__ = [
     "Kind",
@@ -23,7 +23,7 @@ __all__ = [
     "Roads",
     "SumoClipSettings",
     "SumoRenderer",
-    "Vehicle",
+    "ViewedVehicle",
     "camera_site",
     "draw_pose",
     "find_additional",

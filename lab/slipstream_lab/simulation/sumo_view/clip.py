@@ -38,10 +38,14 @@ from slipstream_lab.simulation.sumo_view.ground import paint_roads
 from slipstream_lab.simulation.sumo_view.lanes import Roads
 from slipstream_lab.simulation.sumo_view.pose import Pose, Site, draw_pose, load_camera
 from slipstream_lab.simulation.sumo_view.process import Simulation, ViewSpec
-from slipstream_lab.simulation.sumo_view.roadside import Plan, choose_objects, tree_shadow_feet
+from slipstream_lab.simulation.sumo_view.roadside import (
+    RoadsidePlan,
+    choose_objects,
+    tree_shadow_feet,
+)
 from slipstream_lab.simulation.sumo_view.settings import SumoClipSettings
 from slipstream_lab.simulation.sumo_view.shapes import mesh_of
-from slipstream_lab.simulation.sumo_view.traffic import Vehicle
+from slipstream_lab.simulation.sumo_view.traffic import ViewedVehicle
 from slipstream_lab.simulation.sumo_view.watched_segments import (
     Stretch,
     View,
@@ -68,7 +72,7 @@ def _paint_backdrop(
     """Everything that does not move."""
     camera, site = view.camera, view.site
     light = _draw_light(scene.sky, rng)
-    plan = Plan(roads, site)
+    plan = RoadsidePlan(roads, site)
     sky = shade_sky(camera, light, rng)
     ground_view = view_ground(camera, rng)
     ground = lit(paint_roads(ground_view, camera, roads, site, PALETTE), ground_view, light)
@@ -123,7 +127,9 @@ class SumoRenderer:
             f"sumo-{rsu.name}-{settings.seed}", self.stretches, self.view
         )
 
-    def paint(self, scenes: Iterable[list[Vehicle]]) -> Iterator[tuple[Image, list[list[str]]]]:
+    def paint(
+        self, scenes: Iterable[list[ViewedVehicle]]
+    ) -> Iterator[tuple[Image, list[list[str]]]]:
         """Pictures (h, w, 3) BGR of the vehicles of each frame, with their truth rows in the order
         of TRUTH_COLUMNS.
         """
@@ -139,7 +145,7 @@ class SumoRenderer:
             ]
             yield self._sensor.expose(image), rows
 
-    def _place(self, vehicle: Vehicle) -> Placed:
+    def _place(self, vehicle: ViewedVehicle) -> Placed:
         number = vehicle.number
         if number not in self._meshes:
             rng = np.random.default_rng([self.settings.seed, 12, number])
@@ -149,7 +155,7 @@ class SumoRenderer:
         return Placed(self._meshes[number], float(x), float(y), 1, turn)
 
 
-def _truth_row(frame: int, fps: float, vehicle: Vehicle, mesh: Mesh, seen: Seen) -> list[str]:
+def _truth_row(frame: int, fps: float, vehicle: ViewedVehicle, mesh: Mesh, seen: Seen) -> list[str]:
     return [
         str(frame),
         f"{frame / fps:.6f}",

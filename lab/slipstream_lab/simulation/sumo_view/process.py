@@ -18,7 +18,7 @@ from types import TracebackType
 from slipstream.errors import InputError
 from slipstream_lab.simulation.sumo import check_files
 from slipstream_lab.simulation.sumo_view.lanes import Roads
-from slipstream_lab.simulation.sumo_view.traffic import Vehicle
+from slipstream_lab.simulation.sumo_view.traffic import ViewedVehicle
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class Simulation:
     ) -> None:
         self._stop()
 
-    def frames(self) -> Iterator[list[Vehicle]]:
+    def frames(self) -> Iterator[list[ViewedVehicle]]:
         """The vehicles of each frame.
 
         Raises:

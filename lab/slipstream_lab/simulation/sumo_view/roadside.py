@@ -23,7 +23,7 @@ _SEEN_M, _THIN_M = 240.0, 110.0
 """Up to where things, and thin things, must not hide a road."""
 
 
-class Plan:
+class RoadsidePlan:
     """A map of the roads around the camera: what is free, and what would be hidden."""
 
     def __init__(self, roads: Roads, site: Site) -> None:
@@ -71,7 +71,7 @@ class Plan:
 
 
 def choose_objects(
-    plan: Plan, roads: Roads, site: Site, scene: SceneSettings, rng: np.random.Generator
+    plan: RoadsidePlan, roads: Roads, site: Site, scene: SceneSettings, rng: np.random.Generator
 ) -> list[RoadsideObject]:
     """Things in the painter's form, in the site's axes."""
     things: list[RoadsideObject] = []
@@ -98,14 +98,14 @@ def choose_objects(
     return things
 
 
-def tree_shadow_feet(plan: Plan, count: int, rng: np.random.Generator) -> list[Floats]:
+def tree_shadow_feet(plan: RoadsidePlan, count: int, rng: np.random.Generator) -> list[Floats]:
     """Where trees beside the roads stand that only throw shadows into the picture."""
     spots = np.column_stack([rng.uniform(12, 110, 400), rng.uniform(-40, 40, 400)])
     clear = plan.clearance_m(spots)
     return list(spots[(clear > 1.0) & (clear < 6.0)][:count])
 
 
-def _is_clear(plan: Plan, kind: str, spot: Floats) -> bool:
+def _is_clear(plan: RoadsidePlan, kind: str, spot: Floats) -> bool:
     if kind == "tree":
         corners = spot + np.array([[-3.2, -3.2], [3.2, -3.2], [3.2, 3.2], [-3.2, 3.2]])
         return 3.4 < float(plan.clearance_m(spot[None])[0]) < 14.0 and not plan.occludes_road(

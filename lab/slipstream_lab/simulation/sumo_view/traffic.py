@@ -32,7 +32,7 @@ class State:
 
 
 @dataclass(frozen=True)
-class Vehicle:
+class ViewedVehicle:
     """A vehicle at a frame: `x_m`, `y_m` is its ground centre in the net.
 
     `number` counts vehicles in the order in which they come into view.

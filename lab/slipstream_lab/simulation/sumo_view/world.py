@@ -16,7 +16,7 @@ from slipstream.errors import InputError
 from slipstream_lab.simulation.sumo.session import Session
 from slipstream_lab.simulation.sumo_view.polylines import distances
 from slipstream_lab.simulation.sumo_view.shapes import Kind, is_known
-from slipstream_lab.simulation.sumo_view.traffic import STEP_S, State, Vehicle, between
+from slipstream_lab.simulation.sumo_view.traffic import STEP_S, State, ViewedVehicle, between
 
 _PLACE: Final = "slipstream-rsu"
 _VARIABLES: Final = (
@@ -153,7 +153,7 @@ class World:
         return self._stretch[lane]
 
 
-def drive(world: World, begin_s: float, fps: float, frames: int) -> Iterator[list[Vehicle]]:
+def drive(world: World, begin_s: float, fps: float, frames: int) -> Iterator[list[ViewedVehicle]]:
     """The vehicles around the world's point in each frame; the first frame is at `begin_s`.
 
     Raises:
@@ -192,9 +192,9 @@ def drive(world: World, begin_s: float, fps: float, frames: int) -> Iterator[lis
         ]
 
 
-def _vehicle(number: int, kind: Kind, state: State) -> Vehicle:
+def _vehicle(number: int, kind: Kind, state: State) -> ViewedVehicle:
     back = kind.length_m / 2
-    return Vehicle(
+    return ViewedVehicle(
         number,
         kind,
         state.x_m - back * math.cos(state.heading_rad),

@@ -8,7 +8,7 @@ import pytest
 from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.forms.problem import RoutingProblem
 from dispatcher_daemon.planning.arc_form.form import ArcForm
-from dispatcher_daemon.planning.plans.candidates import Candidate, Refusal
+from dispatcher_daemon.planning.plans.candidates import Candidate, CandidateRefusal
 from dispatcher_daemon.planning.plans.forms import Form, attempt
 from dispatcher_daemon.planning.route_form.form import RouteForm
 from dispatcher_daemon.solvers.exact import ExactSolver
@@ -115,12 +115,12 @@ def test_missed_windows_and_overloads_are_refused() -> None:
         cycle=replace(form.cycle, problem=with_vehicles(form.cycle.problem, return_by_s=100.0)),
     )
     refused = short.candidate("exact", selected)
-    assert isinstance(refused, Refusal)
+    assert isinstance(refused, CandidateRefusal)
     assert len(refused.faults) >= 2
     heavy = with_vehicles(with_demand(instance.problem, 3), capacity=5)
     overloaded = replace(form, cycle=replace(form.cycle, problem=heavy))
     refused = overloaded.candidate("exact", selected)
-    assert isinstance(refused, Refusal)
+    assert isinstance(refused, CandidateRefusal)
     assert any("6" in fault and "5" in fault for fault in refused.faults)
 
 

@@ -14,7 +14,7 @@ from dispatcher_daemon.forms.problem import ArcProblem
 from dispatcher_daemon.planning.arc_form.arcs import arc_problem_of
 from dispatcher_daemon.planning.plans import Candidate, attempt
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.workers.pool import Job, solve_in_process
+from dispatcher_daemon.solvers.workers.pool import PoolJob, solve_in_process
 from slipstream.errors import InputError
 from slipstream_lab.research.instances import instance_names, open_instance
 from slipstream_lab.research.instances.catalogue import CATALOGUE
@@ -74,7 +74,7 @@ def test_optima_of_the_energy_need_no_more_energy_and_promise_no_more(name: str)
     form, known = arc_form_of(instance), instance.known
     assert known is not None
     solve = solve_in_process([ExactSolver()])
-    (outcome,) = solve([Job("exact", form.problem, 1)], 30.0)
+    (outcome,) = solve([PoolJob("exact", form.problem, 1)], 30.0)
     plan, (_, alone) = attempt(form, outcome).candidate, form.baseline(solve, 30.0)
     assert plan is not None
     assert outcome.selected is not None

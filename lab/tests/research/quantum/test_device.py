@@ -14,7 +14,7 @@ from dispatcher_daemon.solvers.protocol import BackendKind
 from dispatcher_daemon.solvers.quantum.ansatz import linear_ramp, scheduled
 from dispatcher_daemon.solvers.quantum.backends.base import Sampled
 from dispatcher_daemon.solvers.quantum.backends.jobs import FaultKind, ServiceFault
-from dispatcher_daemon.solvers.quantum.chain.layout import Placement
+from dispatcher_daemon.solvers.quantum.chain.layout import QubitPlacement
 from dispatcher_daemon.solvers.quantum.chain.state import ChainState
 from slipstream_lab.research.quantum.device import (
     DELTA_BETA,
@@ -49,7 +49,7 @@ class Device:
     kind: BackendKind = "hardware"
     target: Any = None
 
-    def place(self, n: int, bond_weights: Any = None) -> Placement:
+    def place(self, n: int, bond_weights: Any = None) -> QubitPlacement:
         """Not asked for."""
         raise NotImplementedError
 

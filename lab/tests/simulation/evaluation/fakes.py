@@ -9,7 +9,7 @@ import numpy as np
 
 from slipstream.energy import Energy
 from slipstream_lab.simulation.closed_loop.policy import Policy
-from slipstream_lab.simulation.closed_loop.record import ArmResult, CycleRecord, Others, Service
+from slipstream_lab.simulation.closed_loop.record import ArmResult, LoopCycleRecord, Others, Service
 from slipstream_lab.simulation.evaluation.runs.provenance import Provenance
 from slipstream_lab.simulation.fleet.driven_leg import DrivenLeg
 from slipstream_lab.simulation.fleet.losses import Losses
@@ -79,7 +79,7 @@ def make_arm(policy: Policy, seed: int, legs: int = 24, **changes: Any) -> ArmRe
             Service(f"o{n}", leg.due_s + 1200.0, leg.arrived_s) for n, leg in enumerate(driven)
         ),
         cycles=tuple(
-            CycleRecord(
+            LoopCycleRecord(
                 time_s=GROUND.begin_s + 300.0 * n,
                 status="ok",
                 vehicles=2,

@@ -19,7 +19,7 @@ from slipstream_lab.simulation.sumo_view.ground import paint_roads
 from slipstream_lab.simulation.sumo_view.lanes import Carriageway, Roads
 from slipstream_lab.simulation.sumo_view.polylines import at, distances, shifted, stretch
 from slipstream_lab.simulation.sumo_view.pose import Site
-from slipstream_lab.simulation.sumo_view.roadside import Plan, choose_objects
+from slipstream_lab.simulation.sumo_view.roadside import RoadsidePlan, choose_objects
 from slipstream_lab.simulation.sumo_view.shapes import Kind, is_known, mesh_of
 from slipstream_lab.simulation.sumo_view.traffic import STEP_S, State, between
 from slipstream_lab.simulation.sumo_view.world import World, drive
@@ -170,7 +170,7 @@ def test_asphalt_and_markings_follow_the_bend():
 def test_nothing_stands_on_the_road_or_before_it():
     """Buildings, trees and lamp posts leave the road and the sight of it free."""
     roads, site = bent_roads(), Site(-10.0, 8.0, 0.0)
-    plan = Plan(roads, site)
+    plan = RoadsidePlan(roads, site)
     scene = SceneSettings(buildings=8.0, trees=30.0)
     things = choose_objects(plan, roads, site, scene, np.random.default_rng(3))
     kinds = [kind for _, kind, _ in things]

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dispatcher_daemon.fleet.learning import HOURS, History, Passages, Trace
+from dispatcher_daemon.fleet.learning import HOURS, DrivenTrace, History, Passages
 from slipstream.energy import steady_energy_kwh, stop_energy_kwh, trace_energy
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork
@@ -18,12 +18,12 @@ from slipstream.sumo_net import load_network
 LIMIT_MPS = 12.0
 
 
-def trace_of(speeds: Sequence[float], entries: Sequence[tuple[int, int]]) -> Trace:
+def trace_of(speeds: Sequence[float], entries: Sequence[tuple[int, int]]) -> DrivenTrace:
     """A drive that begins at 8:00 over segments a, b, c and d."""
-    return Trace(8 * 3600.0, "abcd", list(speeds), list(entries))
+    return DrivenTrace(8 * 3600.0, "abcd", list(speeds), list(entries))
 
 
-def counted(*traces: Trace) -> History:
+def counted(*traces: DrivenTrace) -> History:
     """The history of some drives."""
     passages = Passages(dict.fromkeys("abcd", LIMIT_MPS), 1.0)
     passages.count(traces)

@@ -9,7 +9,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
 from dispatcher_daemon.fleet import Fleet
-from dispatcher_daemon.fleet.tracking import FleetTracker, Situation
+from dispatcher_daemon.fleet.tracking import FleetSituation, FleetTracker
 from dispatcher_daemon.forms.problem import RoutingProblem
 from dispatcher_daemon.planning.cycle.cycle import CycleResult, run_cycle
 from dispatcher_daemon.planning.plans import Cycle
@@ -217,7 +217,7 @@ class Day:
     file: Fleet | None
     now_ns: int = 0
     number: int = 0
-    situation: Situation | None = None
+    situation: FleetSituation | None = None
     sent: list[VehiclePlan] = field(default_factory=list)
     results: list[CycleResult] = field(default_factory=list)
     store: Store = field(default_factory=Store)

@@ -13,7 +13,7 @@ from dispatcher_daemon.settings import DispatcherSettings, LcQaoaSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.protocol import Outcome, Solver
 from dispatcher_daemon.solvers.registry import configured_solvers
-from dispatcher_daemon.solvers.workers.pool import Job, solve_in_process
+from dispatcher_daemon.solvers.workers.pool import PoolJob, solve_in_process
 from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
 
 Traffic = Callable[..., TrafficSnapshot]
@@ -143,7 +143,7 @@ class BaselineOnly:
     def __init__(self, script: Scripted) -> None:
         self._script = script
 
-    def __call__(self, jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
+    def __call__(self, jobs: Sequence[PoolJob], deadline_s: float) -> list[Outcome]:
         """The first job is the baseline's."""
         outcomes = [ExactSolver().solve(jobs[0].problem, deadline_s, 1)]
         for job in jobs[1:]:

@@ -27,7 +27,7 @@ from dispatcher_daemon.planning.platooning import (
 from dispatcher_daemon.planning.platooning.closing_up import SIGNAL_CYCLE_S, closing_way_m
 from dispatcher_daemon.planning.platooning.expected import ExpectedDrafting
 from dispatcher_daemon.planning.roads import (
-    Leg,
+    RoadLeg,
     Travel,
     candidate_arcs,
     least_energy_legs,
@@ -415,7 +415,7 @@ def test_what_a_vehicle_that_is_planned_on_has_behind_it_counts() -> None:
     ]
     of = expected_drafting(problem, snapshot, bound)
     assert of is not None
-    leg = Leg("depot-a", "s", path, 0.0, Drive((0.0,), (0.0,), (), 0.0))
+    leg = RoadLeg("depot-a", "s", path, 0.0, Drive((0.0,), (0.0,), (), 0.0))
     found = of.shares(tuple(of.of_leg(v, 0, leg)[1] for v in ("v0", "v1")))
     left_m = closing_way_m(ENTRY_M, V_MPS, C_MPS2) - 600
     assert found[1] == pytest.approx(1 - left_m / 3000)

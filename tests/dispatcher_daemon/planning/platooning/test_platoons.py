@@ -8,7 +8,7 @@ import pytest
 from dispatcher_daemon.forms.problem import RoutingProblem
 from dispatcher_daemon.planning.plans.energy import route_energy, summarise
 from dispatcher_daemon.planning.platooning.platoons import Place, form_platoons
-from dispatcher_daemon.planning.roads.routes import Leg, Route, StopVisit
+from dispatcher_daemon.planning.roads.routes import RoadLeg, Route, StopVisit
 from dispatcher_daemon.planning.routes.itineraries import Planner
 from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
 from slipstream.drive import DrivingStyle, plan_drive
@@ -19,7 +19,7 @@ AVENUE = "avenue_east"
 def pass_over(vehicle: str, depart_s: float, speed_mps: float = 16.67) -> Route:
     """A route of one leg over gate_east and avenue_east."""
     drive = plan_drive([674.7, 1995.8], [13.89, speed_mps], DrivingStyle())
-    leg = Leg("depot", "x", ("gate_east", AVENUE), 0.0, drive)
+    leg = RoadLeg("depot", "x", ("gate_east", AVENUE), 0.0, drive)
     visits = (StopVisit("depot", depart_s, depart_s), StopVisit("x", depart_s + 1, depart_s + 1))
     return Route(vehicle, visits, (leg,))
 
@@ -98,7 +98,7 @@ def test_meetings_and_energies_agree(
     seen = {name: replace(snapshot.segments[name], speed_mps=8.0) for name in path}
     snapshot = replace(snapshot, segments={**snapshot.segments, **seen})
     drive = plan_drive([r.length_m for r in roads], [8.0] * 3, DrivingStyle())
-    leg = Leg("depot-0", "s0", tuple(path), 0.0, drive)
+    leg = RoadLeg("depot-0", "s0", tuple(path), 0.0, drive)
     routes = [
         Route(f"van-{n}", (StopVisit("depot-0", at, at), StopVisit("s0", at + 1, at + 1)), (leg,))
         for n, at in enumerate(0.5 * n for n in range(members))

@@ -6,13 +6,13 @@ import pytest
 
 from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.planning.roads.charge import Battery, battery_of, charges_kwh, shortfall_kwh
-from dispatcher_daemon.planning.roads.routes import Charging, Leg, empty_leg
+from dispatcher_daemon.planning.roads.routes import Charging, RoadLeg, empty_leg
 
 
-def leg(charging: Charging | None = None) -> Leg:
+def leg(charging: Charging | None = None) -> RoadLeg:
     """A leg of no length."""
     empty = empty_leg("a", "b")
-    return Leg(empty.start, empty.end, (), 0.0, empty.drive, None, charging)
+    return RoadLeg(empty.start, empty.end, (), 0.0, empty.drive, None, charging)
 
 
 def test_charge_falls_by_each_leg_and_rises_at_charging_stops() -> None:

@@ -15,7 +15,7 @@ from dispatcher_daemon.planning.plans.energy import route_energy
 from dispatcher_daemon.planning.roads.arrays import Roads, roads_of
 from dispatcher_daemon.planning.roads.charge import leg_energy_kwh
 from dispatcher_daemon.planning.roads.costs import segment_cost_kwh
-from dispatcher_daemon.planning.roads.routes import Leg, timed
+from dispatcher_daemon.planning.roads.routes import RoadLeg, timed
 from dispatcher_daemon.planning.roads.travel import Travel, leg_along
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
@@ -40,7 +40,7 @@ def expected_of(problem: RoutingProblem, seed: int, share: float = 1.0) -> Expec
     )
 
 
-def legs_of(travel: Travel) -> list[tuple[tuple[int, int], Leg]]:
+def legs_of(travel: Travel) -> list[tuple[tuple[int, int], RoadLeg]]:
     """Every path between two places with its pair in the matrices."""
     found = []
     for start, end in product(travel.places, repeat=2):

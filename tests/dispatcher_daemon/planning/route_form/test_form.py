@@ -8,7 +8,7 @@ import pytest
 
 from dispatcher_daemon.forms.decode import violations
 from dispatcher_daemon.planning.improvement.sweeps import choice_of
-from dispatcher_daemon.planning.plans.candidates import Candidate, Refusal
+from dispatcher_daemon.planning.plans.candidates import Candidate, CandidateRefusal
 from dispatcher_daemon.planning.route_form.form import RouteForm, route_form
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
@@ -92,7 +92,7 @@ def test_an_answer_becomes_verified_plans_or_a_refusal() -> None:
     assert len(found.plans) == len(found.routes) == len(found.energies)
     first = next(iter(answer))
     refused = made.candidate("exact", answer - {first})
-    assert isinstance(refused, Refusal)
+    assert isinstance(refused, CandidateRefusal)
     assert refused.faults
     unknown = made.candidate("exact", frozenset({made.problem.choices}))
-    assert unknown == Refusal(("not a selection of options",))
+    assert unknown == CandidateRefusal(("not a selection of options",))

@@ -11,12 +11,12 @@ import pytest
 from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.forms.problem import RoutingProblem
 from dispatcher_daemon.planning.roads.arrays import roads_of
-from dispatcher_daemon.planning.roads.routes import Leg, lateness_s, timed
+from dispatcher_daemon.planning.roads.routes import RoadLeg, lateness_s, timed
 from dispatcher_daemon.planning.roads.travel import Travel
 from dispatcher_daemon.planning.routes.base_routes import BaseRoutes, base_routes
-from dispatcher_daemon.planning.routes.parts import Part, parts_of_stops
+from dispatcher_daemon.planning.routes.parts import FleetPart, parts_of_stops
 from dispatcher_daemon.planning.routes.pyvrp_model import VrpModel
-from dispatcher_daemon.planning.routes.pyvrp_search import Attempt
+from dispatcher_daemon.planning.routes.pyvrp_search import SearchAttempt
 from dispatcher_daemon.settings import SearchSettings
 from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
 from slipstream_lab.research.cities.generator import CityShape, generate_city
@@ -46,7 +46,7 @@ class Watched(ThreadPoolExecutor):
 
     def __init__(self) -> None:
         super().__init__(1)
-        self.attempts: list[Attempt] = []
+        self.attempts: list[SearchAttempt] = []
 
     def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
         """As a thread does it."""
@@ -87,7 +87,7 @@ def cost_kwh(made: tuple[RoutingProblem, TrafficSnapshot], routes: Routes) -> fl
         if not stops:
             continue
         depot = problem.fleet.depot_of(vehicle).id
-        legs: list[Leg] = []
+        legs: list[RoadLeg] = []
         for start, end in pairwise((depot, *stops, depot)):
             leg = travel.leg(start, end)
             if leg is None:
@@ -204,7 +204,7 @@ def test_parts_of_stops_have_room_for_them(seed: int) -> None:
     fleet = Fleet(**{n: getattr(fleet, n) for n in Fleet.model_fields} | {"vehicles": vehicles})
     names = [stop.id for stop in fleet.stops]
     parts = parts_of_stops(
-        replace(city.problem, fleet=fleet), Part(fleet.vehicles, names), 50, seed
+        replace(city.problem, fleet=fleet), FleetPart(fleet.vehicles, names), 50, seed
     )
     assert len(parts) == 4
     assert sorted(s for part in parts for s in part.stops) == sorted(names)

@@ -17,7 +17,7 @@ from dispatcher_daemon.forms.problem import RoutingProblem
 from dispatcher_daemon.planning.cycle.cycle import CycleResult, run_cycle
 from dispatcher_daemon.planning.plans import Cycle
 from dispatcher_daemon.planning.plans.verify import verify_plans
-from dispatcher_daemon.planning.roads import Leg, fleet_travel
+from dispatcher_daemon.planning.roads import RoadLeg, fleet_travel
 from dispatcher_daemon.planning.roads.charge import Battery, charges_kwh, leg_energy_kwh
 from dispatcher_daemon.planning.routes import insert_stops
 from dispatcher_daemon.planning.routes.charging_stops import with_charging_stops
@@ -216,7 +216,7 @@ def test_charge_stays_between_reserve_and_capacity(
     legs = [leg for a, b in pairwise(stops) if (leg := travel.leg(a, b))]
     battery = Battery(capacity, reserve * capacity, start * capacity)
 
-    def energy_kwh(leg: Leg) -> float:
+    def energy_kwh(leg: RoadLeg) -> float:
         return leg_energy_kwh(leg, physics)
 
     found = with_charging_stops(

@@ -159,7 +159,7 @@ def test_what_waits_for_a_caller_is_bounded(state: State) -> None:
     """States by segments and RSUs: the newest replaces the one before. Others by their number."""
     report = failed_report(1, 0, 0.0, "a reason")
 
-    async def overwhelm() -> tuple[list[Any], list[hub.Event]]:
+    async def overwhelm() -> tuple[list[Any], list[hub.HubEvent]]:
         told = hub.EventHub(1)
         stream = told.open(hub.KINDS, None)
         assert stream is not None

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from dispatcher_daemon.fleet.learning import Learned
-from dispatcher_daemon.service.api.solving import Job, vroom
+from dispatcher_daemon.service.api.solving import SolveJob, vroom
 from dispatcher_daemon.settings import DispatcherSettings
 from slipstream.errors import InputError
 
@@ -68,15 +68,15 @@ def test_a_job_that_failed_says_why(serve: Callable[..., Api]) -> None:
         def __init__(self, error: Exception) -> None:
             self.error = error
 
-        def submit(self, deadline_s: float, make_task: object) -> Job:
-            return Job("j", deadline_s, None, "failed", reason="lost", error=self.error)
+        def submit(self, deadline_s: float, make_task: object) -> SolveJob:
+            return SolveJob("j", deadline_s, None, "failed", reason="lost", error=self.error)
 
-        def wait_begun(self, job: Job, within_s: float) -> bool:
+        def wait_begun(self, job: SolveJob, within_s: float) -> bool:
             return True
 
         wait = wait_begun
 
-        def leave(self, job: Job) -> None:
+        def leave(self, job: SolveJob) -> None:
             """Nothing is kept."""
 
         def close(self) -> None:
@@ -97,19 +97,19 @@ class _SlowToStart:
     def __init__(self, start_s: float) -> None:
         self.start_s = start_s
 
-    def submit(self, deadline_s: float, make_task: Callable[[], vroom.VroomTask]) -> Job:
+    def submit(self, deadline_s: float, make_task: Callable[[], vroom.VroomTask]) -> SolveJob:
         self.left_s = 1e-9 * (make_task().answer_by_ns - time.time_ns()) - self.start_s
-        return Job("j", deadline_s, None, "running")
+        return SolveJob("j", deadline_s, None, "running")
 
-    def wait_begun(self, job: Job, within_s: float) -> bool:
+    def wait_begun(self, job: SolveJob, within_s: float) -> bool:
         return True
 
-    def wait(self, job: Job, within_s: float) -> bool:
+    def wait(self, job: SolveJob, within_s: float) -> bool:
         if within_s > self.start_s + job.deadline_s:
             job.state, job.result = "done", b'{"code": 0}'
         return job.result is not None
 
-    def leave(self, job: Job) -> None:
+    def leave(self, job: SolveJob) -> None:
         """Nothing is kept."""
 
     def close(self) -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from dispatcher_daemon.service.vroom.least_missed import Event, least_missed
+from dispatcher_daemon.service.vroom.least_missed import MissedEvent, least_missed
 from dispatcher_daemon.service.vroom.model import FOREVER
 
 LAST = 16
@@ -15,7 +15,7 @@ EPOCH = 174_099_960_000
 """A moment of 2025 in hundredths of a second."""
 
 
-def tried(events: list[Event]) -> list[int] | None:
+def tried(events: list[MissedEvent]) -> list[int] | None:
     """The best times of all: least misses, earliest end, latest start, the rest early."""
     best: tuple[int, ...] | None = None
 
@@ -44,7 +44,7 @@ def tried(events: list[Event]) -> list[int] | None:
     return None if best is None else [-best[2], *best[3:], best[1]]
 
 
-def some_events(rng: random.Random) -> list[Event]:
+def some_events(rng: random.Random) -> list[MissedEvent]:
     """Two to five steps with breaks between, several windows and hard bounds."""
     events = []
     size = rng.randint(2, 5)
@@ -57,7 +57,7 @@ def some_events(rng: random.Random) -> list[Event]:
         is_break = 0 < number < size - 1 and rng.random() < 0.4
         low = rng.randint(0, 6) if rng.random() < 0.15 else 0
         events.append(
-            Event(
+            MissedEvent(
                 ((0, FOREVER),) if always else tuple(sorted(windows)),
                 low,
                 low + rng.randint(0, 8) if rng.random() < 0.15 else FOREVER,
@@ -105,6 +105,6 @@ def test_times_of_any_epoch_are_the_same_ones_later() -> None:
 
 def test_whoever_has_no_time_left_is_told() -> None:
     """Where time is over before a route's end is reached."""
-    events = [Event(((0, 5),), 0, FOREVER, 1, 1)] * 3
+    events = [MissedEvent(((0, 5),), 0, FOREVER, 1, 1)] * 3
     with pytest.raises(TimeoutError):
         least_missed(events, time.monotonic() - 1)

@@ -35,7 +35,7 @@ from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.protocol import Outcome
 from dispatcher_daemon.solvers.workers.pool import (
     GRACE_S,
-    Job,
+    PoolJob,
     Solve,
     solve_in_process,
 )
@@ -90,7 +90,7 @@ def expected() -> list[tuple[tuple[str, ...], float]]:
         return stops_of(plan(thread, LOCAL, 600.0))
 
 
-def refuse(jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
+def refuse(jobs: Sequence[PoolJob], deadline_s: float) -> list[Outcome]:
     """A `Solve` that must not be asked."""
     raise AssertionError(f"{len(jobs)} jobs did not go to the cluster")
 

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from dispatcher_daemon.forms.milp import solve_milp
 from dispatcher_daemon.forms.model import build_model
 from dispatcher_daemon.forms.problem import RouteOption, RouteProblem
-from dispatcher_daemon.solvers.quantum.backends.ibm_account import Access
+from dispatcher_daemon.solvers.quantum.backends.ibm_account import AccountAccess
 from dispatcher_daemon.solvers.quantum.iskay import IskaySolver, qubo_terms, solution_bits
 
 Routes = Callable[..., RouteProblem]
@@ -71,9 +71,9 @@ class StandIn:
     job_id: str = "job-7"
     asked: list[dict[str, Any]] = field(default_factory=list)
     taken_up: list[str] = field(default_factory=list)
-    asked_for: list[Access] = field(default_factory=list)
+    asked_for: list[AccountAccess] = field(default_factory=list)
 
-    def open(self, access: Access) -> StandIn:
+    def open(self, access: AccountAccess) -> StandIn:
         """The catalogue for an account."""
         self.asked_for.append(access)
         return self
@@ -121,7 +121,7 @@ class StandIn:
 def solver(service: StandIn, **changes: Any) -> IskaySolver:
     """The solver in front of a stand-in."""
     return IskaySolver(
-        Access(SECRET, "crn:1"), "ibm_boston", catalog=service.open, poll_s=0.01, **changes
+        AccountAccess(SECRET, "crn:1"), "ibm_boston", catalog=service.open, poll_s=0.01, **changes
     )
 
 
@@ -175,7 +175,7 @@ def test_the_documented_call_and_its_answer(problem: RouteProblem) -> None:
         "seed_transpiler": 7,
         "job_tags": ["slipstream"],
     }
-    assert service.asked_for == [Access(SECRET, "crn:1")]
+    assert service.asked_for == [AccountAccess(SECRET, "crn:1")]
 
 
 def test_a_cost_that_is_a_lie_changes_nothing(
@@ -237,7 +237,7 @@ def test_a_job_that_fails_says_why_without_the_token(
     assert (outcome.status, outcome.selected) == ("failed", None)
     assert said in (outcome.reason or "")
     assert SECRET not in (outcome.reason or "")
-    assert SECRET not in repr(IskaySolver(Access(SECRET), "ibm_boston"))
+    assert SECRET not in repr(IskaySolver(AccountAccess(SECRET), "ibm_boston"))
 
 
 def changed(**info: Any) -> Callable[[dict[str, Any]], Any]:

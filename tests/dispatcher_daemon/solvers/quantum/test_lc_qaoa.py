@@ -22,7 +22,7 @@ from dispatcher_daemon.forms.problem import ArcProblem, RouteOption, RouteProble
 from dispatcher_daemon.settings import LcQaoaSettings, LcQaoaVariant
 from dispatcher_daemon.solvers.quantum.ansatz import linear_ramp, scheduled
 from dispatcher_daemon.solvers.quantum.backends.aer import AerBackend
-from dispatcher_daemon.solvers.quantum.chain.layout import Placement
+from dispatcher_daemon.solvers.quantum.chain.layout import QubitPlacement
 from dispatcher_daemon.solvers.quantum.chain.order import heavy_path, path_weight
 from dispatcher_daemon.solvers.quantum.chain.state import ChainState
 from dispatcher_daemon.solvers.quantum.circuits import circuit_of
@@ -262,9 +262,9 @@ def test_a_device_that_cuts_the_chain_gets_no_gate_there() -> None:
     """The placement is asked once, with the couplings along the chain; its cuts have angle 0."""
     asked: list[tuple[int, int]] = []
 
-    def place(n: int, weights: Sequence[float]) -> Placement:
+    def place(n: int, weights: Sequence[float]) -> QubitPlacement:
         asked.append((n, len(weights)))
-        return Placement(tuple(range(n)), (4,), 1.0)
+        return QubitPlacement(tuple(range(n)), (4,), 1.0)
 
     for variant in ("trained", "multi-angle"):
         options = LcQaoaSettings(variant=variant, iterations=5, restarts=1)

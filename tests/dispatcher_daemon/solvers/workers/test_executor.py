@@ -12,7 +12,7 @@ from dispatcher_daemon.forms.problem import Problem, RouteOption, RouteProblem
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.protocol import Outcome
 from dispatcher_daemon.solvers.workers.executor import executor_solve
-from dispatcher_daemon.solvers.workers.pool import GRACE_S, Job, SolverPool
+from dispatcher_daemon.solvers.workers.pool import GRACE_S, PoolJob, SolverPool
 
 ENOUGH = threading.Event()
 
@@ -54,7 +54,7 @@ def test_blocks_are_solved_in_parallel_processes() -> None:
     """A process pool's answers are those of solving in place, in the jobs' order."""
     with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as executor:
         solve = executor_solve(executor, [ExactSolver()], workers=2)
-        jobs = [Job("exact", PROBLEM, 1), Job("exact", PROBLEM.without_platooning(), 2)]
+        jobs = [PoolJob("exact", PROBLEM, 1), PoolJob("exact", PROBLEM.without_platooning(), 2)]
         outcomes = solve(jobs, 300.0)
     assert [o.status for o in outcomes] == ["optimal"] * 2
     assert [o.selected for o in outcomes] == [frozenset({1, 2})] * 2
@@ -65,7 +65,9 @@ def test_faults_and_deadlines_become_outcomes() -> None:
     """Raising, dawdling, nonsense and unknown solvers are reported, in time; others answer."""
     with ThreadPoolExecutor(5) as executor:
         solve = executor_solve(executor, [Odd()], workers=5)
-        jobs = [Job("odd", PROBLEM, seed) for seed in (0, 1, 2, 3)] + [Job("none", PROBLEM, 0)]
+        jobs = [PoolJob("odd", PROBLEM, seed) for seed in (0, 1, 2, 3)] + [
+            PoolJob("none", PROBLEM, 0)
+        ]
         began = time.monotonic()
         try:
             good, raised, late, nonsense, unknown = solve(jobs, 0.5)
@@ -84,7 +86,7 @@ def test_jobs_that_queue_share_the_deadline(workers: int, share_s: float) -> Non
     """Four jobs get a quarter of the time each on one worker, half of it on two, all on four."""
     with ThreadPoolExecutor(workers) as executor:
         solve = executor_solve(executor, [Odd()], workers=workers)
-        outcomes = solve([Job("odd", PROBLEM, 5) for _ in range(4)], 10.0)
+        outcomes = solve([PoolJob("odd", PROBLEM, 5) for _ in range(4)], 10.0)
     assert [o.reason for o in outcomes] == [f"{share_s} 5"] * 4
 
 
@@ -92,7 +94,7 @@ def test_a_closed_executor_is_reported() -> None:
     """No exception reaches the caller when the executor takes no jobs any more."""
     executor: Executor = ThreadPoolExecutor(1)
     executor.shutdown()
-    (outcome,) = executor_solve(executor, [Odd()])([Job("odd", PROBLEM, 0)], 1.0)
+    (outcome,) = executor_solve(executor, [Odd()])([PoolJob("odd", PROBLEM, 0)], 1.0)
     assert outcome.status == "failed"
     assert "shutdown" in (outcome.reason or "")
 

@@ -17,7 +17,7 @@ import pytest
 from dispatcher_daemon.forms.decode import decode
 from dispatcher_daemon.forms.problem import ArcProblem
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.workers.pool import GRACE_S, Job, SolverPool, solve_in_process
+from dispatcher_daemon.solvers.workers.pool import GRACE_S, PoolJob, SolverPool, solve_in_process
 
 Demo = Callable[..., ArcProblem]
 
@@ -83,7 +83,7 @@ def test_a_faulty_solver_costs_only_its_own_answer(
     with SolverPool([faulty(fault), ExactSolver()]) as pool:
         assert pool.warm_up() == {}
         began = time.monotonic()
-        bad, good = pool([Job("faulty", problem, 1), Job("exact", problem, 1)], 3.0)
+        bad, good = pool([PoolJob("faulty", problem, 1), PoolJob("exact", problem, 1)], 3.0)
         assert time.monotonic() - began < 3.0 + GRACE_S + 12
         assert (bad.status, bad.selected) == (status, None)
         assert reason in (bad.reason or "")
@@ -103,7 +103,7 @@ def test_a_pool_without_a_solver_that_works_says_so(
     with SolverPool([faulty(fault)]) as pool:
         assert pool.warm_up() == {}
         assert pool.fault() is None
-        (outcome,) = pool([Job("faulty", demo_arcs(avenue_east=1), 1)], 30.0)
+        (outcome,) = pool([PoolJob("faulty", demo_arcs(avenue_east=1), 1)], 30.0)
         assert pool.fault() == f"faulty: {outcome.reason}"
 
 
@@ -115,10 +115,10 @@ def test_a_hung_worker_is_killed_and_replaced(
     """After a time-out the next request goes to a new process, and the old one is gone."""
     problem = demo_arcs()
     with SolverPool([faulty("hangs once")]) as pool:
-        (before,) = pool([Job("faulty", problem, 2)], 20.0)
-        (hung,) = pool([Job("faulty", problem, 1)], 0.3)
+        (before,) = pool([PoolJob("faulty", problem, 2)], 20.0)
+        (hung,) = pool([PoolJob("faulty", problem, 1)], 0.3)
         assert hung.status == "timeout"
-        (after,) = pool([Job("faulty", problem, 2)], 20.0)
+        (after,) = pool([PoolJob("faulty", problem, 2)], 20.0)
         assert after.status == "feasible"
         assert after.reason != before.reason
         assert not psutil.pid_exists(int(before.reason or ""))
@@ -130,7 +130,7 @@ def test_jobs_of_one_solver_share_its_time(faulty: Callable[[str], Any], demo_ar
     """A first job that hangs leaves the second one of the same solver its part of the deadline."""
     with SolverPool([faulty("hangs once")]) as pool:
         pool.warm_up()
-        jobs = [Job("faulty", demo_arcs(), seed) for seed in (1, 2)]
+        jobs = [PoolJob("faulty", demo_arcs(), seed) for seed in (1, 2)]
         hung, answered = pool(jobs, 20.0)
         assert (hung.status, answered.status) == ("timeout", "feasible")
 
@@ -143,7 +143,7 @@ def test_workers_of_one_solver_work_side_by_side(
     """Two workers take two jobs at once, each with the whole deadline for its own."""
     with SolverPool([faulty("slow")], workers=2) as pool:
         assert pool.warm_up() == {}
-        jobs = [Job("faulty", demo_arcs(), seed) for seed in range(4)]
+        jobs = [PoolJob("faulty", demo_arcs(), seed) for seed in range(4)]
         outcomes = pool(jobs, 20.0)
     assert [o.status for o in outcomes] == ["feasible"] * 4
     assert len({o.reason for o in outcomes}) == 2
@@ -155,10 +155,10 @@ def test_a_worker_that_dies_idle_is_replaced(faulty: Callable[[str], Any], demo_
     """Killing the waiting worker (as the kernel does for memory) costs at most one request."""
     problem = demo_arcs()
     with SolverPool([faulty("none")]) as pool:
-        (first,) = pool([Job("faulty", problem, 1)], 20.0)
+        (first,) = pool([PoolJob("faulty", problem, 1)], 20.0)
         os.kill(int(first.reason or ""), signal.SIGKILL)
         time.sleep(0.5)
-        outcomes = [pool([Job("faulty", problem, 1)], 20.0)[0] for _ in range(2)]
+        outcomes = [pool([PoolJob("faulty", problem, 1)], 20.0)[0] for _ in range(2)]
         assert outcomes[-1].status == "feasible"
 
 
@@ -190,7 +190,7 @@ def test_closing_frees_a_waiting_caller(
     pool.warm_up()
     answers: list[Any] = []
     caller = threading.Thread(
-        target=lambda: answers.extend(pool([Job("faulty", demo_arcs(), 1)], 50.0))
+        target=lambda: answers.extend(pool([PoolJob("faulty", demo_arcs(), 1)], 50.0))
     )
     caller.start()
     deadline = time.monotonic() + 20
@@ -201,7 +201,7 @@ def test_closing_frees_a_waiting_caller(
     caller.join(timeout=30)
     assert time.monotonic() - began < 20
     assert [a.status for a in answers] == ["timeout"]
-    assert [a.status for a in pool([Job("faulty", demo_arcs(), 1)], 5.0)] == ["failed"]
+    assert [a.status for a in pool([PoolJob("faulty", demo_arcs(), 1)], 5.0)] == ["failed"]
 
 
 @pytest.mark.slow(long=True)
@@ -249,5 +249,5 @@ def test_two_solvers_of_one_name_are_refused() -> None:
 def test_solving_in_place_reports_faults_too(faulty: Callable[[str], Any], demo_arcs: Demo) -> None:
     """Without workers a solver that raises is still only an Outcome."""
     solve = solve_in_process([faulty("raises"), ExactSolver()])
-    bad, good = solve([Job("faulty", demo_arcs(), 1), Job("exact", demo_arcs(), 1)], 5.0)
+    bad, good = solve([PoolJob("faulty", demo_arcs(), 1), PoolJob("exact", demo_arcs(), 1)], 5.0)
     assert (bad.status, good.status) == ("failed", "optimal")

@@ -6,10 +6,10 @@ import tempfile
 from pathlib import Path
 
 from slipstream.osm.netconvert import OPTIONS, convert, keep
-from slipstream_lab.simulation.scenarios.networks.plan import Plan, write_plain
+from slipstream_lab.simulation.scenarios.networks.plan import NetworkPlan, write_plain
 
 
-def build_net(plan: Plan, path: Path) -> None:
+def build_net(plan: NetworkPlan, path: Path) -> None:
     """Build the net of a plan; the same plan and the same netconvert give the same bytes.
 
     Args:

@@ -11,7 +11,7 @@ from slipstream.config import Settings
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork
 from slipstream_lab.simulation.rsus import Rsu, Stretch
-from slipstream_lab.simulation.scenarios.networks.plan import Junction, Plan, Road, Turn
+from slipstream_lab.simulation.scenarios.networks.plan import Junction, NetworkPlan, Road, Turn
 
 _MEDIAN_M: Final = 12.0
 """From the middle of the motorway to a carriageway's."""
@@ -42,7 +42,7 @@ class CorridorSettings(Settings):
     )
 
 
-def corridor_plan(settings: CorridorSettings) -> Plan:
+def corridor_plan(settings: CorridorSettings) -> NetworkPlan:
     """The plan of a corridor.
 
     Eastbound segments of interchange k are ``e{k}_leave`` (with the lane of the off-ramp),
@@ -81,7 +81,7 @@ def corridor_plan(settings: CorridorSettings) -> Plan:
                 Road(f"{i}-{j}", i, j, 2, settings.street_speed_mps, 2, f"Road {k}")
                 for i, j in ((a, b), (b, a))
             ]
-    plan = Plan("corridor", tuple(junctions), tuple(roads), tuple(turns))
+    plan = NetworkPlan("corridor", tuple(junctions), tuple(roads), tuple(turns))
     plan.check("corridor")
     return plan
 

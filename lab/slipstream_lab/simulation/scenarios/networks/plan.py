@@ -83,7 +83,7 @@ class Turn:
 
 
 @dataclass(frozen=True)
-class Plan:
+class NetworkPlan:
     """What a net is built from.
 
     Attributes:
@@ -126,7 +126,7 @@ class Plan:
                 raise InputError(source, problem, "give both > 0", key=road.id)
 
 
-def write_plain(plan: Plan, folder: Path) -> list[str]:
+def write_plain(plan: NetworkPlan, folder: Path) -> list[str]:
     """Write SUMO's plain files of a plan into a folder.
 
     Returns:
@@ -160,7 +160,7 @@ def write_plain(plan: Plan, folder: Path) -> list[str]:
     return options
 
 
-def _shape(plan: Plan, road: Road) -> str:
+def _shape(plan: NetworkPlan, road: Road) -> str:
     if not road.shape:
         return ""
     places = {junction.id: (junction.x, junction.y) for junction in plan.junctions}

@@ -12,7 +12,7 @@ from pydantic import Field
 from slipstream.config import Settings, check
 from slipstream.errors import InputError
 from slipstream.messages import Identifier
-from slipstream_lab.simulation.scenarios.networks.plan import Control, Junction, Plan, Road
+from slipstream_lab.simulation.scenarios.networks.plan import Control, Junction, NetworkPlan, Road
 
 _PRIORITIES = {"freeway": 4, "bridge": 3, "arterial": 3, "collector": 2}
 
@@ -40,7 +40,7 @@ class RoadRow(Settings):
     one_way: Literal[0, 1]
 
 
-def troy_plan(folder: Path | None = None) -> Plan:
+def troy_plan(folder: Path | None = None) -> NetworkPlan:
     """Troy as the project ships it, or another place whose tables have the same form.
 
     Raises:
@@ -58,7 +58,9 @@ def troy_plan(folder: Path | None = None) -> Plan:
         for where, cells in _rows(roads_csv)
         for road in _directions(check(_numbers(cells), RoadRow, where))
     )
-    plan = Plan("troy" if folder.name == "troy" else folder.name, junctions, roads, geographic=True)
+    plan = NetworkPlan(
+        "troy" if folder.name == "troy" else folder.name, junctions, roads, geographic=True
+    )
     plan.check(folder)
     return plan
 

@@ -17,7 +17,7 @@ from dispatcher_daemon.solvers.quantum.backends.ibm import (
     IbmService,
     open_ibm,
 )
-from dispatcher_daemon.solvers.quantum.backends.ibm_account import Access, find_access
+from dispatcher_daemon.solvers.quantum.backends.ibm_account import AccountAccess, find_access
 from dispatcher_daemon.solvers.quantum.backends.ibm_faults import ask
 from dispatcher_daemon.solvers.quantum.backends.jobs import ServiceFault
 from dispatcher_daemon.solvers.quantum.circuits import circuit_of
@@ -41,7 +41,7 @@ def running() -> Iterator[tuple[IbmStandIn, IbmService]]:
         # The client looks its account up elsewhere in IBM's cloud; it can be told not to.
         patch.setenv("QISKIT_FUNCTIONS_EXPERIMENTAL", "1")
         patch.setenv("IAM_URL", stand_in.address)
-        yield stand_in, open_ibm(DEVICE, access=Access(TOKEN, INSTANCE, stand_in.address))
+        yield stand_in, open_ibm(DEVICE, access=AccountAccess(TOKEN, INSTANCE, stand_in.address))
 
 
 @pytest.fixture
@@ -195,14 +195,14 @@ def test_the_least_busy_device_is_asked_for_anew(
 @pytest.mark.slow
 def test_faults_at_the_door(stand_in: IbmStandIn, service: IbmService) -> None:
     """Wrong key, no network and an unknown device are told apart."""
-    access = Access(TOKEN, INSTANCE, stand_in.address)
+    access = AccountAccess(TOKEN, INSTANCE, stand_in.address)
     with pytest.raises(InputError, match="no device 'ibm_nowhere'; use one of ibm_boston"):
         open_ibm("ibm_nowhere", access=access)
     stand_in.status = {"/backends": 401, "/instances": 401}
     assert fault(lambda: open_ibm(DEVICE, access=access)).kind == "refused"
     stand_in.status = {"/backends": 500}
     assert fault(lambda: open_ibm(DEVICE, access=access)).kind == "broken"
-    nobody = Access(TOKEN, INSTANCE, "http://127.0.0.1:9")
+    nobody = AccountAccess(TOKEN, INSTANCE, "http://127.0.0.1:9")
     assert fault(lambda: open_ibm(DEVICE, access=nobody)).kind == "unreachable"
 
 
@@ -280,9 +280,9 @@ def test_credentials_come_from_the_environment_or_from_systemd(tmp_path: Path) -
     (tmp_path / "ibm-quantum-token").write_text("from-file\n")
     (tmp_path / "ibm-quantum-instance").write_text("crn:file\n")
     folder = {"CREDENTIALS_DIRECTORY": str(tmp_path)}
-    assert find_access(folder) == Access("from-file", "crn:file")
+    assert find_access(folder) == AccountAccess("from-file", "crn:file")
     assert find_access({**folder, "QISKIT_IBM_TOKEN": "from-env"}).token == "from-env"
-    assert find_access({"QISKIT_IBM_TOKEN": "t"}) == Access("t", "auto")
+    assert find_access({"QISKIT_IBM_TOKEN": "t"}) == AccountAccess("t", "auto")
     with pytest.raises(InputError, match="there is no API key; set QISKIT_IBM_TOKEN"):
         find_access({})
     (tmp_path / "ibm-quantum-token").unlink()
@@ -296,7 +296,7 @@ def test_the_token_is_in_no_text(
     stand_in: IbmStandIn, service: IbmService, caplog: pytest.LogCaptureFixture
 ) -> None:
     """Not in representations, nor in what is logged at any level while a job runs and fails."""
-    access = Access(TOKEN, INSTANCE, stand_in.address)
+    access = AccountAccess(TOKEN, INSTANCE, stand_in.address)
     with caplog.at_level(logging.DEBUG):
         opened = open_ibm(DEVICE, access=access)
         stand_in.status = {"/jobs": 500}

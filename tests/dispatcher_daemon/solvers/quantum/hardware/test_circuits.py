@@ -15,7 +15,7 @@ from qiskit import QuantumCircuit
 from dispatcher_daemon.forms.problem import ArcProblem, RouteProblem
 from dispatcher_daemon.settings import LcQaoaSettings
 from dispatcher_daemon.solvers.quantum.backends.aer import AerBackend
-from dispatcher_daemon.solvers.quantum.chain.layout import Placement
+from dispatcher_daemon.solvers.quantum.chain.layout import QubitPlacement
 from dispatcher_daemon.solvers.quantum.hardware import service
 from dispatcher_daemon.solvers.quantum.hardware.circuits import (
     ChainCircuitBuilder,
@@ -122,8 +122,8 @@ def test_a_chain_is_cut_where_the_device_has_no_edge(
 ) -> None:
     """A device that cannot lay the whole chain gets a circuit without gates at its cuts."""
 
-    def place(n: int, bond_weights: Sequence[float] | None = None) -> Placement:
-        return Placement(tuple(range(n)), (2,), 1.0)
+    def place(n: int, bond_weights: Sequence[float] | None = None) -> QubitPlacement:
+        return QubitPlacement(tuple(range(n)), (2,), 1.0)
 
     def gated(circuit: QuantumCircuit) -> set[int]:
         pairs = [i.qubits for i in circuit.data if len(i.qubits) == 2]

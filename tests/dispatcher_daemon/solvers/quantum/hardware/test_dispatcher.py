@@ -15,7 +15,7 @@ from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.protocol import Execution, Outcome
 from dispatcher_daemon.solvers.quantum.hardware.manager import JobManager
-from dispatcher_daemon.solvers.workers.pool import Job, solve_in_process
+from dispatcher_daemon.solvers.workers.pool import PoolJob, solve_in_process
 from slipstream.messages import CycleReport, DispatcherHealth, HardwareHealth
 
 HEALTH = HardwareHealth(
@@ -36,7 +36,7 @@ class ExactDevice:
         """Writes it down."""
         self.cycles.append(number)
 
-    def __call__(self, jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
+    def __call__(self, jobs: Sequence[PoolJob], deadline_s: float) -> list[Outcome]:
         """All by the exact solver."""
         exact = self._solve([replace(job, solver="exact") for job in jobs], deadline_s)
         return [

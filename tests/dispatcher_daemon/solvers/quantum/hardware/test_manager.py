@@ -28,7 +28,7 @@ from dispatcher_daemon.solvers.quantum.hardware.manager import (
 from dispatcher_daemon.solvers.quantum.hardware.request import JobRequest
 from dispatcher_daemon.solvers.quantum.hardware.runner import JobRunner
 from dispatcher_daemon.solvers.quantum.hardware.thread import JobThread
-from dispatcher_daemon.solvers.workers.pool import Job, Solve, solve_in_process
+from dispatcher_daemon.solvers.workers.pool import PoolJob, Solve, solve_in_process
 from dispatcher_daemon.traffic.snapshot import take_snapshot
 from slipstream.errors import InputError
 from slipstream_lab.benchmarks.quantum.faulty_service import FaultyServiceFactory, ServiceRecords
@@ -49,7 +49,7 @@ SETTINGS = HardwareSettings(
 )
 
 
-def aer(jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
+def aer(jobs: Sequence[PoolJob], deadline_s: float) -> list[Outcome]:
     """A pool whose simulator answers at once."""
     ran = Execution("aer", "simulated", "ramp", 2, 4, 40, 0.0, 0.1)
     return [
@@ -103,7 +103,7 @@ def open_manager(
 def ask(manager: JobManager, problem: ArcProblem, deadline_s: float, cycle: int) -> Outcome:
     """One cycle; other solvers' answers must come through unchanged."""
     manager.begin_cycle(cycle)
-    jobs = [Job("exact", problem.without_platooning(), 1), Job("lc-qaoa", problem, 1)]
+    jobs = [PoolJob("exact", problem.without_platooning(), 1), PoolJob("lc-qaoa", problem, 1)]
     exact, chain = manager(jobs, deadline_s)
     assert exact == aer(jobs[:1], deadline_s)[0]
     return chain
@@ -162,7 +162,7 @@ def test_a_hanging_poll_holds_no_cycle_up_and_a_restart_picks_the_job_up(
 ) -> None:
     """The simulator's answer goes out with the reason; the next manager has the device's."""
 
-    def until_it_is_out(jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
+    def until_it_is_out(jobs: Sequence[PoolJob], deadline_s: float) -> list[Outcome]:
         ends = time.monotonic() + 30.0
         while time.monotonic() < ends and not any(j.job_id for j in database.jobs_since(0)):
             time.sleep(0.02)
@@ -229,7 +229,7 @@ def test_blocks_of_a_cycle_share_its_wait(demo_arcs: Demo) -> None:
         waits = []
         for _ in range(calls):
             began = time.monotonic()
-            (outcome,) = manager([Job("lc-qaoa", demo_arcs(), 1)], deadline_s)
+            (outcome,) = manager([PoolJob("lc-qaoa", demo_arcs(), 1)], deadline_s)
             waits.append(time.monotonic() - began)
             assert outcome.execution is not None
             assert "job j still queued after" in (outcome.execution.fallback or "")
@@ -264,12 +264,12 @@ def test_waiting_leaves_a_reserve_of_the_cycles_deadline(demo_arcs: Demo) -> Non
     before = time.monotonic()
     manager.begin_cycle(1)
     time.sleep(1.5)
-    manager([Job("lc-qaoa", demo_arcs(), 1)], 5.0)
+    manager([PoolJob("lc-qaoa", demo_arcs(), 1)], 5.0)
     # Without the reserve 5.0, were the wait counted from the solvers' begin 5.5.
     assert 3.95 < time.monotonic() - before < 4.9
 
 
-def solve_exactly(jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
+def solve_exactly(jobs: Sequence[PoolJob], deadline_s: float) -> list[Outcome]:
     """All by the exact solver."""
     exact = solve_in_process([ExactSolver()])(
         [replace(job, solver="exact") for job in jobs], deadline_s
@@ -304,13 +304,13 @@ def test_the_devices_answer_goes_before_the_simulators(demo_arcs: Demo) -> None:
 def test_both_failing_is_told_of_both(demo_arcs: Demo) -> None:
     """Where the simulator has no answer either, the reason names both."""
 
-    def silent(jobs: Sequence[Job], deadline_s: float) -> list[Outcome]:
+    def silent(jobs: Sequence[PoolJob], deadline_s: float) -> list[Outcome]:
         return [Outcome(job.solver, "timeout", None, 0.1, reason="too slow") for job in jobs]
 
     manager = JobManager(
         silent, cast(JobThread, Stub(lambda t: t.decline("429: too many requests"))), 1.0
     )
-    (outcome,) = manager([Job("lc-qaoa", demo_arcs(), 1)], 1.0)
+    (outcome,) = manager([PoolJob("lc-qaoa", demo_arcs(), 1)], 1.0)
     assert outcome.selected is None
     assert outcome.reason == "too slow; the device: 429: too many requests"
 
