@@ -63,6 +63,8 @@ def van(serve: Callable[..., Api], demo: RoutingProblem) -> tuple[Api, Vehicle]:
     into = min(name for name, one in demo.network.segments.items() if one.end == depot)
     return api, Vehicle(api, "van-a", (into, 1.0))
 
+_DAY_NS = 24 * 3600 * 10**9
+
 
 def _get(api: Api, path: str) -> Any:
     answer = api.get(path, "reader")
@@ -174,7 +176,9 @@ def test_a_vehicle_shows_what_it_is(serve: Callable[..., Api], demo: RoutingProb
     vehicles = (type(first).model_validate(row), second)
     parts = {**demo.fleet.parts, "vehicles": vehicles, "time_zone": "Europe/Berlin"}
     fleet = type(demo.fleet)(**parts)
-    api.dispatcher.fleet_watch.situation(fleet.at(time.time_ns()), 1, time.time_ns(), 10.0)
+    # At noon, when 07:00 has passed: it must not lie after 600 s from now.
+    noon_ns = time.time_ns() // _DAY_NS * _DAY_NS + _DAY_NS // 2
+    api.dispatcher.fleet_watch.situation(fleet.at(noon_ns), 1, noon_ns, 10.0)
     shown = {one["id"]: one for one in api.get("/v1/vehicles").json["vehicles"]}
     own = shown["van-a"]
     assert own == api.get("/v1/vehicles/van-a").json
