@@ -25,7 +25,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     """Add the sub-command."""
     command = commands.add_parser(
         "check",
-        help="validate a site.toml with all that it names, cameras, fleets, instances",
+        help="validate a site.toml and what it names, fleets, instances",
         description="Validates a site.toml with the camera, fleet and network files that it names, "
         "or single files. Says all faults, one line each; the exit status is then 2.",
     )

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
-from slipstream.admission import check_rsus
 from slipstream.errors import InputError, refuse
 from slipstream.site import Table, names_of, read_site, settings_of
 from slipstream_cli.checks.kinds import Checked, check_fleet, check_tokens, lacking, network_of
@@ -55,6 +54,8 @@ def network_named(tables: Table) -> str | None:
 
 def _check_rsus(tables: Table, path: Path, network: str | None) -> None:
     """Segments of RSUs, then what runs here of them."""
+    from slipstream.admission import check_rsus
+
     faults: list[InputError] = []
     for name, own in tables["rsus"].items():
         try:

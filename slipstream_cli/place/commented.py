@@ -112,7 +112,13 @@ def _comment(text: str) -> list[str]:
     return [
         line
         for part in text.splitlines()
-        for line in textwrap.wrap(part, _WIDTH, initial_indent="# ", subsequent_indent="# ")
+        for line in textwrap.wrap(
+            part,
+            _WIDTH,
+            initial_indent="# ",
+            subsequent_indent="# ",
+            break_on_hyphens=False,
+        )
         or ["#"]
     ]
 

@@ -89,13 +89,14 @@ def daemons(
         )
         started(
             "dispatcher",
-            f'solvers = ["exact"]\ninterval_s = {interval_s}\ndeadline_s = 2.0\n'
-            f'{common}[api]\nport = {api}\ntokens = "{tmp_path}/tokens.toml"\n',
+            f'{common}[dispatcher]\nsolvers = ["exact"]\ninterval_s = {interval_s}\n'
+            f"deadline_s = 2.0\n[dispatcher.api]\nport = {api}\n"
+            f'tokens = "{tmp_path}/tokens.toml"\n',
         )
         started(
             "dashboard",
-            f"port = {page}\nscene_port = {free_port()}\n"
-            f'dispatcher_api = "http://127.0.0.1:{api}"\n{common}',
+            f"{common}[dashboard]\nport = {page}\nscene_port = {free_port()}\n"
+            f'dispatcher_api = "http://127.0.0.1:{api}"\n',
             "--allow-control",
         )
         return api, page

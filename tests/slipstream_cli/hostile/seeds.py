@@ -97,10 +97,9 @@ def make_kinds(folder: Path) -> list[Kind]:
     world = f"evaluate --out out --stored --scenario mine --net {town} --begin 0 --hours 1"
     calibrate = "calibrate --out out.toml --overlay grid.png"
     return [
-        Kind("edge", [folder / "edge.toml", folder / "edge-full.toml"], "check --as edge FILE", 3),
-        Kind("dispatcher", [DEPLOY / "dispatcher.toml"], "check --as dispatcher FILE", 3),
-        Kind("dashboard", [DEPLOY / "dashboard.toml"], "check --as dashboard FILE", 2),
-        Kind("guessed", [folder / "fleet.toml", DEPLOY / "dispatcher.toml"], "check FILE"),
+        Kind("edge", [folder / "edge.toml", folder / "edge-full.toml"], "check --as site FILE", 3),
+        Kind("server", [DEPLOY / "site-server.toml"], "check --as site FILE", 5),
+        Kind("guessed", [folder / "fleet.toml", DEPLOY / "site-server.toml"], "check FILE"),
         Kind(
             "camera", [folder / "camera.toml"], "track none.mp4 --camera FILE --truth none.csv", 3
         ),
@@ -175,7 +174,7 @@ def make_kinds(folder: Path) -> list[Kind]:
             f"{world} --rsus {scenarios / 'corridor' / 'rsus.toml'} --routes FILE",
             0.15,
         ),
-        Kind("model", [weights], "check --as edge DIR/edge-model.toml", 1),
+        Kind("model", [weights], "check --as site DIR/edge-model.toml", 1),
         Kind("states", [folder / "states.jsonl"], "robustness FILE --draws 1", 2),
         Kind(
             "truth",
@@ -238,7 +237,6 @@ def _write_pictures(folder: Path) -> None:
 
 def _write_settings(folder: Path) -> None:
     edge = {
-        "rsu": "r",
         "camera": str(folder / "missing.toml"),
         "source": {"clip": str(folder / "video.mp4"), "loop": True},
     }
@@ -251,13 +249,13 @@ def _write_settings(folder: Path) -> None:
         "stability": {"max_speed_cv": 0.12, "min_vehicles": 3, "hysteresis": 0.05},
         "watch": {"frozen_after_s": 5.0, "max_shift_share": 0.003},
         "preview": {"fps": 2.0, "width": 640},
-        "bus": {"connect": ["tcp/127.0.0.1:7447"]},
-        "service": {"metrics_port": 9464, "log_level": "INFO"},
+        "metrics_port": 9464,
     }
+    shared = {"bus": {"connect": ["tcp/127.0.0.1:7447"]}, "service": {"log_level": "INFO"}}
     # What stands beside it as `model` is looked at.
     model = {**edge, "camera": str(folder / "camera.toml"), "detector": {"model": "hostile"}}
     for name, settings in (("edge", edge), ("edge-full", full), ("edge-model", model)):
-        (folder / f"{name}.toml").write_text(tomli_w.dumps(settings))
+        (folder / f"{name}.toml").write_text(tomli_w.dumps({**shared, "rsus": {"r": settings}}))
     fleet = tomllib.loads((folder / "fleet.toml").read_text())
     (folder / "fleet.json").write_text(json.dumps(fleet, indent=1))
 
