@@ -103,20 +103,20 @@ if [ "$dry_run" = no ] && [ -z "$root" ]; then
 fi
 
 case $role in
-    edge) extras=edge units='slipstream-edge@ slipstream-router' settings='edge-rsu-1 camera-rsu-1' ;;
+    edge) extras=edge units='slipstream-edge@ slipstream-router' settings=site-edge ;;
     # Agents need nothing but what all daemons need.
-    agent) extras='' units='slipstream-agent@ slipstream-router' settings=agent-depot-1 ;;
+    agent) extras='' units='slipstream-agent@ slipstream-router' settings=site-agent ;;
     server)
         extras=dispatcher,dashboard,cluster
         units='slipstream-dispatcher slipstream-dashboard slipstream-router slipstream-scheduler'
-        settings='dispatcher dashboard scheduler'
+        settings=site-server
         ;;
-    worker) extras=dispatcher,cluster units=slipstream-worker settings=worker ;;
+    worker) extras=dispatcher,cluster units=slipstream-worker settings=site-worker ;;
     all)
         extras=edge,dispatcher,dashboard,cluster
         units='slipstream-edge@ slipstream-agent@ slipstream-dispatcher slipstream-dashboard'
         units="$units slipstream-router slipstream-scheduler slipstream-worker"
-        settings='edge-rsu-1 camera-rsu-1 agent-depot-1 dispatcher dashboard scheduler worker'
+        settings=site
         ;;
 esac
 
@@ -190,37 +190,44 @@ for file in "$here"/config/*.toml "$here"/zenoh/*.json5 "$here"/proxy/nginx.conf
 done
 run install -D -m 644 "$source/docs/operations.md" "$opt/share/doc/operations.md"
 
-# Settings may hold passwords of cameras: root writes and reads them, systemd hands each daemon its
-# own. A calibration holds none, and the daemons read it by its path.
+# Settings may hold passwords of cameras: root writes and reads them, systemd hands them to the
+# daemons. A calibration holds none, and the daemons read it by its path.
 # shellcheck disable=SC2086 # $group is two words or none
 run install -d -m 750 $group "$etc"
-for name in $settings; do
-    [ ! -e "$etc/$name.toml" ] || continue
-    # shellcheck disable=SC2086
-    case $name in
-        camera-*) run install -m 640 $group "$here/config/$name.toml" "$etc/$name.toml" ;;
-        *) run install -m 600 "$here/config/$name.toml" "$etc/$name.toml" ;;
-    esac
-done
+[ -e "$etc/site.toml" ] || run install -m 600 "$here/config/$settings.toml" "$etc/site.toml"
+case $role in
+    edge | all)
+        # shellcheck disable=SC2086
+        [ -e "$etc/camera-rsu-1.toml" ] ||
+            run install -m 640 $group "$here/config/camera-rsu-1.toml" "$etc/camera-rsu-1.toml"
+        ;;
+esac
 if [ "$role" != worker ] && [ ! -e "$etc/router.json5" ]; then
     run install -m 600 "$here/zenoh/router.json5" "$etc/router.json5"
 fi
 
-# Who the daemons are on the bus: each camera's daemon and each process of agents that has settings,
+# Names of a table's instances: `[rsus.north]` or `[rsus."north.1"]`.
+names_in() {
+    [ -r "$etc/site.toml" ] || return 0
+    sed -n "s/^\\[$1\\.\\([A-Za-z0-9_-]*\\)\\]\$/\\1/p; s/^\\[$1\\.\"\\([^\"]*\\)\"\\]\$/\\1/p" "$etc/site.toml"
+}
+
+# Who the daemons are on the bus: each camera's daemon and each process of agents that has a table,
 # what brings those vehicles' sensing, and those of the server.
 bus=$etc/bus
 run install -d -m 700 "$bus"
-for file in "$etc"/edge-*.toml; do
-    [ -e "$file" ] || continue
-    run set_password "$(basename -- "$file" .toml)"
-    run name_user "$(basename -- "$file" .toml)"
-done
-for file in "$etc"/agent-*.toml; do
-    [ -e "$file" ] || continue
-    name=$(basename -- "$file" .toml)
-    run set_password "$name"
-    run set_password "vehicle-${name#agent-}"
-    run name_user "$name"
+case $role in
+    edge | all)
+        for name in $(names_in rsus); do
+            run set_password "edge-$name"
+            run name_user "edge-$name"
+        done
+        ;;
+esac
+for name in $(names_in agents); do
+    run set_password "agent-$name"
+    run set_password "vehicle-$name"
+    run name_user "agent-$name"
 done
 case $role in
     server | all) for user in dispatcher dashboard fleet signals; do run set_password "$user"; done ;;
@@ -240,38 +247,38 @@ Slipstream $version is in place ($role). Next:
 TEXT
 case $role in edge | all)
     cat <<'TEXT'
-- For each camera NAME write edge-NAME.toml and its calibration, run this again for its password on
-  the bus, give it its keys in router.json5, then
-    /opt/slipstream/current/bin/slipstream check /etc/slipstream/edge-NAME.toml
+- For each camera NAME write [rsus.NAME] in site.toml and its calibration, run this again for its
+  password on the bus, give it its keys in router.json5, then
+    /opt/slipstream/current/bin/slipstream check /etc/slipstream/site.toml
     systemctl enable --now slipstream-router slipstream-edge@NAME
 TEXT
 ;; esac
 case $role in agent | all)
     cat <<'TEXT'
-- For each depot, or on each vehicle's box, write agent-NAME.toml with its vehicles, run this again
-  for its passwords on the bus, give it its keys in router.json5 (on a box: examples/
+- For each depot, or on each vehicle's box, write [agents.NAME] with its vehicles in site.toml, run
+  this again for its passwords on the bus, give it its keys in router.json5 (on a box: examples/
   router-vehicle.json5), then
-    /opt/slipstream/current/bin/slipstream check /etc/slipstream/agent-NAME.toml
+    /opt/slipstream/current/bin/slipstream check /etc/slipstream/site.toml
     systemctl enable --now slipstream-router slipstream-agent@NAME
 TEXT
 ;; esac
 case $role in worker | all)
     cat <<'TEXT'
-- To solve for a dispatcher: put the scheduler's address and certificates into worker.toml, then
-    /opt/slipstream/current/bin/slipstream check /etc/slipstream/worker.toml
+- To solve for a dispatcher: put the scheduler's address and certificates into site.toml, then
+    /opt/slipstream/current/bin/slipstream check /etc/slipstream/site.toml
     systemctl enable --now slipstream-worker
 TEXT
 ;; esac
 case $role in server | all)
     cat <<'TEXT'
-- Edit dispatcher.toml and dashboard.toml, then
-    /opt/slipstream/current/bin/slipstream check /etc/slipstream/d*.toml
+- Edit [dispatcher] and [dashboard] of site.toml, then
+    /opt/slipstream/current/bin/slipstream check /etc/slipstream/site.toml
     systemctl enable --now slipstream-router slipstream-dispatcher slipstream-dashboard
   and open http://127.0.0.1:8080 on this machine; for other machines see examples/nginx.conf.
 TEXT
 ;; esac
 shared=$(find "$etc" -maxdepth 2 -type f -perm /077 \
-    \( -name 'edge-*.toml' -o -name 'agent-*.toml' -o -name 'd*.toml' -o -name router.json5 -o -name '*.key' \))
+    \( -name site.toml -o -name router.json5 -o -name '*.key' \))
 if [ -n "$shared" ]; then
     printf '%s\n' "- Each daemon can read these, as before version 0.2; see 'Passwords and keys' in" \
         "  operations.md:" "$shared"

@@ -81,8 +81,8 @@ _NAMING: Final = ("id", "segment", "vehicle")
 """Keys that name a table in a list."""
 
 
-class BusSettings(Settings):
-    """How to reach the other daemons over zenoh."""
+class SiteBus(Settings):
+    """How a site's daemons reach each other over zenoh (``[bus]``)."""
 
     connect: tuple[str, ...] = Field(
         default=("tcp/127.0.0.1:7447",), description="Endpoints of the zenoh router."
@@ -91,15 +91,21 @@ class BusSettings(Settings):
         default=None,
         description="A zenoh configuration (JSON5) used instead: for TLS or several sites.",
     )
+    password_file: Path | None = Field(
+        default=None,
+        description="File with the daemon's password; a plain name is first looked for among "
+        "systemd's credentials. The router knows the daemons as `dispatcher`, `dashboard`, "
+        "`edge-NAME` and `agent-NAME`.",
+    )
+
+
+class BusSettings(SiteBus):
+    """How one daemon reaches the others over zenoh."""
+
     user: str | None = Field(
         default=None,
         pattern=r"^[^:\s]+$",
         description="Name that the router knows this daemon by; with `password_file`.",
-    )
-    password_file: Path | None = Field(
-        default=None,
-        description="File with the password of `user`; a plain name is first looked for among "
-        "systemd's credentials.",
     )
 
     @model_validator(mode="after")
@@ -109,12 +115,9 @@ class BusSettings(Settings):
         return self
 
 
-class ServiceSettings(Settings):
-    """Metrics and log settings of every daemon."""
+class SiteService(Settings):
+    """Logs and traces of all daemons (``[service]``)."""
 
-    metrics_port: int = Field(
-        default=0, ge=0, le=65535, description="Prometheus metrics on 127.0.0.1; 0: not served."
-    )
     log_level: str = Field(
         default="INFO",
         pattern="^(DEBUG|INFO|WARNING|ERROR)$",
@@ -130,6 +133,14 @@ class ServiceSettings(Settings):
         pattern=r"^https?://[^\s/]+(/\S*)?$",
         description="Collector that OpenTelemetry traces are sent to (OTLP over HTTP), such as "
         "`http://127.0.0.1:4318`; needs slipstream[tracing].",
+    )
+
+
+class ServiceSettings(SiteService):
+    """Logs, traces and metrics of one daemon."""
+
+    metrics_port: int = Field(
+        default=0, ge=0, le=65535, description="Prometheus metrics on 127.0.0.1; 0: not served."
     )
 
 

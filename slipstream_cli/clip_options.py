@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from edge_daemon.settings import MAX_FPS, EdgeSettings, TrackSettings
-from slipstream.config import load
+from slipstream.site import load_site
 
 
 def frame_rate(text: str) -> float:
@@ -35,9 +35,12 @@ def add_config(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--config",
         type=Path,
-        metavar="EDGE.toml",
+        metavar="SITE.toml",
         help="settings of a roadside unit to take detector, tracker, stability and watch from "
-        "(default: those that an edge.toml without them has)",
+        "(default: those that a site.toml without them has)",
+    )
+    command.add_argument(
+        "--rsu", metavar="NAME", help="the roadside unit (default: the only one of the site.toml)"
     )
 
 
@@ -47,4 +50,6 @@ def settings_of(options: argparse.Namespace) -> TrackSettings:
     Raises:
         InputError: the file cannot be used.
     """
-    return TrackSettings() if options.config is None else load(options.config, EdgeSettings)
+    if options.config is None:
+        return TrackSettings()
+    return load_site(options.config, "edge", EdgeSettings, options.rsu)

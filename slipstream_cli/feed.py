@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from slipstream.config import load
 from slipstream.errors import InputError
+from slipstream.site import load_site
 
 if TYPE_CHECKING:
     from slipstream.messages import SegmentState
@@ -25,7 +25,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     command.add_argument(
         "--config",
         type=Path,
-        help="the dispatcher's settings (TOML): network, rsus, database, publisher",
+        help="the site.toml: network, rsus, database, publisher",
     )
     command.add_argument("--network", help="a SUMO net (default: that of the settings)")
     command.add_argument("--database", help="database URL (default: that of the settings)")
@@ -50,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
         raise InputError("feed", "one file for two documents", "give two names", key="--sites")
     settings = DispatcherSettings()
     if options.config is not None:
-        settings = load(options.config, DispatcherSettings)
+        settings = load_site(options.config, "dispatcher", DispatcherSettings)
     network = load_network(options.network or settings.network)
     check_rsus(settings.rsus, network, options.config or "dispatcher")
     now_ns, states = _last_cycle(options.database or settings.database_url)

@@ -12,8 +12,9 @@ from typing import Any, Final
 
 import psutil
 
-from slipstream.config import BusSettings, load
+from slipstream.config import BusSettings
 from slipstream.errors import InputError
+from slipstream.site import NAMED, load_site
 
 _DAEMONS: Final = (
     *("run", "world", "router", "edge", "dispatcher", "agent", "dashboard"),
@@ -35,6 +36,7 @@ class Running:
         config: its settings file; None: it has none.
         settings: read from it; None: it has none, or they cannot be read.
         unread: why they cannot be read; None: they are, or there are none.
+        name: of the roadside unit or the agents; None: none is given.
     """
 
     command: str
@@ -43,6 +45,7 @@ class Running:
     config: Path | None
     settings: Any
     unread: InputError | None = None
+    name: str | None = None
 
     @property
     def bus(self) -> BusSettings | None:
@@ -102,30 +105,37 @@ def processes() -> list[Running]:
         if parent is not None and (parent[1], [*parent[2]]) == (command, [*options]):
             continue
         path = _config(process, options)
+        name = _option(options, NAMED[command][1]) if command in NAMED else None
         settings, unread = None, None
         if path is not None and command in DAEMONS:
             try:
-                settings = load(path, DAEMONS[command])  # type: ignore[type-var]
+                settings = load_site(path, command, DAEMONS[command], name)
             except InputError as error:
                 unread = error
         created = float(process.info["create_time"])
-        running.append(Running(command, process.pid, created, path, settings, unread))
+        running.append(Running(command, process.pid, created, path, settings, unread, name))
     return running
 
 
 def _config(process: psutil.Process, options: Sequence[str]) -> Path | None:
-    path = None
-    for at, word in enumerate(options):
-        if word.startswith("--config="):
-            path = Path(word.partition("=")[2])
-        elif word == "--config" and at + 1 < len(options):
-            path = Path(options[at + 1])
+    given = _option(options, "--config")
+    path = None if given is None else Path(given)
     if path is None or path.is_absolute():
         return path
     try:
         return Path(process.cwd()) / path
     except (psutil.Error, OSError):
         return path
+
+
+def _option(words: Sequence[str], option: str) -> str | None:
+    value = None
+    for at, word in enumerate(words):
+        if word.startswith(f"{option}="):
+            value = word.partition("=")[2]
+        elif word == option and at + 1 < len(words):
+            value = words[at + 1]
+    return value
 
 
 def units() -> Iterator[dict[str, str]]:

@@ -7,21 +7,27 @@ to it, and each field to having a description.
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Container, Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import PurePath
 from typing import Any, Final, get_args
 
 from pydantic import BaseModel
 
 from dashboard.settings import DashboardSettings
-from dispatcher_daemon.settings import DispatcherSettings, SchedulerSettings, WorkerSettings
+from dispatcher_daemon.settings import (
+    ClusterSettings,
+    DispatcherSettings,
+    SchedulerSettings,
+    WorkerSettings,
+)
 from edge_daemon.settings import EdgeSettings
-from slipstream.config import model_of
+from slipstream.config import ServiceSettings, Settings, model_of
+from slipstream.site import NAMED, SHARED, SiteRsu, SiteSettings, own_keys
 from slipstream.tables import markdown_table
 from vehicle_agent.settings import AgentSettings
 
-DAEMONS: Final[Mapping[str, type[BaseModel]]] = {
+DAEMONS: Final[Mapping[str, type[Settings]]] = {
     "edge": EdgeSettings,
     "dispatcher": DispatcherSettings,
     "agent": AgentSettings,
@@ -37,11 +43,17 @@ _HEAD: Final = """\
 Generated from the settings models; do not edit. `make settings-doc` writes this page and a test
 holds it to the models.
 
-A daemon reads one TOML file: `slipstream COMMAND --config FILE.toml` with edge, dispatcher, agent,
-dashboard, scheduler or worker. `slipstream check FILE.toml` validates it. Unknown keys are refused
-by name.
+All daemons read one TOML file: `slipstream COMMAND --config site.toml` with edge, dispatcher,
+agent, dashboard, scheduler or worker. What they share stands at its top, once; what is one daemon's
+own stands in its section. A roadside unit's table `[rsus.NAME]` may have any key of `[edge]` too,
+which then goes before. A machine may have a file with only its own part. Of several RSUs or agents
+`--rsu NAME` or `--name NAME` says which. `slipstream check site.toml` validates the file and what
+it names. Unknown keys are refused by name.
 "required" stands for a key that has to be given, "–" for no default value or no bound.
 """
+
+_OF_RSU: Final = frozenset(("camera", "source"))
+"""What no two RSUs have in common."""
 
 _TYPES: Final = {
     "integer": "integer",
@@ -87,18 +99,26 @@ class Section:
     keys: tuple[Key, ...]
 
 
-def sections(model: type[BaseModel], path: str = "", values: object = None) -> Iterator[Section]:
+def sections(
+    model: type[BaseModel],
+    path: str = "",
+    values: object = None,
+    only: Container[str] | None = None,
+) -> Iterator[Section]:
     """A model's own keys, then its nested models' sections, in the order of the fields.
 
     Args:
         model: the settings model.
         path: dotted path of the section.
         values: an instance whose values are the defaults; None: the fields' own.
+        only: of the model's own fields; None: all.
     """
     properties = model.model_json_schema()["properties"]
     keys: list[Key] = []
     nested: list[Section] = []
     for name, field in model.model_fields.items():
+        if only is not None and name not in only:
+            continue
         key = field.alias or name
         inner = f"{path}.{key}" if path else key
         default = field.get_default(call_default_factory=True) if values is None else None
@@ -125,17 +145,33 @@ def sections(model: type[BaseModel], path: str = "", values: object = None) -> I
     yield from nested
 
 
+def site_sections() -> Iterator[Section]:
+    """All tables of a ``site.toml``: what is shared, then each daemon's."""
+    yield from sections(SiteSettings, only=SHARED - {"rsus", "cluster"})
+    rsu, *source = sections(EdgeSettings, "rsus.NAME", only=_OF_RSU)
+    (head,) = sections(SiteRsu, "rsus.NAME")
+    yield replace(head, keys=(*head.keys, *rsu.keys))
+    yield from source
+    for daemon, model in DAEMONS.items():
+        table = f"{NAMED[daemon][0]}.NAME" if daemon == "agent" else daemon
+        top, *below = sections(model, table, only=own_keys(daemon, model) - _OF_RSU)
+        (port,) = next(sections(ServiceSettings, table, only={"metrics_port"})).keys
+        yield replace(top, keys=(*top.keys, port))
+        yield from below
+    yield from sections(ClusterSettings, "cluster")
+
+
 def page() -> str:
     """The whole page as Markdown."""
     parts = [_HEAD]
-    for daemon, model in DAEMONS.items():
-        for section in sections(model):
-            title = f"### `[{section.path}]`" if section.path else f"## {daemon}"
-            title += f" ({daemon})" if section.path else ""
-            summary = " ".join(section.summary.split()).replace("``", "`")
-            parts.append(f"{title}\n\n{summary}\n")
-            if section.keys:
-                parts.append(_table(section) + "\n")
+    for section in site_sections():
+        # A heading of the first level for what is shared and for each daemon.
+        level = "###" if "." in section.path.replace(".NAME", "") else "##"
+        title = f"{level} `[{section.path}]`" if section.path else "## At the top"
+        summary = " ".join(section.summary.split()).replace("``", "`")
+        parts.append(f"{title}\n\n{summary}\n")
+        if section.keys:
+            parts.append(_table(section) + "\n")
     return "\n".join(parts)
 
 

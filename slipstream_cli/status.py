@@ -189,7 +189,7 @@ def _of_process(daemon: Running) -> Finding:
     """How a daemon answers."""
     from slipstream_cli.running import ask
 
-    name = daemon.command if daemon.config is None else f"{daemon.command} {daemon.config.stem}"
+    name = daemon.command if daemon.name is None else f"{daemon.command} {daemon.name}"
     since = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(daemon.started_s))
     text = f"process {daemon.pid} since {since}"
     if daemon.unread is not None:

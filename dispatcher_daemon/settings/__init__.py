@@ -16,7 +16,6 @@ from dispatcher_daemon.settings.dispatcher import (
     DispatcherSettings,
     FeedSettings,
     OrderSettings,
-    PriceSettings,
     Scope,
 )
 from dispatcher_daemon.settings.hardware import (
@@ -32,6 +31,7 @@ from dispatcher_daemon.settings.solvers import (
     SolverName,
     solver_names,
 )
+from slipstream.prices import PriceSettings
 
 __all__ = [
     "BUILT_IN_SOLVERS",

@@ -20,58 +20,8 @@ from slipstream.admission import Rsus
 from slipstream.config import BusSettings, ServiceSettings, Settings
 from slipstream.freshness import FUTURE_TOLERANCE_S, STALE_AFTER_S
 from slipstream.messages import DrivingAdvice, NonNegative
-from slipstream.prices import ENERGY_PRICE_PER_KWH
+from slipstream.prices import PriceSettings
 from slipstream.spacing import ADVISED_GAP_M
-
-
-class PriceSettings(Settings):
-    """What the objective weighs against energy (``[prices]``), in one currency."""
-
-    energy_kwh: float = Field(
-        default=ENERGY_PRICE_PER_KWH,
-        gt=0,
-        le=1e6,
-        allow_inf_nan=False,
-        description="A kWh of energy; the page's `price_per_kwh` is the same unless it is given.",
-    )
-    driving_hour: float = Field(
-        default=0.40,
-        ge=0,
-        le=1e6,
-        allow_inf_nan=False,
-        description="An hour of driving, such as a wage. 0: only energy counts.",
-    )
-    waiting_hour: float = Field(
-        default=0.0,
-        ge=0,
-        le=1e6,
-        allow_inf_nan=False,
-        description="An hour of waiting for other vehicles at the depot, within the departure "
-        "window, or at a hub. 0: a wait is free.",
-    )
-    standing_hour: float | None = Field(
-        default=None,
-        ge=0,
-        le=1e6,
-        allow_inf_nan=False,
-        description="An hour of waiting for other vehicles at a stop that has been served; its "
-        "driver is paid. Not given: as driving costs, or as waiting if that is more.",
-    )
-
-    @property
-    def price_of_time_kw(self) -> float:
-        """Of driving: kWh an hour."""
-        return self.driving_hour / self.energy_kwh
-
-    @property
-    def price_of_waiting_kw(self) -> float:
-        """Of waiting: kWh an hour."""
-        return self.waiting_hour / self.energy_kwh
-
-    @property
-    def standing_kw(self) -> float | None:
-        """Of waiting at a stop: kWh an hour; None: no price of its own."""
-        return None if self.standing_hour is None else self.standing_hour / self.energy_kwh
 
 
 class AdviceSettings(DrivingAdvice):

@@ -6,8 +6,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from slipstream.config import check, load
+from slipstream.config import check
 from slipstream.errors import InputError
+from slipstream.site import load_site
 
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -15,7 +16,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     command = commands.add_parser(
         "dashboard", help="serve the browser page, live or of a finished run"
     )
-    command.add_argument("--config", type=Path, help="settings (TOML); needed but with --database")
+    command.add_argument("--config", type=Path, help="the site.toml; needed but with --database")
     command.add_argument(
         "--database",
         metavar="URL",
@@ -44,11 +45,13 @@ def run(options: argparse.Namespace) -> int:
     if options.config is None and not finished:
         raise InputError("dashboard", "nothing to show", "give --config or --database")
     if not finished and options.network is not None:
-        raise InputError("--network", "only for a finished run", "put network into the settings")
+        raise InputError("--network", "only for a finished run", "put network into the site.toml")
     if finished and options.allow_control:
         raise InputError("--allow-control", "a finished run obeys nobody", "leave one of both out")
     settings = (
-        DashboardSettings() if options.config is None else load(options.config, DashboardSettings)
+        DashboardSettings()
+        if options.config is None
+        else load_site(options.config, "dashboard", DashboardSettings)
     )
     changes: dict[str, Any] = {
         "database_url": options.database,

@@ -5,13 +5,13 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from slipstream.config import load
+from slipstream.site import load_site
 
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the sub-command."""
     command = commands.add_parser("dispatcher", help="route the fleet on a schedule")
-    command.add_argument("--config", type=Path, required=True, help="settings (TOML)")
+    command.add_argument("--config", type=Path, required=True, help="the site.toml")
     command.add_argument(
         "--standby",
         action="store_true",
@@ -25,7 +25,7 @@ def run(options: argparse.Namespace) -> int:
     from dispatcher_daemon.settings import DispatcherSettings
     from storage import check_free
 
-    settings = load(options.config, DispatcherSettings)
+    settings = load_site(options.config, "dispatcher", DispatcherSettings)
     if not options.standby:
         # A second dispatcher ends before it loads the solvers, which takes seconds.
         check_free(settings.database_url)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from slipstream.config import load
+from slipstream.site import load_site
 
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -13,7 +13,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     command = commands.add_parser(
         "scheduler", help="distribute a dispatcher's solving over the workers of a cluster"
     )
-    command.add_argument("--config", type=Path, required=True, help="settings (TOML)")
+    command.add_argument("--config", type=Path, required=True, help="the site.toml")
     command.set_defaults(run=run)
 
 
@@ -22,5 +22,5 @@ def run(options: argparse.Namespace) -> int:
     from dispatcher_daemon.settings import SchedulerSettings
     from dispatcher_daemon.solvers.cluster.members import run_scheduler
 
-    run_scheduler(load(options.config, SchedulerSettings))
+    run_scheduler(load_site(options.config, "scheduler", SchedulerSettings))
     return 0

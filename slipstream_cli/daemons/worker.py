@@ -5,13 +5,13 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from slipstream.config import load
+from slipstream.site import load_site
 
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the sub-command."""
     command = commands.add_parser("worker", help="solve for the dispatcher of another machine")
-    command.add_argument("--config", type=Path, required=True, help="settings (TOML)")
+    command.add_argument("--config", type=Path, required=True, help="the site.toml")
     command.set_defaults(run=run)
 
 
@@ -20,5 +20,5 @@ def run(options: argparse.Namespace) -> int:
     from dispatcher_daemon.settings import WorkerSettings
     from dispatcher_daemon.solvers.cluster.members import run_worker
 
-    run_worker(load(options.config, WorkerSettings))
+    run_worker(load_site(options.config, "worker", WorkerSettings))
     return 0

@@ -7,36 +7,42 @@ from __future__ import annotations
 import json
 import re
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import PurePath
 from typing import Any, Final
 
 import tomli_w
-from pydantic import BaseModel
 
-from slipstream_cli.settings_doc import Key, Section, sections
+from slipstream_cli.settings_doc import Key, Section
 
 _WIDTH: Final = 98
 _BARE: Final = re.compile(r"[A-Za-z0-9_-]+")
 
 
-def commented(model: type[BaseModel], values: Mapping[str, Any], head: str) -> str:
+def commented(
+    tables: Iterable[Section],
+    values: Mapping[str, Any],
+    head: str,
+    names: Mapping[str, str] | None = None,
+) -> str:
     """A settings file.
 
     Args:
-        model: of the file.
+        tables: that it may have, see `sections`.
         values: those that are set: texts, numbers, lists, and mappings as tables; lists of mappings
             as arrays of tables.
         head: what the file is, for its first lines.
+        names: by table, what stands for NAME in those of its instances.
 
     Returns:
         TOML. Tables that have no value are named at the end.
     """
     lines = [*_comment(head), ""]
     absent = []
-    for section in sections(model):
-        path = section.path.strip("[]")
-        own = _below(values, path)
+    for section in tables:
+        parts = _parts(section.path, names or {})
+        path = ".".join(p if _BARE.fullmatch(p) else json.dumps(p) for p in parts)
+        own = _below(values, parts)
         if _is_rows(own):
             lines += _rows(path, section, own)
         elif isinstance(own, Mapping):
@@ -49,9 +55,14 @@ def commented(model: type[BaseModel], values: Mapping[str, Any], head: str) -> s
     return "\n".join(lines).rstrip() + "\n"
 
 
-def _below(values: Mapping[str, Any], path: str) -> Any:
+def _parts(path: str, names: Mapping[str, str]) -> Sequence[str]:
+    parts = path.strip("[]").split(".") if path else []
+    return [names.get(parts[0], part) if part == "NAME" else part for part in parts]
+
+
+def _below(values: Mapping[str, Any], parts: Sequence[str]) -> Any:
     found: Any = values
-    for part in path.split(".") if path else ():
+    for part in parts:
         found = found.get(part) if isinstance(found, Mapping) else None
     return found
 
@@ -61,7 +72,11 @@ def _rows(name: str, section: Section, rows: Sequence[Mapping[str, Any]]) -> Ite
     for number, row in enumerate(rows):
         yield f"[[{name}]]"
         if number == 0:
-            yield from _table(section, row)
+            lines = [*_table(section, row)][:-1]
+            known = {key.path.rpartition(".")[2] for key in section.keys}
+            # A table inside a row stands on one line.
+            extra = {key: value for key, value in row.items() if key not in known}
+            yield from (*lines, *(f"{key} = {toml(value)}" for key, value in extra.items()), "")
         else:
             yield from (f"{key} = {toml(value)}" for key, value in row.items())
             yield ""
@@ -80,10 +95,6 @@ def _table(section: Section, values: Mapping[str, Any]) -> Iterator[str]:
             yield f"#{name} =" if default in ("–", "required") else f"#{name} = {default}"
         else:
             yield f"{name} = {toml(value)}"
-    if section.path:
-        # A table inside a row stands on one line.
-        extra = {name: v for name, v in values.items() if name not in known}
-        yield from (f"{name} = {toml(v)}" for name, v in extra.items())
     yield ""
 
 
@@ -101,7 +112,13 @@ def _comment(text: str) -> list[str]:
     return [
         line
         for part in text.splitlines()
-        for line in textwrap.wrap(part, _WIDTH, initial_indent="# ", subsequent_indent="# ")
+        for line in textwrap.wrap(
+            part,
+            _WIDTH,
+            initial_indent="# ",
+            subsequent_indent="# ",
+            break_on_hyphens=False,
+        )
         or ["#"]
     ]
 

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
-from slipstream.config import Settings
+from slipstream.config import check
 from slipstream_cli.place.commented import commented
 from slipstream_cli.place.layout import Layout
+from slipstream_cli.place.site_file import SiteSpec, tables_of
+from slipstream_cli.settings_doc import sections, site_sections
 
 _ENDPOINT: Final = "tcp/127.0.0.1:7447"
-METRICS_PORTS: Final = {"edge": 9464, "dispatcher": 9465, "dashboard": 9466, "agent": 9467}
-"""By daemon, as of the units that `deploy/install.sh` sets up."""
+METRICS_PORTS: Final = {"edge": 9464, "dispatcher": 9465, "dashboard": 9466, "agents": 9467}
+"""By daemon's table, as of the units that `deploy/install.sh` sets up."""
+
+AGENTS: Final = "vans"
+"""Name of the process of all agents."""
 
 # A made-up camera of 1280 by 720 px on a mast: points in the picture, and on the road in m.
 _POINTS: Final = (
@@ -49,18 +53,16 @@ class PlaceSite:
     port: int
 
 
-def files_of(site: PlaceSite) -> dict[str, tuple[type[Settings], Mapping[str, Any], str]]:
-    """By file name: its model, its values, and its text with comments."""
-    from dashboard.settings import DashboardSettings
+def files_of(site: PlaceSite) -> dict[str, str]:
+    """By file name its text, with comments.
+
+    Raises:
+        InputError: something of it is not valid.
+    """
     from dispatcher_daemon.fleet import Fleet
-    from dispatcher_daemon.settings import DispatcherSettings
-    from edge_daemon.settings import CameraSettings, EdgeSettings
-    from vehicle_agent.settings import AgentSettings
+    from edge_daemon.settings import CameraSettings
 
     lay, folder = site.layout, site.folder
-    bus = {"connect": [_ENDPOINT]}
-    rsus = {site.rsu: [lay.watched]}
-    url = f"sqlite:///{folder / 'slipstream.db'}"
     vans = [f"van-{number + 1}" for number in range(site.vans)]
     far_m, wide_m = _NEAR_M + lay.view_m, 0.3 + _LANE_M * lay.lanes
     polygon = [[_NEAR_M, 0.3], [far_m, 0.3], [far_m, wide_m], [_NEAR_M, wide_m]]
@@ -85,75 +87,50 @@ def files_of(site: PlaceSite) -> dict[str, tuple[type[Settings], Mapping[str, An
             }
         ],
     }
-    edge = {
-        "rsu": site.rsu,
-        "camera": folder / f"camera-{site.rsu}.toml",
-        "source": {"url": "rtsp://viewer:secret@192.168.1.20:554/stream1"},
-        "bus": bus,
-        "service": {"metrics_port": METRICS_PORTS["edge"]},
-    }
-    agents = {
-        "vehicles": [{"id": name, "type": {"preset": "van"}} for name in vans],
-        "state": folder / "agents",
-        "bus": bus,
-        "service": {"metrics_port": METRICS_PORTS["agent"]},
-    }
-    dispatcher = {
-        "network": site.net,
-        "fleet": str(folder / "fleet.toml"),
-        "database_url": url,
-        "rsus": rsus,
-        "bus": bus,
-        "service": {"metrics_port": METRICS_PORTS["dispatcher"]},
-    }
-    dashboard = {
-        "network": site.net,
-        "fleet": folder / "fleet.toml",
-        "database_url": url,
-        "port": site.port,
-        "scene_port": site.port + 1,
-        "rsus": rsus,
-        "bus": bus,
-        "service": {"metrics_port": METRICS_PORTS["dashboard"]},
-    }
-    parts: dict[str, tuple[type[Settings], Mapping[str, Any], str]] = {
-        "fleet.toml": (
-            Fleet,
+    place = SiteSpec(
+        network=site.net,
+        fleet=str(folder / "fleet.toml"),
+        database=folder / "slipstream.db",
+        endpoint=_ENDPOINT,
+        port=site.port,
+        rsus={
+            site.rsu: {
+                "segments": [lay.watched],
+                "camera": folder / f"camera-{site.rsu}.toml",
+                "source": {"url": "rtsp://viewer:secret@192.168.1.20:554/stream1"},
+            }
+        },
+        agents={
+            AGENTS: {
+                "vehicles": [{"id": name, "type": {"preset": "van"}} for name in vans],
+                "state": folder / "agents",
+            }
+        },
+        metrics_ports=METRICS_PORTS,
+    )
+    check(fleet, Fleet, "fleet.toml")
+    check(camera, CameraSettings, f"camera-{site.rsu}.toml")
+    return {
+        "fleet.toml": commented(
+            sections(Fleet),
             fleet,
             "The fleet: its depot, the stops of today and its vans. The dispatcher reads it again "
             "whenever it has changed. Stops are made up: put in your own, by node or by lat and "
             "lon. `slipstream net find` finds junctions. Times: docs/fleet.md.",
         ),
-        f"camera-{site.rsu}.toml": (
-            CameraSettings,
+        f"camera-{site.rsu}.toml": commented(
+            sections(CameraSettings),
             camera,
             "Calibration of the camera and what it watches. The points belong to a MADE-UP camera: "
             "measure your own with `slipstream calibrate` before you trust a flag "
             "(docs/calibration.md).",
         ),
-        f"edge-{site.rsu}.toml": (
-            EdgeSettings,
-            edge,
-            "One roadside unit: `slipstream edge --config FILE`. Put in your camera's address.",
+        "site.toml": commented(
+            site_sections(),
+            tables_of(place),
+            "All daemons of the site: `slipstream dispatcher --config FILE`, and so dashboard, "
+            "agent and edge. What they share stands at the top, then what is each one's own. Put "
+            "in your camera's address.",
+            {"rsus": site.rsu, "agents": AGENTS},
         ),
-        "agents.toml": (
-            AgentSettings,
-            agents,
-            "The agents of the fleet's vans: `slipstream agent --config FILE`.",
-        ),
-        "dispatcher.toml": (
-            DispatcherSettings,
-            dispatcher,
-            "The dispatcher: `slipstream dispatcher --config FILE`.",
-        ),
-        "dashboard.toml": (
-            DashboardSettings,
-            dashboard,
-            "The page: `slipstream dashboard --config FILE`. Its network, fleet and rsus are the "
-            "dispatcher's.",
-        ),
-    }
-    return {
-        name: (model, values, commented(model, values, head))
-        for name, (model, values, head) in parts.items()
     }

@@ -9,7 +9,6 @@ import shlex
 import shutil
 import sys
 import tempfile
-from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -29,8 +28,8 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     command = commands.add_parser(
         "init",
         help="commented files for a place of your own, for all daemons",
-        description="Writes camera, edge, fleet, agent, dispatcher and dashboard files that fit "
-        "each other into an empty folder, with what each key means, and prints how to start.",
+        description="Writes a site.toml for all daemons, a fleet and a camera into an empty "
+        "folder, with what each key means, and prints how to start.",
     )
     command.add_argument(
         "folder", type=Path, nargs="?", default=Path(), metavar="DIR", help="an empty folder"
@@ -92,7 +91,6 @@ def _check_options(options: argparse.Namespace, folder: Path) -> None:
 
 def _write(options: argparse.Namespace, folder: Path, net: str, made: Path | None) -> int:
     """Write the files for a net, and the net too if it was made."""
-    from slipstream.config import check
     from slipstream.osm import largest_part
     from slipstream.sumo_net import load_network
     from slipstream_cli.place.files import PlaceSite, files_of
@@ -103,13 +101,11 @@ def _write(options: argparse.Namespace, folder: Path, net: str, made: Path | Non
     layout = lay_out(part, _place(options.at, network))
     site = PlaceSite(folder, net, layout, options.rsu, options.vans, options.port)
     files = files_of(site)
-    for name, (model, values, _) in files.items():
-        check(values, model, name)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if made is not None:
             shutil.copyfile(made, net)
-        for name, (_, _, text) in files.items():
+        for name, text in files.items():
             (folder / name).write_text(text, encoding="utf-8")
     except OSError as error:
         for name in (*files, *(() if made is None else (made.name,))):
@@ -117,7 +113,7 @@ def _write(options: argparse.Namespace, folder: Path, net: str, made: Path | Non
                 (folder / name).unlink()
         raise InputError(folder, error.strerror or "not writable", "give another folder") from None
     street = _street(part, layout.depot)
-    commands = start_commands(folder, options.rsu)
+    commands = start_commands(folder)
     if options.json:
         facts = {
             "folder": str(folder),
@@ -142,21 +138,11 @@ def _write(options: argparse.Namespace, folder: Path, net: str, made: Path | Non
     return 0
 
 
-def start_commands(folder: Path, rsu: str) -> tuple[str, ...]:
+def start_commands(folder: Path) -> tuple[str, ...]:
     """The commands that start a place's daemons, the router first."""
-    daemons: Mapping[str, str] = {
-        "dispatcher": "dispatcher",
-        "dashboard": "dashboard",
-        "agents": "agent",
-        f"edge-{rsu}": "edge",
-    }
-    return (
-        "slipstream router",
-        *(
-            f"slipstream {command} --config {shlex.quote(str(folder / name))}.toml"
-            for name, command in daemons.items()
-        ),
-    )
+    path = shlex.quote(str(folder / "site.toml"))
+    daemons = ("dispatcher", "dashboard", "agent", "edge")
+    return ("slipstream router", *(f"slipstream {name} --config {path}" for name in daemons))
 
 
 def _check_empty(folder: Path) -> None:

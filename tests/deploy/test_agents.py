@@ -49,7 +49,7 @@ def test_the_examples_carry_a_vehicles_plan_and_advice(etc: Path, tmp_path: Path
         assert old in text
         text = text.replace(old, new)
     (tmp_path / "router.json5").write_text(text)
-    settings = etc / "agent-depot-1.toml"
+    settings = etc / "site-agent.toml"
     toml = settings.read_text().replace(":7447", f":{port}")
     toml = toml.replace('"bus-password"', f'"{passwords / "agent-depot-1"}"')
     settings.write_text(toml.replace("metrics_port = 9467", "metrics_port = 0"))

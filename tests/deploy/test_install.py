@@ -51,7 +51,7 @@ def test_each_role_gets_what_it_runs(tmp_path: Path) -> None:
         f"{units}agent@.service",
         f"{units}router.service",
     }
-    assert "etc/slipstream/agent-depot-1.toml" in vehicle
+    assert "etc/slipstream/site.toml" in vehicle
     assert "opt/slipstream/share/examples/router-vehicle.json5" in vehicle
     assert f"{units}agent@.service" not in box.keys() | server.keys()
     assert f"{units}edge@.service" in box
@@ -62,7 +62,7 @@ def test_each_role_gets_what_it_runs(tmp_path: Path) -> None:
     worker = tree(tmp_path / "worker")
     assert {name for name in worker if name.startswith(units)} == {f"{units}worker.service"}
     assert {name for name in worker if name.startswith("etc/slipstream/")} == {
-        "etc/slipstream/worker.toml"
+        "etc/slipstream/site.toml"
     }
     for files in (box, server, vehicle):
         assert f"{units}router.service" in files
@@ -99,9 +99,10 @@ def test_every_daemon_gets_a_password_of_its_own(tmp_path: Path) -> None:
     assert min(map(len, before.values())) >= 32
     with (etc / "bus" / "users").open("a") as file:
         file.write("box-1:given:by hand\n")
-    for name in ("north", "n.rth", "a-name-that-is-too-long-for-a-user"):
-        (etc / f"edge-{name}.toml").write_text("")
-    (etc / "agent-d.2.toml").write_text("")
+    with (etc / "site.toml").open("a") as file:
+        for name in ("north", '"n.rth"', "a-name-that-is-too-long-for-a-user"):
+            file.write(f"[rsus.{name}]\n[rsus.{name}.source]\n")
+        file.write('[agents."d.2"]\n')
     assert install("--root", tmp_path, "edge").returncode == 0
     after = users()
     assert before.items() < after.items()
@@ -127,7 +128,7 @@ def test_settings_of_the_version_before_stay_and_are_named(tmp_path: Path) -> No
     """Their content and permissions do not change; the summary names those that all can read."""
     etc = tmp_path / "etc" / "slipstream"
     etc.mkdir(parents=True)
-    for name in ("edge-rsu-1.toml", "dispatcher.toml", "router.json5"):
+    for name in ("site.toml", "router.json5"):
         (etc / name).write_text("# of version 0.1\n")
         (etc / name).chmod(0o640)
     before = tree(etc)
@@ -136,7 +137,6 @@ def test_settings_of_the_version_before_stay_and_are_named(tmp_path: Path) -> No
     assert before.items() <= tree(etc).items()
     for name in before:
         assert str(etc / name) in done.stdout
-    assert "dashboard.toml\n" not in done.stdout.split("Each daemon can read")[1]
 
 
 _PYTHON = """#!/bin/sh
@@ -283,7 +283,7 @@ def test_the_release_before_stays_and_older_ones_go(machine: Machine) -> None:
 def test_a_second_run_changes_nothing(tmp_path: Path) -> None:
     """What is installed is the same again, and settings that were edited stay so."""
     assert install("--root", tmp_path, "all").returncode == 0
-    edited = tmp_path / "etc" / "slipstream" / "dispatcher.toml"
+    edited = tmp_path / "etc" / "slipstream" / "site.toml"
     edited.write_text(edited.read_text().replace("keep_days = 90.0", "keep_days = 7.0"))
     before = tree(tmp_path)
     assert install("--root", tmp_path, "all").returncode == 0

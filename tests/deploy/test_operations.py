@@ -45,6 +45,6 @@ def test_every_unit_and_example_is_named() -> None:
         assert unit.stem.rstrip("@") in PAGE
     for example in (
         *("router-server.json5", "router-rsu.json5", "router-vehicle.json5", "nginx.conf"),
-        *("edge-rsu-1.toml", "agent-depot-1.toml"),
+        *("site-edge.toml", "site-agent.toml", "site-server.toml", "site-worker.toml"),
     ):
         assert example in PAGE

@@ -36,7 +36,7 @@ def test_agents_need_the_base_installation_only(etc: Path) -> None:
     base = names(project["dependencies"])
     assert {"numpy", "sumolib"} < base
     done = subprocess.run(
-        [sys.executable, "-c", _IMPORTED, str(etc / "agent-depot-1.toml")],
+        [sys.executable, "-c", _IMPORTED, str(etc / "site-agent.toml")],
         capture_output=True,
         text=True,
         check=True,

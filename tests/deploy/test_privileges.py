@@ -18,14 +18,14 @@ READS = {
     "slipstream-dispatcher": (
         "slipstream",
         {
-            *("api-tokens", "bus-password", "dispatcher.toml"),
+            *("api-tokens", "bus-password", "site.toml"),
             *("cluster-ca.pem", "cluster.pem", "cluster.key"),
         },
     ),
-    "slipstream-dashboard": ("slipstream-dashboard", {"bus-password", "dashboard.toml"}),
-    "slipstream-agent@depot-1": ("agent-depot-1", {"bus-password", "agent-depot-1.toml"}),
-    "slipstream-edge@rsu-1": ("edge-rsu-1", {"bus-password", "edge-rsu-1.toml"}),
-    "slipstream-edge@north": ("edge-north", {"bus-password", "edge-north.toml"}),
+    "slipstream-dashboard": ("slipstream-dashboard", {"bus-password", "site.toml"}),
+    "slipstream-agent@depot-1": ("agent-depot-1", {"bus-password", "site.toml"}),
+    "slipstream-edge@rsu-1": ("edge-rsu-1", {"bus-password", "site.toml"}),
+    "slipstream-edge@north": ("edge-north", {"bus-password", "site.toml"}),
 }
 """The user and the secrets of each unit."""
 

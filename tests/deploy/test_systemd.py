@@ -100,16 +100,16 @@ def credentials(unit: Path) -> dict[str, str]:
 
 CLUSTER = {"tls/cluster-ca.pem", "tls/cluster.pem", "tls/cluster.key"}
 HANDED = {
-    "slipstream-agent@.service": {"bus/agent-%i", "agent-%i.toml"},
-    "slipstream-dashboard.service": {"bus/dashboard", "dashboard.toml"},
+    "slipstream-agent@.service": {"bus/agent-%i", "site.toml"},
+    "slipstream-dashboard.service": {"bus/dashboard", "site.toml"},
     "slipstream-dispatcher.service": {
-        *("api-tokens.toml", "bus/dispatcher", "dispatcher.toml"),
+        *("api-tokens.toml", "bus/dispatcher", "site.toml"),
         *CLUSTER,
     },
-    "slipstream-edge@.service": {"bus/edge-%i", "edge-%i.toml"},
+    "slipstream-edge@.service": {"bus/edge-%i", "site.toml"},
     "slipstream-router.service": {"bus/users", "router.json5", "tls/router.key"},
-    "slipstream-scheduler.service": {"scheduler.toml", *CLUSTER},
-    "slipstream-worker.service": {"worker.toml", *CLUSTER},
+    "slipstream-scheduler.service": {"site.toml", *CLUSTER},
+    "slipstream-worker.service": {"site.toml", *CLUSTER},
 }
 """The secrets below /etc/slipstream that each unit may have."""
 
@@ -117,7 +117,7 @@ HANDED = {
 @pytest.mark.attack
 @pytest.mark.parametrize("unit", UNITS, ids=lambda unit: unit.name)
 def test_each_unit_gets_its_own_secrets_only(unit: Path) -> None:
-    """No other daemon's settings, key or password; none runs as a user that another runs as."""
+    """The site's file, and no other daemon's key or password; none runs as another's user."""
     sources = {path.removeprefix("/etc/slipstream/") for path in credentials(unit).values()}
     assert sources == HANDED[unit.name]
     # Without a default, a machine of version 0.1 that has no such file would not start.

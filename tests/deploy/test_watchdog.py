@@ -106,8 +106,8 @@ def settings(folder: Path, name: str, content: dict[str, object]) -> str:
 def edge_settings(folder: Path, router: Router, source: dict[str, object]) -> str:
     """Settings of an RSU whose camera is the example's."""
     camera = DEPLOY / "config" / "camera-rsu-1.toml"
-    content = {"rsu": "r", "camera": str(camera), "source": source}
-    return settings(folder, "edge", content | {"bus": {"connect": [router.endpoint]}})
+    rsu = {"camera": str(camera), "source": source}
+    return settings(folder, "edge", {"rsus": {"r": rsu}, "bus": {"connect": [router.endpoint]}})
 
 
 @pytest.mark.slow(long=True)
@@ -164,7 +164,7 @@ def test_the_servers_daemons_tell_their_progress(
         "database_url": f"sqlite:///{tmp_path / 'slipstream.db'}",
     }
     if daemon == "dashboard":
-        content |= {"port": free_port(), "scene_port": free_port()}
+        content["dashboard"] = {"port": free_port(), "scene_port": free_port()}
     config = settings(tmp_path, daemon, content)
     with managed(tmp_path, "-m", "slipstream_cli", daemon, "--config", config) as manager:
         assert manager.hears("READY=1", 90)
@@ -181,8 +181,7 @@ def test_the_servers_daemons_tell_their_progress(
 def test_agents_without_a_vehicle_to_advise_tell_their_progress(tmp_path: Path) -> None:
     """Without a router too: waiting for sensing is progress, a restart would not bring it."""
     content: dict[str, object] = {
-        "vehicles": [{"id": "van"}],
-        "state": str(tmp_path / "tours"),
+        "agents": {"a": {"vehicles": [{"id": "van"}], "state": str(tmp_path / "tours")}},
         "bus": {"connect": [f"tcp/127.0.0.1:{free_port()}"]},
     }
     config = settings(tmp_path, "agent", content)

@@ -66,30 +66,30 @@ class Daemons:
         bus = {"connect": [f"tcp/127.0.0.1:{port}"]}
         self.database = folder / "slipstream.db"
         halves = {"agents-a": vans[::2], "agents-b": vans[1::2]}
-        files = {
-            name: {
-                "bus": bus,
-                "state": str(folder / name),
-                "vehicles": [{"id": van} for van in half],
-            }
-            for name, half in halves.items()
-        }
-        files["dispatcher"] = {
+        site = {
             "bus": bus,
             "database_url": f"sqlite:///{self.database}",
             "fleet": str(orders),
-            "form": "route",
-            "solvers": ["exact"],
-            "interval_s": 8.0,
-            "deadline_s": 3.0,
+            "agents": {
+                name: {"state": str(folder / name), "vehicles": [{"id": van} for van in half]}
+                for name, half in halves.items()
+            },
+            "dispatcher": {
+                "form": "route",
+                "solvers": ["exact"],
+                "interval_s": 8.0,
+                "deadline_s": 3.0,
+            },
         }
+        path = folder / "site.toml"
+        path.write_text(tomli_w.dumps(site))
         self._commands = {"router": [sys.executable, "-c", ROUTER, str(port)]}
-        for name, settings in files.items():
-            path = folder / f"{name}.toml"
-            path.write_text(tomli_w.dumps(settings))
-            command = "dispatcher" if name == "dispatcher" else "agent"
+        for name, words in {
+            "dispatcher": ["dispatcher"],
+            **{name: ["agent", "--name", name] for name in halves},
+        }.items():
             self._commands[name] = [
-                *(sys.executable, "-m", "slipstream_cli", command, "--config", str(path)),
+                *(sys.executable, "-m", "slipstream_cli", *words, "--config", str(path)),
             ]
         self._logs = {name: (folder / f"{name}.log").open("ab") for name in self._commands}
         self._running: dict[str, subprocess.Popen[bytes]] = {}

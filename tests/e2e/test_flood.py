@@ -171,16 +171,22 @@ def server(
     }
     ports = {"router": 0}
     for name, settings in {
-        "dispatcher": {"database_url": f"sqlite:///{folder / 'slipstream.db'}", **dispatcher},
+        "dispatcher": dispatcher,
         "dashboard": {"port": free_port(), "scene_port": free_port()},
     }.items():
         if name not in names:
             continue
         ports[name] = free_port()
         path = folder / f"{name}.toml"
-        service = {"metrics_port": ports[name]}
-        bus = identity(folder, port, name).model_dump(mode="json", exclude_none=True)
-        path.write_text(tomli_w.dumps({**settings, "bus": bus, "service": service}))
+        bus = identity(folder, port, name).model_dump(
+            mode="json", exclude={"user"}, exclude_none=True
+        )
+        site = {
+            "database_url": f"sqlite:///{folder / 'slipstream.db'}",
+            "bus": bus,
+            name: {**settings, "metrics_port": ports[name]},
+        }
+        path.write_text(tomli_w.dumps(site))
         commands[name] = ("-m", "slipstream_cli", name, "--config", str(path))
     with ExitStack() as stack:
         yield (

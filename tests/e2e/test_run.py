@@ -52,7 +52,7 @@ class Run:
         """The process of one daemon."""
         running = [p for p in psutil.Process(self.process.pid).children() if _lives(p)]
         for child in running:
-            if f"{name}.toml" in " ".join(child.cmdline()):
+            if name in child.cmdline():
                 return child
         raise AssertionError(f"no process of {name}")
 

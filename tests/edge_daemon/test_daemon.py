@@ -63,9 +63,7 @@ def edge_toml(folder: Path, camera: Path, router: Router, source: dict[str, obje
     """A settings file for one RSU."""
     path = folder / "edge.toml"
     settings = {
-        "rsu": "r1",
-        "camera": str(camera),
-        "source": source,
+        "rsus": {"r1": {"camera": str(camera), "source": source}},
         "bus": {"connect": [router.endpoint]},
     }
     path.write_text(tomli_w.dumps(settings))
@@ -201,10 +199,9 @@ def test_an_absent_camera_gives_unknown_states(
         ({"camera": "/nowhere/camera.toml"}, "/nowhere/camera.toml: no such file"),
         ({"source": {"clip": "/nowhere/video.mp4"}}, "/nowhere/video.mp4: no such video"),
         ({"camera": "{tmp}/other_size.toml"}, "the calibration is for 1920×1080"),
-        ({"rsu": "r" * 201}, "edge.toml: rsu"),
-        ({"sauce": 1}, "edge.toml: sauce: unknown key"),
-        ({"window_s": "ten"}, "edge.toml: window_s"),
-        ({"bus": {"connect": ["nonsense"]}}, "bus: connect"),
+        ({"sauce": 1}, "edge.toml: rsus.r1.sauce: unknown key"),
+        ({"window_s": "ten"}, "edge.toml: rsus.r1.window_s"),
+        ({"bus": {"connect": ["nonsense"]}}, "rsus.r1.bus: stands once, at the top"),
     ],
 )
 def test_bad_settings_are_one_line_and_exit_2(
@@ -216,17 +213,16 @@ def test_bad_settings_are_one_line_and_exit_2(
 ) -> None:
     """No traceback for a user's mistake."""
     folder = street_clips["stable"]
-    settings: dict[str, object] = {
-        "rsu": "r1",
+    rsu: dict[str, object] = {
         "camera": str(folder / "camera.toml"),
         "source": {"clip": str(folder / "video.mp4")},
-        "bus": {"connect": [router.endpoint]},
     }
+    settings = {"rsus": {"r1": rsu | change}, "bus": {"connect": [router.endpoint]}}
     calibration = (folder / "camera.toml").read_text()
     calibration = calibration.replace("width = 1280", "width = 1920")
     (tmp_path / "other_size.toml").write_text(calibration.replace("height = 720", "height = 1080"))
     config = tmp_path / "edge.toml"
-    config.write_text(tomli_w.dumps(settings | change).replace("{tmp}", str(tmp_path)))
+    config.write_text(tomli_w.dumps(settings).replace("{tmp}", str(tmp_path)))
     result = subprocess.run(
         [sys.executable, "-m", "slipstream_cli", "edge", "--config", str(config)],
         capture_output=True,

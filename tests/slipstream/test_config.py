@@ -91,8 +91,8 @@ def test_further_faults_stand_beside_the_first(tmp_path: Path) -> None:
         load(path, Example)
     assert caught.value.key == "nam"
     assert [fault.key for fault in caught.value.others] == [
-        "service.metrics_port",
         "service.log_level",
+        "service.metrics_port",
     ]
 
 

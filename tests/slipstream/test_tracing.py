@@ -88,7 +88,7 @@ def test_without_the_extra_a_daemon_says_so(tmp_path: Path) -> None:
     """One line and exit status 2."""
     config = tmp_path / "agent.toml"
     config.write_text(
-        f"state = {str(tmp_path / 'state')!r}\n[[vehicles]]\nid = 'van'\n"
+        f"[agents.a]\nstate = {str(tmp_path / 'state')!r}\nvehicles = [{{id = 'van'}}]\n"
         "[service]\ntraces = 'http://127.0.0.1:4318'\n"
     )
     code = (

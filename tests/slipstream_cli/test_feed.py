@@ -45,8 +45,10 @@ def test_a_run_is_judged_by_its_own_time(url: str, net: Path, tmp_path: Path) ->
     data, sites = tmp_path / "data.xml", tmp_path / "sites.xml"
     settings = tmp_path / "dispatcher.toml"
     settings.write_text(
-        f'network = "{net}"\ndatabase_url = "{url}"\n[feeds]\npublisher = "Troy"\ncountry = "US"\n'
-        '[rsus]\n"rsu/avenue_east" = ["avenue_east"]\n"rsu/avenue_west" = ["avenue_west"]\n'
+        f'network = "{net}"\ndatabase_url = "{url}"\n[dispatcher.feeds]\n'
+        'publisher = "Troy"\ncountry = "US"\n'
+        '[rsus]\n"rsu/avenue_east" = { segments = ["avenue_east"] }\n'
+        '"rsu/avenue_west" = { segments = ["avenue_west"] }\n'
     )
     options = ["--config", str(settings), "--out", str(data), "--sites", str(sites)]
     assert main(["feed", "datex2", *options]) == 0

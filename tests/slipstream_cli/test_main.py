@@ -79,16 +79,16 @@ def test_a_clip_that_cannot_be_is_one_line(
 @pytest.mark.process
 def test_check_accepts_sound_settings_and_names_faults(tmp_path: Path) -> None:
     """One line a file when sound; file, key and mend when not."""
-    sound = tmp_path / "dispatcher.toml"
-    sound.write_text(tomli_w.dumps({"interval_s": 60.0}))
+    sound = tmp_path / "site.toml"
+    sound.write_text(tomli_w.dumps({"dispatcher": {"interval_s": 60.0}}))
     result = slipstream("check", str(sound))
     assert (result.returncode, result.stdout) == (
         0,
-        f"{sound}: valid dispatcher settings\n",
+        f"{sound}: valid site\n",
     )
-    faulty = tmp_path / "dashboard.toml"
-    faulty.write_text(tomli_w.dumps({"port": "8080"}))
-    assert f"{faulty}: port: " in one_line(slipstream("check", str(sound), str(faulty)))
+    faulty = tmp_path / "other-site.toml"
+    faulty.write_text(tomli_w.dumps({"dashboard": {"port": "8080"}}))
+    assert f"{faulty}: dashboard.port: " in one_line(slipstream("check", str(sound), str(faulty)))
     other = tmp_path / "other.toml"
     other.write_text("")
     assert "--as" in one_line(slipstream("check", str(other)))

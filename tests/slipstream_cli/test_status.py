@@ -262,9 +262,9 @@ def test_what_cannot_be_read_is_unknown_and_not_well(
     answer = json.loads(capsys.readouterr().out)
     found = {f["name"]: f for f in answer["findings"]}
     assert answer["well"] is None
-    assert (found["bus"]["well"], found["dispatcher d"]["well"]) == (None, None)
+    assert (found["bus"]["well"], found["dispatcher"]["well"]) == (None, None)
     assert "bus-password cannot be read (no such file); run it as root" in found["bus"]["text"]
-    assert "Permission denied" in found["dispatcher d"]["text"]
+    assert "Permission denied" in found["dispatcher"]["text"]
     alone[:] = alone[1:]
     assert main(["status", "--bus", guarded, "--seconds", "0.2", "--json"]) == 1
     bus = {f["name"]: f for f in json.loads(capsys.readouterr().out)["findings"]}["bus"]

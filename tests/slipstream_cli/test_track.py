@@ -250,7 +250,7 @@ def test_the_watch_of_a_roadside_unit_is_taken(
     config = tmp_path / "edge.toml"
     config.write_text(
         f'''
-rsu = "r"
+[rsus.r]
 camera = "{folder / "camera.toml"}"
 state_interval_s = 7.0
 source.clip = "{clip}"

@@ -98,8 +98,12 @@ def start(folder: Path, router: Router, vehicles: int = 1) -> subprocess.Popen[s
     config.write_text(
         tomli_w.dumps(
             {
-                "state": str(folder / "state"),
-                "vehicles": [{"id": name} for name in names],
+                "agents": {
+                    "a": {
+                        "state": str(folder / "state"),
+                        "vehicles": [{"id": name} for name in names],
+                    }
+                },
                 "bus": {"connect": [router.endpoint]},
             }
         )
@@ -220,16 +224,16 @@ def test_an_agent_whose_vehicle_is_silent_stops_advising(tmp_path: Path, router:
 @pytest.mark.parametrize(
     ("text", "named"),
     [
-        ("vehicles = []\n", "vehicles"),
-        ('[[vehicles]]\nid = "a"\n[[vehicles]]\nid = "a"\n', "twice"),
-        ('[[vehicles]]\nid = "a"\n[vehicles.type]\nlength_m = -1\n', "length_m"),
-        ('state = "/dev/null/x"\n[[vehicles]]\nid = "a"\n', "state"),
+        ("vehicles = []\n", "agents.a.vehicles"),
+        ('vehicles = [{ id = "a" }, { id = "a" }]\n', "twice"),
+        ('vehicles = [{ id = "a", type.length_m = -1 }]\n', "agents.a.vehicles.a.type.length_m"),
+        ('state = "/dev/null/x"\nvehicles = [{ id = "a" }]\n', "state"),
     ],
 )
 def test_bad_settings_are_one_line(tmp_path: Path, text: str, named: str) -> None:
     """Exit status 2, naming the key."""
     config = tmp_path / "agent.toml"
-    config.write_text(text)
+    config.write_text(f"[agents.a]\n{text}")
     done = subprocess.run(
         [sys.executable, "-m", "slipstream_cli", "agent", "--config", str(config)],
         capture_output=True,

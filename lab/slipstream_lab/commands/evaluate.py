@@ -12,8 +12,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from slipstream.config import load
 from slipstream.errors import InputError
+from slipstream.site import load_site
 from slipstream_cli.progress import ProgressLine
 from slipstream_lab.commands import sumo_files
 from slipstream_lab.commands.curve import Curve, add_options, parse_numbers
@@ -235,7 +235,7 @@ def _simulate(
             from dispatcher_daemon.settings import SchedulerSettings
             from slipstream_lab.simulation.evaluation.runs.cluster import arms_on
 
-            settings = load(options.cluster, SchedulerSettings)
+            settings = load_site(options.cluster, "scheduler", SchedulerSettings)
             arms = stack.enter_context(arms_on(settings.cluster))
             simulate = partial(world.simulate, run=arms.run)
             workers = options.workers or arms.processes

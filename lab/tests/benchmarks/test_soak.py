@@ -359,7 +359,8 @@ while True:
 
 _PARENT = """
 import subprocess, sys, time
-child = subprocess.Popen([sys.executable, "-c", sys.argv[1], "--config", "x/leaky.toml"])
+options = ["--config", "x.toml", "--rsu", "leaky"]
+child = subprocess.Popen([sys.executable, "-c", sys.argv[1], *options])
 time.sleep(60)
 """
 

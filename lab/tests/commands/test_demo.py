@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import SimpleNamespace
-from typing import cast
 
 import pytest
 
 from dispatcher_daemon.settings import DispatcherSettings
-from slipstream.config import load
-from slipstream_lab.commands.live.demo import ROADSIDES, _of_town, write_settings
-from slipstream_lab.simulation.live.world_spec import WorldSpec
+from slipstream.site import load_site
+from slipstream_cli.place.site_file import write_site
+from slipstream_lab.commands.live.demo import ROADSIDES, _of_town, place_of_demo
 
 
 @pytest.mark.parametrize(
@@ -23,8 +21,7 @@ def test_a_device_is_configured_where_it_is_asked_for(
 ) -> None:
     """Off by default; a fake device gets a trial's settings, a real one the careful defaults."""
     clips = {r.rsu: dict.fromkeys(r.clips, tmp_path) for r in ROADSIDES}
-    files = write_settings(
-        tmp_path,
+    place = place_of_demo(
         clips,
         bus_endpoint="tcp/127.0.0.1:1",
         database=tmp_path / "x.db",
@@ -32,17 +29,17 @@ def test_a_device_is_configured_where_it_is_asked_for(
         interval_s=20.0,
         hardware=hardware,
     )
-    command, path = files["dispatcher"]
-    device = load(path, DispatcherSettings).hardware
-    assert command == "dispatcher"
+    path = tmp_path / "site.toml"
+    daemons = write_site(path, place)
+    assert daemons["dispatcher"] == ("dispatcher", "--config", str(path))
+    device = load_site(path, "dispatcher", DispatcherSettings).hardware
     assert (device.backend, device.shots, device.budget_s_per_day) == (hardware, shots, budget_s)
     assert ("hardware" in path.read_text()) == bool(hardware)
 
 
-def test_a_towns_circuit_is_one_that_its_form_has(tmp_path: Path) -> None:
+def test_a_towns_circuit_is_one_that_its_form_has() -> None:
     """One-hot circuits need route options; without them each cycle would say that it failed."""
-    town = cast(WorldSpec, SimpleNamespace(fleet=tmp_path / "fleet.json"))
-    settings = DispatcherSettings.model_validate(_of_town(town))
+    settings = DispatcherSettings.model_validate(_of_town())
     assert "lc-qaoa" in settings.solvers
     assert settings.lc_qaoa.variant.startswith("one-hot")
     assert settings.form == "route"

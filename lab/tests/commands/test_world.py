@@ -15,12 +15,14 @@ from dashboard.settings import DashboardSettings
 from dispatcher_daemon.settings import DispatcherSettings
 from edge_daemon.settings import EdgeSettings
 from slipstream.bus import free_port
-from slipstream.config import BusSettings, load
+from slipstream.config import BusSettings
 from slipstream.messages import VehiclePosition
+from slipstream.site import load_site
 from slipstream_cli.main import main
+from slipstream_cli.place.site_file import write_site
 from slipstream_lab.commands.live.movement import FleetMovement
 from slipstream_lab.commands.live.world import time_of_day_s
-from slipstream_lab.commands.live.world_daemons import write_world_settings
+from slipstream_lab.commands.live.world_daemons import place_of_world
 from slipstream_lab.simulation.live.prepare import prepare_world
 from slipstream_lab.simulation.live.world_spec import CameraEndpoint
 from slipstream_lab.simulation.sumo_view.examples import find_routes
@@ -138,7 +140,7 @@ def test_daemons_are_set_for_the_world(tmp_path: Path) -> None:
         CameraEndpoint(rsu.id, ("s",), f"http://127.0.0.1:{8000 + n}/", tmp_path / f"{rsu.id}.toml")
         for n, rsu in enumerate(order.rsus)
     ]
-    files = write_world_settings(
+    place = place_of_world(
         tmp_path,
         order,
         cameras,
@@ -146,20 +148,20 @@ def test_daemons_are_set_for_the_world(tmp_path: Path) -> None:
         dashboard_port=8080,
         interval_s=30.0,
     )
-    assert sorted(files) == ["agents", "dashboard", "dispatcher", "rsu-01", "rsu-02"]
-    edge = load(files["rsu-02"][1], EdgeSettings)
+    path = tmp_path / "site.toml"
+    daemons = write_site(path, place)
+    assert sorted(daemons) == ["dashboard", "dispatcher", "rsu-01", "rsu-02", "vans"]
+    assert daemons["rsu-02"] == ("edge", "--config", str(path), "--rsu", "rsu-02")
+    edge = load_site(path, "edge", EdgeSettings, "rsu-02")
     assert (edge.source.url, edge.camera) == ("http://127.0.0.1:8001/", tmp_path / "rsu-02.toml")
     assert edge.stability.keep_s == 90.0
-    dispatcher = load(files["dispatcher"][1], DispatcherSettings)
+    dispatcher = load_site(path, "dispatcher", DispatcherSettings)
     assert dispatcher.network == str(order.day.net)
     assert Path(dispatcher.fleet).is_file()
     assert dispatcher.advice.eco_approach
     assert dispatcher.advice.signal_priority
-    dashboard = load(files["dashboard"][1], DashboardSettings)
-    assert (dashboard.network, dashboard.depots) == (
-        str(order.day.net),
-        ("vand_campbell", "2nd_112th"),
-    )
+    dashboard = load_site(path, "dashboard", DashboardSettings)
+    assert (dashboard.network, dashboard.fleet) == (str(order.day.net), Path(dispatcher.fleet))
     assert (order.day.begin_s, order.day.routes) == (26700.0, (routes,))
     (types,) = order.day.additional
     assert 'id="cav"' in types.read_text()

@@ -67,10 +67,11 @@ def ports(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ports]:
             f"[bus]\nconnect = [{json.dumps(router.endpoint)}]\n"
         )
         settings = {
-            "dispatcher": f'solvers = ["exact"]\ninterval_s = 600.0\ndeadline_s = 2.0\n'
-            f'{common}[api]\nport = {api}\ntokens = "{folder}/tokens.toml"\n',
-            "dashboard": f"port = {page}\nscene_port = {free_port()}\n"
-            f'dispatcher_api = "http://127.0.0.1:{api}"\n{common}',
+            "dispatcher": f'{common}[dispatcher]\nsolvers = ["exact"]\ninterval_s = 600.0\n'
+            "deadline_s = 2.0\n"
+            f'[dispatcher.api]\nport = {api}\ntokens = "{folder}/tokens.toml"\n',
+            "dashboard": f"{common}[dashboard]\nport = {page}\nscene_port = {free_port()}\n"
+            f'dispatcher_api = "http://127.0.0.1:{api}"\n',
         }
         running = []
         try:

@@ -123,9 +123,11 @@ def test_a_standby_takes_over(
                 {
                     "bus": {"connect": [router.endpoint]},
                     "database_url": url,
-                    "solvers": ["exact"],
-                    "interval_s": 2.0,
-                    "deadline_s": 1.0,
+                    "dispatcher": {
+                        "solvers": ["exact"],
+                        "interval_s": 2.0,
+                        "deadline_s": 1.0,
+                    },
                 }
             )
         )
@@ -184,9 +186,11 @@ def test_a_dispatcher_that_lost_its_lock_ends_and_writes_nothing_more(
                 {
                     "bus": {"connect": [router.endpoint]},
                     "database_url": postgres_url,
-                    "solvers": ["exact"],
-                    "interval_s": 10.0,
-                    "deadline_s": 1.0,
+                    "dispatcher": {
+                        "solvers": ["exact"],
+                        "interval_s": 10.0,
+                        "deadline_s": 1.0,
+                    },
                 }
             )
         )

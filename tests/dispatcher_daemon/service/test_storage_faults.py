@@ -355,9 +355,11 @@ def config(tmp_path: Path) -> Iterator[Path]:
                 {
                     "bus": {"connect": [router.endpoint]},
                     "database_url": f"sqlite:///{tmp_path / 'cycles.db'}",
-                    "solvers": ["exact"],
-                    "interval_s": 2.0,
-                    "deadline_s": 1.0,
+                    "dispatcher": {
+                        "solvers": ["exact"],
+                        "interval_s": 2.0,
+                        "deadline_s": 1.0,
+                    },
                 }
             )
         )

@@ -158,7 +158,7 @@ def make_kinds(folder: Path) -> list[Kind]:
             f"{world} --rsus {scenarios / 'corridor' / 'rsus.toml'} --routes FILE",
             0.15,
         ),
-        Kind("model", [weights], "check --as edge DIR/edge-model.toml", 1),
+        Kind("model", [weights], "check --as site DIR/edge-model.toml", 1),
         Kind("states", [folder / "states.jsonl"], "robustness FILE --draws 1", 2),
         Kind(
             "truth",
@@ -221,14 +221,13 @@ def _write_pictures(folder: Path) -> None:
 
 def _write_settings(folder: Path) -> None:
     edge = {
-        "rsu": "r",
         "camera": str(folder / "missing.toml"),
         "source": {"clip": str(folder / "video.mp4"), "loop": True},
     }
     # What stands beside it as `model` is looked at.
+    shared = {"bus": {"connect": ["tcp/127.0.0.1:7447"]}}
     model = {**edge, "camera": str(folder / "camera.toml"), "detector": {"model": "hostile"}}
-    for name, settings in (("edge-model", model),):
-        (folder / f"{name}.toml").write_text(tomli_w.dumps(settings))
+    (folder / "edge-model.toml").write_text(tomli_w.dumps({**shared, "rsus": {"r": model}}))
     fleet = tomllib.loads((folder / "fleet.toml").read_text())
     (folder / "fleet.json").write_text(json.dumps(fleet, indent=1))
 

@@ -32,7 +32,7 @@ from slipstream.sumo_net import load_network
 from slipstream_cli.main import main
 from slipstream_cli.place.commented import commented, toml
 from slipstream_cli.place.layout import lay_out
-from slipstream_cli.settings_doc import DAEMONS
+from slipstream_cli.settings_doc import sections, site_sections
 from slipstream_lab.commands.live.local import http_status
 
 TROY = Path(
@@ -70,21 +70,22 @@ def test_every_key_is_explained_by_the_settings_own_words(
 ) -> None:
     """Each key stands behind a comment, set or at its default; the text is the model's."""
     made(tmp_path, capsys)
-    text = (tmp_path / "dispatcher.toml").read_text()
+    text = (tmp_path / "site.toml").read_text()
     words = " ".join(line.removeprefix("# ") for line in text.splitlines())
-    for name, field in DAEMONS["dispatcher"].model_fields.items():
-        if field.description and not isinstance(field.default, BaseModel):
-            assert field.description.replace("`", "") in words, name
+    for section in site_sections():
+        for key in section.keys if section.path in ("", "edge", "dispatcher", "dashboard") else ():
+            name = key.path.rpartition(".")[2]
+            assert key.description.replace("`", "") in words, name
             assert re.search(rf"^#?{name} =", text, re.MULTILINE), name
-    lines = (tmp_path / "edge-rsu-1.toml").read_text().splitlines()
-    for before, line in pairwise(lines):
-        if re.match(r"[a-z_]+ = ", line):
+    for before, line in pairwise(text.splitlines()):
+        if re.match(r"[a-z_]+ = ", line) and not line.startswith(("id = ", "type = ")):
             assert before.startswith("# "), line
 
 
 def test_keys_left_at_their_defaults_are_valid_once_uncommented() -> None:
     """What is shown is TOML that the model takes."""
-    text = commented(DashboardSettings, {"bus": {"connect": ["tcp/127.0.0.1:1"]}}, "The page.")
+    values = {"bus": {"connect": ["tcp/127.0.0.1:1"]}}
+    text = commented(sections(DashboardSettings), values, "The page.")
     shown = re.sub(r"^#([a-z_]+ = )", r"\1", text, flags=re.MULTILINE)
     shown = re.sub(r"^#[a-z_]+ =$", "", shown, flags=re.MULTILINE)
     assert DashboardSettings.model_validate(tomllib.loads(shown)).port == 8080
@@ -252,9 +253,7 @@ def started(summary: dict[str, Any], capsys: pytest.CaptureFixture[str], browser
         assert told["dispatcher (bus)"]["well"]
         assert not told["RSU rsu-1"]["well"]
         own = [f for f in findings if str(ports[9465]) in f["text"] or "process" in f["text"]]
-        assert {"router", "dispatcher dispatcher", "dashboard dashboard"} <= {
-            f["name"] for f in own
-        }
+        assert {"router", "dispatcher", "dashboard"} <= {f["name"] for f in own}
     assert plans[0].stops[0].node == summary["depot"]
 
 

@@ -102,8 +102,12 @@ def measure(vans: int, seconds: float, folder: Path, say: Callable[[str], None])
         config.write_text(
             tomli_w.dumps(
                 {
-                    "state": str(folder / f"tours-{vans}-{time.time_ns()}"),
-                    "vehicles": [{"id": Van(i, 0).name} for i in range(vans)],
+                    "agents": {
+                        "all": {
+                            "state": str(folder / f"tours-{vans}-{time.time_ns()}"),
+                            "vehicles": [{"id": Van(i, 0).name} for i in range(vans)],
+                        }
+                    },
                     "bus": {"connect": [router.endpoint]},
                 }
             )

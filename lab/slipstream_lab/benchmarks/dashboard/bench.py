@@ -102,10 +102,9 @@ def measure(city: City, seconds: float, folder: Path, say: Callable[[str], None]
     with Router() as router:
         settings = {
             "network": str(folder / "grid.net.xml"),
-            "rsus": watched,
+            "rsus": {name: {"segments": segments} for name, segments in watched.items()},
             "bus": {"connect": [router.endpoint]},
-            "port": port,
-            "scene_port": free_port(),
+            "dashboard": {"port": port, "scene_port": free_port()},
             "database_url": f"sqlite:///{folder / 'none.db'}",
         }
         config.write_text(tomli_w.dumps(settings))

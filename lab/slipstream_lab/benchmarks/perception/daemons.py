@@ -150,9 +150,12 @@ def _write_frames(path: Path, heard: Sequence[tuple[float, RsuHealth]]) -> None:
 def _daemon(clip: Path, folder: Path, rsu: str, pace: str, endpoint: str) -> Iterator[_Daemon]:
     path = folder / f"{rsu}.toml"
     settings = {
-        "rsu": rsu,
-        "camera": str(clip / "camera.toml"),
-        "source": {"clip": str(clip / "video.mp4"), "loop": True, "pace": pace},
+        "rsus": {
+            rsu: {
+                "camera": str(clip / "camera.toml"),
+                "source": {"clip": str(clip / "video.mp4"), "loop": True, "pace": pace},
+            }
+        },
         "bus": {"connect": [endpoint]},
     }
     path.write_text(tomli_w.dumps(settings))

@@ -46,7 +46,7 @@ def members(workers: int, processes: int) -> Iterator[ClusterSettings]:
         address = f"tcp://127.0.0.1:{free_port()}"
         table = f'[cluster]\naddress = "{address}"\n[service]\nlog_level = "WARNING"\n'
         (folder / "scheduler.toml").write_text(table)
-        (folder / "worker.toml").write_text(f"processes = {processes}\n{table}")
+        (folder / "worker.toml").write_text(f"[worker]\nprocesses = {processes}\n{table}")
         for role in ("scheduler", *("worker" for _ in range(workers))):
             process = subprocess.Popen(
                 [sys.executable, "-m", "slipstream_cli", role, "--config", folder / f"{role}.toml"]

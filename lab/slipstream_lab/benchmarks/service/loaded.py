@@ -133,10 +133,9 @@ def run_load(
         config.write_text(
             tomli_w.dumps(
                 {
-                    **settings,
+                    "dispatcher": {**settings, "metrics_port": port},
                     "database_url": f"sqlite:///{folder / f'{time.time_ns()}.db'}",
                     "bus": {"connect": [router.endpoint]},
-                    "service": {"metrics_port": port},
                 }
             )
         )

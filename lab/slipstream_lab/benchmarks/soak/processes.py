@@ -9,6 +9,7 @@ from pathlib import PurePath
 import psutil
 
 _STARTING_S = 1.0
+_NAMING = ("--rsu", "--name")
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,10 @@ class ProcessTree:
         if process.create_time() > time.time() - _STARTING_S and command == _parents(process):
             return None  # a fork that has not become another program yet
         if "--config" in command[:-1]:
-            name = PurePath(command[command.index("--config") + 1]).stem
+            # An RSU and agents by their names, others by their sub-commands.
+            at = command.index("--config")
+            named = next((command.index(o) + 1 for o in _NAMING if o in command[:-1]), at - 1)
+            name = command[named]
         else:
             parent = self._names.get(process.ppid())
             if parent is None:

@@ -24,6 +24,7 @@ from slipstream.bus import Bus, free_port
 from slipstream.config import BusSettings
 from slipstream.errors import InputError
 from slipstream.service import die_with_parent
+from slipstream_cli.place.site_file import daemons_of
 from slipstream_lab.benchmarks.aims import Load
 from slipstream_lab.benchmarks.soak import report
 from slipstream_lab.benchmarks.soak.observer import Observer
@@ -128,7 +129,7 @@ def _prepare(settings: SoakSettings) -> Path:
     try:
         state.mkdir(parents=True, exist_ok=True)
         settings.clips.mkdir(parents=True, exist_ok=True)
-        for old in (*state.glob("slipstream.db*"), *(state / "settings").glob("*.toml")):
+        for old in (*state.glob("slipstream.db*"), *state.glob("site.toml")):
             old.unlink()
         link = state / "clips"
         if link.is_symlink():
@@ -160,7 +161,7 @@ def _run(settings: SoakSettings, state: Path) -> Iterator[_Running]:
             preexec_fn=partial(die_with_parent, os.getpid()),
         )
         try:
-            yield _Running(process, command, state / "settings")
+            yield _Running(process, command, state / "site.toml")
         finally:
             if process.poll() is None:
                 process.terminate()
@@ -173,15 +174,15 @@ def _run(settings: SoakSettings, state: Path) -> Iterator[_Running]:
             process.stdout.close()
 
 
-def _wait_for_daemons(running: _Running, settings: SoakSettings) -> dict[str, dict[str, Any]]:
-    """Settings of each daemon by name, once all of them have been started."""
+def _wait_for_daemons(running: _Running, settings: SoakSettings) -> dict[str, Any]:
+    """The tables of the site, once all of its daemons have been started."""
     deadline = time.monotonic() + _START_LIMIT_S
     while time.monotonic() < deadline:
-        configs = _configs(running.settings)
-        if configs and running.process.poll() is None:
+        tables = _tables(running.settings)
+        if tables and running.process.poll() is None:
             names = {s.name for s in ProcessTree(running.process.pid).sample(0.0)}
-            if names.issuperset(configs):
-                return configs
+            if names.issuperset(name or command for command, name in daemons_of(tables)):
+                return tables
         if running.process.poll() is not None:
             break
         time.sleep(0.05)
@@ -193,16 +194,16 @@ def _wait_for_daemons(running: _Running, settings: SoakSettings) -> dict[str, di
     )
 
 
-def _configs(folder: Path) -> dict[str, dict[str, Any]]:
-    """What the run has written for its daemons; nothing while a file is only half there."""
+def _tables(path: Path) -> dict[str, Any]:
+    """What the run has written for its daemons; nothing while the file is only half there."""
     try:
-        return {p.stem: tomllib.loads(p.read_text()) for p in sorted(folder.glob("*.toml"))}
+        return tomllib.loads(path.read_text())
     except (OSError, tomllib.TOMLDecodeError):
         return {}
 
 
-def _endpoints(configs: dict[str, dict[str, Any]]) -> tuple[str, ...]:
-    return tuple(next(iter(configs.values()))["bus"]["connect"])
+def _endpoints(tables: dict[str, Any]) -> tuple[str, ...]:
+    return tuple(tables["bus"]["connect"])
 
 
 def _figures(running: _Running) -> dict[str, Any]:

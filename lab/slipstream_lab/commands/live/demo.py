@@ -1,4 +1,4 @@
-"""The built-in demo: two roadside clips, and the settings of all daemons around them."""
+"""The built-in demo: two roadside clips, and the site around them."""
 
 from __future__ import annotations
 
@@ -14,17 +14,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-import tomli_w
-
 from slipstream import __version__
-from slipstream.config import Settings
+from slipstream.config import DEMO_NETWORK
 from slipstream.errors import InputError
 from slipstream.service import SUPERVISED
-from slipstream_lab.commands.live.local import scene_port_of
+from slipstream.site import DEMO_FLEET
+from slipstream_cli.place.site_file import SiteSpec
 
 if TYPE_CHECKING:
     from slipstream_lab.simulation.live.world_spec import WorldSpec
-    from vehicle_agent.settings import AgentSettings
 
 
 @dataclass(frozen=True)
@@ -120,8 +118,7 @@ def _render(roadside: DemoRoadside, scenario: str, target: Path, stopping: threa
         raise InputError(target, f"the clip could not be rendered (status {status})", "see above")
 
 
-def write_settings(
-    folder: Path,
+def place_of_demo(
     clips: Mapping[str, Mapping[str, Path]],
     *,
     bus_endpoint: str,
@@ -130,81 +127,50 @@ def write_settings(
     interval_s: float,
     hardware: str = "",
     town: WorldSpec | None = None,
-) -> dict[str, tuple[str, Path]]:
-    """Write one settings file a daemon.
+    tours: Path | None = None,
+) -> SiteSpec:
+    """What the demo's site.toml says.
 
     Args:
         hardware: a quantum device, see `HardwareSettings.backend`.
         town: whose vans are dispatched and have agents; None: the two vans of the demo's fleet.
-
-    Returns:
-        For each process name the sub-command to run and its settings file.
+        tours: folder of its agents' tours.
     """
-    from dashboard.settings import DashboardSettings
-    from dispatcher_daemon.settings import DispatcherSettings
-    from edge_daemon.settings import EdgeSettings
-
-    bus = {"connect": [bus_endpoint]}
-    rsus = {roadside.rsu: (roadside.segment,) for roadside in ROADSIDES}
-    url = f"sqlite:///{database.absolute()}"
-    daemons: dict[str, tuple[str, Settings]] = {
-        roadside.rsu: (
-            "edge",
-            EdgeSettings.model_validate(
-                {
-                    "rsu": roadside.rsu,
-                    # The same in all of them: the seed decides it.
-                    "camera": clips[roadside.rsu]["stable"] / "camera.toml",
-                    "source": {
-                        "clip": [clips[roadside.rsu][s] / "video.mp4" for s in roadside.clips],
-                        "loop": True,
-                    },
-                    # Two cameras on one small machine: a thread each, not all cores for both.
-                    "detector": {"threads": 1},
-                    "bus": bus,
-                }
-            ),
-        )
-        for roadside in ROADSIDES
-    }
-    daemons["dispatcher"] = (
-        "dispatcher",
-        DispatcherSettings.model_validate(
-            {
-                "bus": bus,
-                "rsus": rsus,
-                "database_url": url,
-                "interval_s": interval_s,
-                "deadline_s": min(10.0, interval_s / 2),
-                **({"hardware": _device(hardware)} if hardware else {}),
-                **({} if town is None else _of_town(town)),
+    return SiteSpec(
+        network=DEMO_NETWORK,
+        fleet=DEMO_FLEET if town is None else str(town.fleet.absolute()),
+        database=database,
+        endpoint=bus_endpoint,
+        port=dashboard_port,
+        rsus={
+            roadside.rsu: {
+                "segments": [roadside.segment],
+                # The same in all of them: the seed decides it.
+                "camera": clips[roadside.rsu]["stable"] / "camera.toml",
+                "source": {
+                    "clip": [clips[roadside.rsu][s] / "video.mp4" for s in roadside.clips],
+                    "loop": True,
+                },
             }
-        ),
+            for roadside in ROADSIDES
+        },
+        agents={} if town is None or tours is None else {"vans": agents(town, tours)},
+        # Two cameras on one small machine: a thread each, not all cores for both.
+        edge={"detector": {"threads": 1}},
+        dispatcher={
+            "interval_s": interval_s,
+            "deadline_s": min(10.0, interval_s / 2),
+            **({"hardware": _device(hardware)} if hardware else {}),
+            **({} if town is None else _of_town()),
+        },
     )
-    if town is not None:
-        daemons["agents"] = agents(town, folder.parent / "agents", bus)
-    daemons["dashboard"] = (
-        "dashboard",
-        DashboardSettings.model_validate(
-            {
-                "bus": bus,
-                "rsus": rsus,
-                "database_url": url,
-                "fleet": None if town is None else str(town.fleet.absolute()),
-                "port": dashboard_port,
-                "scene_port": scene_port_of(dashboard_port),
-            }
-        ),
-    )
-    return write_daemons(folder, daemons)
 
 
-def _of_town(town: WorldSpec) -> dict[str, object]:
+def _of_town() -> dict[str, object]:
     """Settings of its dispatcher."""
     from slipstream_lab.simulation.closed_loop.policy import Policy
 
     return {
-        "fleet": str(town.fleet.absolute()),
         "form": "route",
         # Two thirds less time than the default, and half of the samples valid: decision 292.
         "lc_qaoa": {"variant": "one-hot", "layers": 1, "iterations": 20, "shots": 512},
@@ -212,46 +178,21 @@ def _of_town(town: WorldSpec) -> dict[str, object]:
     }
 
 
-def agents(world: WorldSpec, folder: Path, bus: Mapping[str, object]) -> tuple[str, AgentSettings]:
-    """The agents of a world's vehicles, in one process: sub-command and settings.
+def agents(world: WorldSpec, folder: Path) -> dict[str, object]:
+    """The agents of a world's vehicles, in one process.
 
     Args:
         world: whose vehicles stand at their depots when it begins.
         folder: for their tours; those of a world before are over.
-        bus: settings.
     """
     from slipstream_lab.simulation.sumo import TYPES
-    from vehicle_agent.settings import AgentSettings
 
     shutil.rmtree(folder, ignore_errors=True)
     vehicles = [
         {"id": name, "type": {"length_m": TYPES["cav"].length_m}}
         for name in world.deliveries.vehicles
     ]
-    settings = {"bus": bus, "vehicles": vehicles, "state": folder.absolute()}
-    return "agent", AgentSettings.model_validate(settings)
-
-
-def write_daemons(
-    folder: Path, daemons: Mapping[str, tuple[str, Settings]]
-) -> dict[str, tuple[str, Path]]:
-    """Write the settings of daemons into a folder, made if missing.
-
-    Args:
-        daemons: sub-command and settings of each process.
-
-    Returns:
-        Sub-command and settings file of each process.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    files = {}
-    for name, (command, settings) in daemons.items():
-        path = folder / f"{name}.toml"
-        path.write_text(
-            tomli_w.dumps(settings.model_dump(mode="json", exclude_unset=True, exclude_none=True))
-        )
-        files[name] = (command, path)
-    return files
+    return {"vehicles": vehicles, "state": folder.absolute()}
 
 
 def _device(backend: str) -> dict[str, object]:

@@ -17,8 +17,9 @@ from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings, check
 from slipstream.errors import InputError
 from slipstream.service import set_from_handler
+from slipstream_cli.place.site_file import write_site
 from slipstream_lab.commands.live.bus_counts import BusCounts
-from slipstream_lab.commands.live.demo import make_clips, write_settings
+from slipstream_lab.commands.live.demo import make_clips, place_of_demo
 from slipstream_lab.commands.live.local import check_ports_are_free, locked, watch
 from slipstream_lab.commands.live.movement import FleetMovement
 from slipstream_lab.commands.live.supervisor import Supervisor
@@ -82,8 +83,7 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
         counts.listen(bus)
         movement.listen(bus)
         town = _open_town(options.state / "town", router, stack, supervisor, stopping)
-        files = write_settings(
-            options.state / "settings",
+        place = place_of_demo(
             clips,
             bus_endpoint=router.endpoint,
             database=options.state / "slipstream.db",
@@ -91,10 +91,12 @@ def _run(options: argparse.Namespace, stopping: threading.Event) -> int:
             interval_s=options.interval,
             hardware=options.hardware,
             town=None if town is None else town.spec,
+            tours=options.state / "agents",
         )
+        daemons = write_site(options.state / "site.toml", place)
         try:
-            for name, (command, path) in files.items():
-                supervisor.start(name, (command, "--config", str(path)))
+            for name, words in daemons.items():
+                supervisor.start(name, words)
             look = _town_monitor(town, supervisor)
             status = watch(supervisor, options.port, options.seconds, stopping, look)
         finally:

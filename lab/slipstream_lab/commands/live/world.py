@@ -106,7 +106,8 @@ def time_of_day_s(text: str) -> float:
 
 
 def _run(options: argparse.Namespace, begin_s: float | None, stopping: threading.Event) -> int:
-    from slipstream_lab.commands.live.world_daemons import write_world_settings
+    from slipstream_cli.place.site_file import write_site
+    from slipstream_lab.commands.live.world_daemons import place_of_world
     from slipstream_lab.simulation.live.prepare import WARM_UP_S, prepare_world
     from slipstream_lab.simulation.live.process import WorldProcess, check_simulator
 
@@ -149,7 +150,7 @@ def _run(options: argparse.Namespace, begin_s: float | None, stopping: threading
             cameras = world.open(stopping.is_set, lambda share: bar.update(round(100 * share), 100))
             if stopping.is_set():
                 return 0
-            settings = write_world_settings(
+            place = place_of_world(
                 options.state,
                 prepared,
                 cameras,
@@ -157,13 +158,14 @@ def _run(options: argparse.Namespace, begin_s: float | None, stopping: threading
                 dashboard_port=options.port,
                 interval_s=options.interval,
             )
+            daemons = write_site(options.state / "site.toml", place)
             for camera in cameras:
                 supervisor.say(
                     camera.rsu, f"{', '.join(camera.segments)}: pictures at {camera.url}"
                 )
             try:
-                for name, (command, path) in settings.items():
-                    supervisor.start(name, (command, "--config", str(path)))
+                for name, words in daemons.items():
+                    supervisor.start(name, words)
                 look = _world_monitor(world, supervisor)
                 status = watch(supervisor, options.port, options.seconds, stopping, look)
             finally:

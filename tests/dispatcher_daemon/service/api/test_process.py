@@ -30,8 +30,8 @@ def _dispatcher(folder: Path, endpoint: str, port: int) -> Iterator[subprocess.P
     write_tokens(folder / "tokens.toml")
     (folder / "d.toml").write_text(
         f'database_url = "sqlite:///{folder}/d.db"\n'
-        'solvers = ["exact"]\ninterval_s = 60.0\ndeadline_s = 2.0\n'
-        f'[api]\nport = {port}\ntokens = "{folder}/tokens.toml"\n'
+        '[dispatcher]\nsolvers = ["exact"]\ninterval_s = 60.0\ndeadline_s = 2.0\n'
+        f'[dispatcher.api]\nport = {port}\ntokens = "{folder}/tokens.toml"\n'
         f"[bus]\nconnect = [{json.dumps(endpoint)}]\n"
     )
     command = [sys.executable, "-m", "slipstream_cli", "dispatcher", "--config"]

@@ -63,6 +63,7 @@ def van(serve: Callable[..., Api], demo: RoutingProblem) -> tuple[Api, Vehicle]:
     into = min(name for name, one in demo.network.segments.items() if one.end == depot)
     return api, Vehicle(api, "van-a", (into, 1.0))
 
+
 _DAY_NS = 24 * 3600 * 10**9
 
 

@@ -65,7 +65,7 @@ class Members:
         Args:
             strange: of another build.
         """
-        self.workers.append(self._start("worker", f"processes = {processes}\n", strange))
+        self.workers.append(self._start("worker", f"[worker]\nprocesses = {processes}\n", strange))
 
     def kill_worker(self) -> None:
         """Kill the worker that was started first."""
