@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from contextlib import closing
 from functools import partial
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -19,14 +18,14 @@ from edge_daemon import metrics
 from edge_daemon.calibration.calibration import stated_calibration
 from edge_daemon.camera import Camera, load_camera
 from edge_daemon.detection import Detections, Detector, detect_stream, open_detector
-from edge_daemon.frame import Frame, Image
+from edge_daemon.frame import Frame
 from edge_daemon.pipeline import Pipeline
-from edge_daemon.preview import annotate, draw_time, past_picture, scaled, utc_date_and_time
+from edge_daemon.publishing import Previews, Standing
 from edge_daemon.runtime import TRIM_INTERVAL_S, StageTimer, configure_allocator, trim_memory
 from edge_daemon.settings import EdgeSettings
 from edge_daemon.sources import FrameSource, mark_repeats, open_source
 from edge_daemon.watch import Watch, read_reference
-from slipstream.bus import Bus, Publisher
+from slipstream.bus import Bus
 from slipstream.messages import (
     CAMERA_FAULTS,
     CameraCalibration,
@@ -34,12 +33,8 @@ from slipstream.messages import (
     RsuHealth,
     SegmentState,
     StabilityLimits,
-    bare_preview_key,
-    preview_key,
     rsu_health_key,
     state_key,
-    stopped_key,
-    with_capture_time,
 )
 from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
 from slipstream.tracing import span
@@ -110,19 +105,9 @@ class EdgeDaemon:
             segment.id: bus.publisher(state_key(settings.rsu, segment.id), history=0)
             for segment in camera.segments
         }
-        self._stopped_publishers = {
-            segment.id: bus.publisher(stopped_key(settings.rsu, segment.id), history=0)
-            for segment in camera.segments
-        }
-        self._standing: set[str] = set()
-        self._warned: set[str] = set()
+        self._standing = Standing(settings.rsu, camera, bus)
         self._health_publisher = bus.publisher(rsu_health_key(settings.rsu), history=0)
-        keys = {preview_key(settings.rsu): True, bare_preview_key(settings.rsu): False}
-        self._preview_publishers: list[tuple[Publisher, bool]] = [
-            (bus.publisher(key, best_effort=True), boxes)
-            for key, boxes in keys.items()
-            if settings.preview.fps > 0
-        ]
+        self._previews = Previews(settings, camera, bus)
         self._started_ns = time.time_ns()
         self._frames = 0
         self._published_ns, self._published_frames = self._started_ns, 0
@@ -180,15 +165,16 @@ class EdgeDaemon:
                     next(publishing, None)
                     if frame is None:
                         _finish(publishing)
-                        self._publish_past_picture()
+                        if self._fault == "stale":
+                            self._previews.publish_past(self._last_frame)
                 if frame is not None and now >= preview_due_s:
                     with stages.measure("preview"):
-                        self._publish_preview(frame)
+                        self._previews.publish(frame, self._pipeline.tracks, self._latest)
                     preview_due_s = now + 1 / max(self._settings.preview.fps, 1e-3)
                 done_s = time.monotonic()
         _finish(publishing)
         _finish(self._publish("ended"))
-        self._publish_past_picture(ended=True)
+        self._previews.publish_past(self._last_frame)
 
     def _now_s(self, frame: Frame | None) -> float:
         """The clock of the state interval: media time of a fast clip, else monotonic time, s."""
@@ -221,7 +207,7 @@ class EdgeDaemon:
             log.warning("the camera has a fault: %s; all its segments are unknown", known)
             # Nothing seen while the fault began, or during it, may count later.
             self._pipeline.reset()
-            self._forget_stopped()
+            self._standing.forget()
         self._fault, self._fault_began_s = fault, now
 
     def _fault_without_frame(self, now: float) -> CameraFault | None:
@@ -241,7 +227,7 @@ class EdgeDaemon:
         if self._fault is None:
             self._pipeline.update(frame, found)
             if frame.cut:
-                self._forget_stopped()
+                self._standing.forget()
         done = time.monotonic()
         self._frames += 1
         self._last_frame = frame
@@ -268,7 +254,9 @@ class EdgeDaemon:
                     state = next(states)
                 with span("publish", rsu=state.rsu, segment=state.segment, sequence=state.sequence):
                     self._state_publishers[state.segment].put(state)
-                    self._publish_stopped(state)
+                    # Nothing while nobody can see them: with a fault, or without a frame.
+                    if self._fault is None and state.frames:
+                        self._standing.publish(self._pipeline.stopped(state))
             self._latest[state.segment] = state
             self._states += 1
             metrics.STATES.labels(state.segment, str(state.y_e)).inc()
@@ -300,41 +288,6 @@ class EdgeDaemon:
             or now - self._source.counters.tried_s < 2 * stall_timeout_s + _RECONNECT_S
         ):
             self._service.progress(f"{status}, {health.fps:.1f} frames a second")
-
-    def _publish_stopped(self, state: SegmentState) -> None:
-        """Publish a segment's stopped vehicles, and once that there are none any more.
-
-        Nothing while nobody can see them: with a fault, or without a frame in the window.
-        """
-        if self._fault is not None or state.frames == 0:
-            return
-        stopped = self._pipeline.stopped(state)
-        if not stopped.vehicles and state.segment not in self._standing:
-            return
-        self._stopped_publishers[state.segment].put(stopped)
-        if stopped.vehicles:
-            self._standing.add(state.segment)
-        else:
-            self._standing.discard(state.segment)
-        unusual = stopped.unusual
-        if unusual and state.segment not in self._warned:
-            if self._limiter.allow(f"stopped {state.segment}"):
-                self._warned.add(state.segment)
-                log.warning(
-                    "%s: %d stopped as in no queue, the first in lane %d from the right at %.0f m",
-                    state.segment,
-                    len(unusual),
-                    unusual[0].lane + 1,
-                    unusual[0].along_m,
-                )
-        elif not stopped.vehicles and state.segment in self._warned:
-            self._warned.discard(state.segment)
-            log.warning("%s: no vehicle stands any more", state.segment)
-
-    def _forget_stopped(self) -> None:
-        """Say no more of who stood: whether they still do is not known."""
-        self._standing.clear()
-        self._warned.clear()
 
     def _log_skipped(self, skipped: int) -> None:
         """Log which stages took longest, if frames were skipped since the last states."""
@@ -375,44 +328,6 @@ class EdgeDaemon:
             ),
             calibration=self._calibration,
         )
-
-    def _publish_preview(self, frame: Frame) -> None:
-        width = self._settings.preview.width
-        for publisher, boxes in self._preview_publishers:
-            if not publisher.has_subscribers():
-                continue
-            if boxes:
-                picture = annotate(
-                    frame.image,
-                    self._camera,
-                    self._pipeline.tracks,
-                    self._latest,
-                    frame.media_time_s,
-                    width,
-                )
-            else:
-                picture = scaled(frame.image, width)
-            draw_time(picture, utc_date_and_time(frame.captured_ns))
-            self._put_picture(publisher, picture, frame.captured_ns)
-
-    def _publish_past_picture(self, *, ended: bool = False) -> None:
-        """Replace the last picture, which may still be shown, once no frame comes any more."""
-        last = self._last_frame
-        if last is None or not (ended or self._fault == "stale"):
-            return
-        for publisher, boxes in self._preview_publishers:
-            if publisher.has_subscribers():
-                width = self._settings.preview.width
-                picture = past_picture(
-                    last.image, self._camera, last.captured_ns, width, boxes=boxes
-                )
-                self._put_picture(publisher, picture, last.captured_ns)
-
-    def _put_picture(self, publisher: Publisher, picture: Image, captured_ns: int) -> None:
-        quality = [cv2.IMWRITE_JPEG_QUALITY, self._settings.preview.jpeg_quality]
-        ok, data = cv2.imencode(".jpg", picture, quality)
-        if ok:
-            publisher.put(with_capture_time(data.tobytes(), captured_ns))
 
 
 def _finish(steps: Iterator[None]) -> None:

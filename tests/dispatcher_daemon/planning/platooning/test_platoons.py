@@ -103,7 +103,7 @@ def test_meetings_and_energies_agree(
         Route(f"van-{n}", (StopVisit("depot-0", at, at), StopVisit("s0", at + 1, at + 1)), (leg,))
         for n, at in enumerate(0.5 * n for n in range(members))
     ]
-    meetings = Planner(problem, snapshot, [], 3.0).meetings()
+    meetings = Planner(problem, snapshot, [], 3.0).book.meetings()
     steady = path[1]
     begin_s, end_s = drive.entry_s[1:3]
     planned_kwh = sum(
