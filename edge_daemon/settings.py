@@ -72,6 +72,16 @@ class SourceSettings(Settings):
 class DetectorSettings(Settings):
     """How vehicles are detected (``[detector]``)."""
 
+    constants: ClassVar[frozenset[str]] = frozenset(
+        (
+            "min_score",
+            "nms_iou",
+            "requests",
+            "region",
+            "region_margin_m",
+        )
+    )
+
     renamed: ClassVar[Mapping[str, str]] = {"max_overlap": "nms_iou"}
 
     backend: str | None = Field(
@@ -115,6 +125,16 @@ class DetectorSettings(Settings):
 class TrackerSettings(Settings):
     """How vehicles are tracked (``[tracker]``)."""
 
+    constants: ClassVar[frozenset[str]] = frozenset(
+        (
+            "high_score",
+            "confirm_hits",
+            "lost_after_s",
+            "jerk_noise",
+            "max_speed_mps",
+        )
+    )
+
     renamed: ClassVar[Mapping[str, str]] = {"sure_score": "high_score"}
 
     high_score: Share = Field(
@@ -140,6 +160,8 @@ class TrackerSettings(Settings):
 
 class StabilitySettings(Settings):
     """Thresholds of the stability flag and what a flag requires (``[stability]``)."""
+
+    constants: ClassVar[frozenset[str]] = frozenset(("min_coverage",))
 
     renamed: ClassVar[Mapping[str, str]] = {"sure_sigmas": "confidence_sigmas"}
 
@@ -176,6 +198,18 @@ class StabilitySettings(Settings):
 
 class WatchSettings(Settings):
     """When a camera is at fault (``[watch]``)."""
+
+    constants: ClassVar[frozenset[str]] = frozenset(
+        (
+            "sample_interval_s",
+            "frozen_after_s",
+            "exposure_after_s",
+            "stale_after_s",
+            "clock_step_s",
+            "max_repeated_share",
+            "clear_after_s",
+        )
+    )
 
     renamed: ClassVar[Mapping[str, str]] = {
         "sample_s": "sample_interval_s",
@@ -222,6 +256,13 @@ class WatchSettings(Settings):
 
 class PreviewSettings(Settings):
     """The annotated frames for people; made only while there is a subscriber (``[preview]``)."""
+
+    constants: ClassVar[frozenset[str]] = frozenset(
+        (
+            "width",
+            "jpeg_quality",
+        )
+    )
 
     fps: Annotated[float, Field(ge=0, le=30)] = Field(
         default=2.0, description="Frames per second; 0: no preview."

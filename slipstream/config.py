@@ -52,11 +52,14 @@ class Settings(BaseModel):
     Attributes:
         renamed: present name by former name. A former name is read for one more version, with a
             warning.
+        constants: fields that no file sets, but the code, which tests and the laboratory
+            may give.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     renamed: ClassVar[Mapping[str, str]] = {}
+    constants: ClassVar[frozenset[str]] = frozenset()
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:

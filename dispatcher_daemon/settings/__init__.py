@@ -16,9 +16,9 @@ from dispatcher_daemon.settings.dispatcher import (
     DispatcherSettings,
     FeedSettings,
     OrderSettings,
-    PriceSettings,
     Scope,
 )
+from dispatcher_daemon.settings.effort import Effort
 from dispatcher_daemon.settings.hardware import (
     HardwareSettings,
 )
@@ -32,6 +32,7 @@ from dispatcher_daemon.settings.solvers import (
     SolverName,
     solver_names,
 )
+from slipstream.prices import PriceSettings
 
 __all__ = [
     "BUILT_IN_SOLVERS",
@@ -43,6 +44,7 @@ __all__ = [
     "CitySettings",
     "ClusterSettings",
     "DispatcherSettings",
+    "Effort",
     "FeedSettings",
     "HardwareSettings",
     "LcQaoaSettings",

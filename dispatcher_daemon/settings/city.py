@@ -14,6 +14,16 @@ from slipstream.config import Settings
 class SearchSettings(Settings):
     """Length of the search for base routes, in iterations, so that a result can be repeated."""
 
+    constants: ClassVar[frozenset[str]] = frozenset(
+        (
+            "rounds",
+            "iterations_per_stop",
+            "iterations_to_feasible",
+            "max_penalty_kwh",
+            "part_stops",
+        )
+    )
+
     renamed: ClassVar[Mapping[str, str]] = {"most_penalty_kwh": "max_penalty_kwh"}
 
     rounds: int = Field(
@@ -58,6 +68,21 @@ class SearchSettings(Settings):
 
 class CitySettings(Settings):
     """The route form: base routes, blocks and sweeps."""
+
+    constants: ClassVar[frozenset[str]] = frozenset(
+        (
+            "base_share",
+            "second_rounds",
+            "block_variables",
+            "options",
+            "ways",
+            "ways_legs",
+            "wave",
+            "max_sweeps",
+            "patience",
+            "block_deadline_s",
+        )
+    )
 
     renamed: ClassVar[Mapping[str, str]] = {"most_sweeps": "max_sweeps"}
 

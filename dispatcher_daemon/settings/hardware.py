@@ -13,6 +13,19 @@ from slipstream.config import Settings
 class HardwareSettings(Settings):
     """A quantum device beside the solvers: its jobs, budget and circuit breaker."""
 
+    constants: ClassVar[frozenset[str]] = frozenset(
+        (
+            "poll_s",
+            "max_poll_s",
+            "call_timeout_s",
+            "job_timeout_s",
+            "lost_after_s",
+            "fault_threshold",
+            "open_s",
+            "max_open_s",
+        )
+    )
+
     renamed: ClassVar[Mapping[str, str]] = {
         "most_pending": "max_pending_jobs",
         "most_poll_s": "max_poll_s",
