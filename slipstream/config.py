@@ -52,8 +52,7 @@ class Settings(BaseModel):
     Attributes:
         renamed: present name by former name. A former name is read for one more version, with a
             warning.
-        constants: fields that no file sets, but the code, which tests and the laboratory
-            may give.
+        constants: fields that no site.toml sets; tests and the laboratory give them.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)

@@ -244,11 +244,10 @@ def _write_settings(folder: Path) -> None:
         **edge,
         "window_s": 10.0,
         "state_interval_s": 1.0,
-        "detector": {"threads": 2, "requests": 2, "min_score": 0.1, "region_margin_m": 3.0},
-        "tracker": {"confirm_hits": 3, "lost_after_s": 1.2, "max_speed_mps": 45.0},
+        "detector": {"threads": 2},
         "stability": {"max_speed_cv": 0.12, "min_vehicles": 3, "hysteresis": 0.05},
-        "watch": {"frozen_after_s": 5.0, "max_shift_share": 0.003},
-        "preview": {"fps": 2.0, "width": 640},
+        "watch": {"max_shift_share": 0.003},
+        "preview": {"fps": 2.0},
         "metrics_port": 9464,
     }
     shared = {"bus": {"connect": ["tcp/127.0.0.1:7447"]}, "service": {"log_level": "INFO"}}
