@@ -44,14 +44,17 @@ class Place:
     metrics_ports: Mapping[str, int] = field(default_factory=dict)
 
 
+def scene_port_of(port: int) -> int:
+    """The 3D view's port beside that of the operator's page."""
+    return port + 1
+
+
 def tables_of(place: Place) -> dict[str, Any]:
     """The tables of its file, which all daemons take.
 
     Raises:
         InputError: something of it is not valid.
     """
-    from slipstream_lab.commands.live.local import scene_port_of
-
     ports = {name: {"metrics_port": port} for name, port in place.metrics_ports.items()}
     tables: dict[str, Any] = {
         "network": place.network,

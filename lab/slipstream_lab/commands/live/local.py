@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from slipstream.errors import InputError
+from slipstream_cli.place.site_file import scene_port_of
 from slipstream_lab.commands.live.supervisor import Supervisor
 
 _POLL_S = 0.1
@@ -29,11 +30,6 @@ def http_status(address: str) -> int | None:
         return int(error.code)
     except OSError:
         return None
-
-
-def scene_port_of(port: int) -> int:
-    """The 3D view's port beside that of the operator's page."""
-    return port + 1
 
 
 def check_ports_are_free(port: int) -> None:
