@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from pydantic import Field, field_validator, model_validator
@@ -20,6 +20,13 @@ HOST_NAME = r"^([A-Za-z0-9._-]+|[0-9A-Fa-f:.]+)$"
 
 class DashboardSettings(Settings):
     """The dashboard's bus, database, network and address."""
+
+    constants: ClassVar[frozenset[str]] = frozenset(
+        (
+            "silent_after_s",
+            "history_cycles",
+        )
+    )
 
     bus: BusSettings = Field(default=BusSettings(), description="How to reach the other daemons.")
     service: ServiceSettings = Field(default=ServiceSettings(), description="Metrics and logs.")

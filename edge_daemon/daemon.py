@@ -20,7 +20,7 @@ from edge_daemon.camera import Camera, load_camera
 from edge_daemon.detection import Detections, Detector, detect_stream, open_detector
 from edge_daemon.frame import Frame
 from edge_daemon.pipeline import Pipeline
-from edge_daemon.publishing import Previews, Standing
+from edge_daemon.publishing import Previews, StoppedPublisher
 from edge_daemon.runtime import TRIM_INTERVAL_S, StageTimer, configure_allocator, trim_memory
 from edge_daemon.settings import EdgeSettings
 from edge_daemon.sources import FrameSource, mark_repeats, open_source
@@ -105,7 +105,7 @@ class EdgeDaemon:
             segment.id: bus.publisher(state_key(settings.rsu, segment.id), history=0)
             for segment in camera.segments
         }
-        self._standing = Standing(settings.rsu, camera, bus)
+        self._standing = StoppedPublisher(settings.rsu, camera, bus)
         self._health_publisher = bus.publisher(rsu_health_key(settings.rsu), history=0)
         self._previews = Previews(settings, camera, bus)
         self._started_ns = time.time_ns()

@@ -26,7 +26,7 @@ from slipstream.service import LogLimiter
 log = logging.getLogger(__name__)
 
 
-class Standing:
+class StoppedPublisher:
     """Publishes segments' stopped vehicles, and once that there are none any more.
 
     Args:

@@ -6,7 +6,7 @@ Imports nothing of the edge, so that a command line can take its bounds and defa
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Final, Literal, Self
+from typing import Annotated, ClassVar, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -69,6 +69,16 @@ class SourceSettings(Settings):
 class DetectorSettings(Settings):
     """How vehicles are detected (``[detector]``)."""
 
+    constants: ClassVar[frozenset[str]] = frozenset(
+        (
+            "min_score",
+            "nms_iou",
+            "requests",
+            "region",
+            "region_margin_m",
+        )
+    )
+
     backend: str | None = Field(
         default=None,
         min_length=1,
@@ -110,6 +120,16 @@ class DetectorSettings(Settings):
 class TrackerSettings(Settings):
     """How vehicles are tracked (``[tracker]``)."""
 
+    constants: ClassVar[frozenset[str]] = frozenset(
+        (
+            "high_score",
+            "confirm_hits",
+            "lost_after_s",
+            "jerk_noise",
+            "max_speed_mps",
+        )
+    )
+
     high_score: Share = Field(
         default=0.5,
         description="Detections from this score on are assigned first and may start a track.",
@@ -133,6 +153,8 @@ class TrackerSettings(Settings):
 
 class StabilitySettings(Settings):
     """Thresholds of the stability flag and what a flag requires (``[stability]``)."""
+
+    constants: ClassVar[frozenset[str]] = frozenset(("min_coverage",))
 
     max_speed_cv: Annotated[float, Field(gt=0, le=1)] = Field(
         default=0.12, description="Coefficient of variation of speed, σ_v / v̄, dimensionless."
@@ -167,6 +189,18 @@ class StabilitySettings(Settings):
 
 class WatchSettings(Settings):
     """When a camera is at fault (``[watch]``)."""
+
+    constants: ClassVar[frozenset[str]] = frozenset(
+        (
+            "sample_interval_s",
+            "frozen_after_s",
+            "exposure_after_s",
+            "stale_after_s",
+            "clock_step_s",
+            "max_repeated_share",
+            "clear_after_s",
+        )
+    )
 
     sample_interval_s: Annotated[float, Field(gt=0, le=1)] = Field(
         default=0.2, description="Media time between two frames that are examined, s."
@@ -208,6 +242,13 @@ class WatchSettings(Settings):
 
 class PreviewSettings(Settings):
     """The annotated frames for people; made only while there is a subscriber (``[preview]``)."""
+
+    constants: ClassVar[frozenset[str]] = frozenset(
+        (
+            "width",
+            "jpeg_quality",
+        )
+    )
 
     fps: Annotated[float, Field(ge=0, le=30)] = Field(
         default=2.0, description="Frames per second; 0: no preview."

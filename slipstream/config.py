@@ -13,7 +13,7 @@ import re
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final, Literal, Self, TypeVar, get_args
+from typing import Any, ClassVar, Final, Literal, Self, TypeVar, get_args
 
 from pydantic import (
     BaseModel,
@@ -44,9 +44,15 @@ def _stop_at_first_faulty_row(schema: Any) -> None:
 
 
 class Settings(BaseModel):
-    """Base of all settings: unknown keys are refused."""
+    """Base of all settings: unknown keys are refused.
+
+    Attributes:
+        constants: fields that no site.toml sets; tests and the laboratory give them.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+    constants: ClassVar[frozenset[str]] = frozenset()
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:

@@ -19,6 +19,7 @@ from slipstream.config import (
     SiteBus,
     SiteService,
     check,
+    model_of,
     read_toml,
 )
 from slipstream.errors import InputError, refuse
@@ -126,7 +127,7 @@ def load_site(path: Path, command: str, model: type[S], name: str | None = None)
 
 def own_keys(command: str, model: type[Settings]) -> frozenset[str]:
     """The keys of a daemon's section."""
-    return (frozenset(model.model_fields) - SHARED - _DERIVED) | {"metrics_port"}
+    return (frozenset(model.model_fields) - SHARED - _DERIVED - model.constants) | {"metrics_port"}
 
 
 def names_of(tables: Table, command: str) -> tuple[str, ...]:
@@ -152,6 +153,7 @@ def settings_of(
     layers = _layers(tables, command, name)
     allowed = own_keys(command, model)
     faults = list(_unknown(layers, allowed, path))
+    faults += (f for prefix, layer in layers for f in _constants(layer, model, path, prefix))
     given: dict[str, Any] = {}
     for _, layer in layers:
         given = _merged(given, {key: layer[key] for key in allowed & layer.keys()})
@@ -231,6 +233,21 @@ def _unknown(
             if key in SHARED:
                 problem, mend = "stands once, at the top of the file", "move it there"
             yield InputError(path, problem, mend, key=f"{prefix}.{key}")
+
+
+def _constants(
+    table: Table, model: type[Settings], path: Path, prefix: str
+) -> Iterator[InputError]:
+    """Keys of inner tables that no file sets."""
+    for key, inner in table.items():
+        field = model.model_fields.get(key)
+        below = None if field is None else model_of(field.annotation, Settings)
+        if below is None or not isinstance(inner, Mapping):
+            continue
+        for name in inner.keys() & below.constants:
+            mend = "remove it, or set effort" if prefix == "dispatcher" else "remove it"
+            yield InputError(path, "unknown key", mend, key=f"{prefix}.{key}.{name}")
+        yield from _constants(inner, below, path, f"{prefix}.{key}")
 
 
 def _merged(base: Table, over: Table) -> dict[str, Any]:

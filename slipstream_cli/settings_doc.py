@@ -117,7 +117,7 @@ def sections(
     keys: list[Key] = []
     nested: list[Section] = []
     for name, field in model.model_fields.items():
-        if only is not None and name not in only:
+        if (only is not None and name not in only) or name in getattr(model, "constants", ()):
             continue
         key = field.alias or name
         inner = f"{path}.{key}" if path else key

@@ -18,6 +18,7 @@ from dispatcher_daemon.settings.dispatcher import (
     OrderSettings,
     Scope,
 )
+from dispatcher_daemon.settings.effort import Effort
 from dispatcher_daemon.settings.hardware import (
     HardwareSettings,
 )
@@ -43,6 +44,7 @@ __all__ = [
     "CitySettings",
     "ClusterSettings",
     "DispatcherSettings",
+    "Effort",
     "FeedSettings",
     "HardwareSettings",
     "LcQaoaSettings",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 from pydantic import Field
 
 from dispatcher_daemon.settings.solvers import SolverName
@@ -10,6 +12,16 @@ from slipstream.config import Settings
 
 class SearchSettings(Settings):
     """Length of the search for base routes, in iterations, so that a result can be repeated."""
+
+    constants: ClassVar[frozenset[str]] = frozenset(
+        (
+            "rounds",
+            "iterations_per_stop",
+            "iterations_to_feasible",
+            "max_penalty_kwh",
+            "part_stops",
+        )
+    )
 
     rounds: int = Field(
         default=15, ge=0, le=10_000, description="Number of rounds after the first search."
@@ -53,6 +65,21 @@ class SearchSettings(Settings):
 
 class CitySettings(Settings):
     """The route form: base routes, blocks and sweeps."""
+
+    constants: ClassVar[frozenset[str]] = frozenset(
+        (
+            "base_share",
+            "second_rounds",
+            "block_variables",
+            "options",
+            "ways",
+            "ways_legs",
+            "wave",
+            "max_sweeps",
+            "patience",
+            "block_deadline_s",
+        )
+    )
 
     search: SearchSettings = Field(
         default=SearchSettings(), description="The search of base routes."

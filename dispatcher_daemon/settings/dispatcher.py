@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal, Self
+from typing import ClassVar, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
 from dispatcher_daemon.settings.city import CitySettings
 from dispatcher_daemon.settings.cluster import ClusterSettings
+from dispatcher_daemon.settings.effort import EFFORTS, Effort, with_effort
 from dispatcher_daemon.settings.hardware import HardwareSettings
 from dispatcher_daemon.settings.solvers import (
     HARDWARE_SOLVER,
@@ -92,6 +93,13 @@ class ApiSettings(Settings):
 
 class DispatcherSettings(Settings):
     """All settings of the dispatcher; the defaults run the built-in demo."""
+
+    constants: ClassVar[frozenset[str]] = frozenset(
+        (
+            "future_tolerance_s",
+            "gamma",
+        )
+    )
 
     bus: BusSettings = Field(default=BusSettings(), description="The zenoh bus.")
     service: ServiceSettings = Field(
@@ -195,6 +203,10 @@ class DispatcherSettings(Settings):
         description="Solvers that run in parallel; the best answer is taken. Fleets of "
         "many blocks use city.solvers instead.",
     )
+    effort: Effort = Field(
+        default="normal",
+        description="How much work search and circuits do; in any case the deadline ends it.",
+    )
     city: CitySettings = Field(default=CitySettings(), description="The route form.")
     gamma: float | None = Field(
         default=None,
@@ -222,6 +234,13 @@ class DispatcherSettings(Settings):
         if given["value_of_time_kw"] is None:
             given["value_of_time_kw"] = self.prices.price_of_time_kw
         return DrivingAdvice.model_validate(given)
+
+    @model_validator(mode="after")
+    def _has_effort(self) -> Self:
+        for name, values in EFFORTS[self.effort].items():
+            # The model is frozen, and this is a part of its making.
+            self.__dict__[name] = with_effort(getattr(self, name), values)
+        return self
 
     @field_validator("solvers")
     @classmethod

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Self
+from typing import ClassVar, Self
 
 from pydantic import Field, model_validator
 
@@ -11,6 +11,19 @@ from slipstream.config import Settings
 
 class HardwareSettings(Settings):
     """A quantum device beside the solvers: its jobs, budget and circuit breaker."""
+
+    constants: ClassVar[frozenset[str]] = frozenset(
+        (
+            "poll_s",
+            "max_poll_s",
+            "call_timeout_s",
+            "job_timeout_s",
+            "lost_after_s",
+            "fault_threshold",
+            "open_s",
+            "max_open_s",
+        )
+    )
 
     backend: str = Field(
         default="",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal
 
 from pydantic import AfterValidator, Field
 
@@ -53,6 +53,17 @@ LcQaoaVariant = Literal[
 
 class LcQaoaSettings(Settings):
     """Linear-chain QAOA: which circuit, how it is trained, how often it is sampled."""
+
+    constants: ClassVar[frozenset[str]] = frozenset(
+        (
+            "delta_beta",
+            "delta_gamma",
+            "restarts",
+            "spread",
+            "cvar_share",
+            "order",
+        )
+    )
 
     variant: LcQaoaVariant = Field(
         default="trained",
@@ -110,6 +121,19 @@ class LcQaoaSettings(Settings):
 
 class QaoaSettings(Settings):
     """QAOA with all couplings, on an exactly simulated state."""
+
+    constants: ClassVar[frozenset[str]] = frozenset(
+        (
+            "delta_beta",
+            "delta_gamma",
+            "iterations",
+            "alpha",
+            "pairs",
+            "layers",
+            "shots",
+            "angles",
+        )
+    )
 
     variant: Literal["x", "xy"] = Field(
         default="x",

@@ -8,7 +8,7 @@ import pytest
 from pydantic import Field
 
 from slipstream.config import Settings
-from slipstream_cli.settings_doc import DAEMONS, page, sections
+from slipstream_cli.settings_doc import DAEMONS, page, sections, site_sections
 
 PAGE = Path(__file__).parents[2] / "docs" / "settings.md"
 
@@ -63,3 +63,10 @@ def test_type_default_bounds_and_former_name_are_shown() -> None:
     assert inner.path == "inner"
     assert (inner.keys[0].path, inner.keys[0].default) == ("inner.share", "`0.25`")
     assert inner.keys[0].bounds == "> 0, < 1"
+
+
+def test_an_operator_has_few_keys_to_know() -> None:
+    """Each key of the file once, whichever daemons read it."""
+    keys = [key.path for section in site_sections() for key in section.keys]
+    assert len(set(keys)) == len(keys)
+    assert len(keys) <= 120

@@ -82,7 +82,7 @@ def test_faults_of_a_site_are_all_told(site: Site, capsys: pytest.CaptureFixture
     """Ports taken twice, a segment that no network has, agents too many, a misspelt key."""
     tables: Any = read_toml(site["site"])
     tables["rsus"]["rsu-2"] = {"segments": ["nowhere"]}
-    tables["dashboard"] |= {"port": 9465, "scene_port": 9467, "silent_afer_s": 1, "network": "x"}
+    tables["dashboard"] |= {"port": 9465, "scene_port": 9467, "time_zon": "x", "network": "x"}
     tables["dispatcher"]["interval_s"] = "30"
     tables["agents"]["vans"]["vehicles"] = [{"id": "van-1"}]
     tables["agents"]["more"] = {"vehicles": [{"id": "van-1"}], "stat": "x"}
@@ -92,7 +92,7 @@ def test_faults_of_a_site_are_all_told(site: Site, capsys: pytest.CaptureFixture
     for said in (
         "dashboard.port: port 9465 is taken by dispatcher.metrics_port",
         "dashboard.scene_port: port 9467 is taken by agents.vans.metrics_port",
-        "dashboard.silent_afer_s: unknown key; did you mean silent_after_s?",
+        "dashboard.time_zon: unknown key; did you mean time_zone?",
         "dashboard.network: stands once, at the top of the file; move it there",
         "dispatcher.interval_s: ",
         "rsus.rsu-2: the network has no segment nowhere",
