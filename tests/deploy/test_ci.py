@@ -21,14 +21,16 @@ def required() -> set[str]:
 
 
 def test_ci_requires_every_tool_that_a_test_may_be_skipped_for() -> None:
-    """Each tool that a test asks for by name is installed by CI; all Linux has `unshare`."""
+    """Each tool that a test asks for by name is installed by CI; all Linux has `unshare`, and `tsc`
+    is required where it could be installed.
+    """
     asked = {
         name
         for path in (ROOT / "tests").rglob("*.py")
         for name in re.findall(r'\btool\("([^"]+)"\)', path.read_text())
     }
     assert "nginx" in asked
-    assert asked - {"unshare"} <= required()
+    assert asked - {"tsc", "unshare"} <= required()
 
 
 @pytest.mark.attack

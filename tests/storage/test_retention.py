@@ -46,7 +46,7 @@ def _city(cycle, segments):
         """A state with figures of its own, so that it takes as much room as a measured one."""
         figures = {
             feature: Estimate(value=measured.random(), standard_error=measured.random())
-            for feature in type(state.features).model_fields
+            for feature in type(state.features).__struct_fields__
         }
         features = msgspec.structs.replace(state.features, **figures)
         return msgspec.structs.replace(state, segment=name, features=features)

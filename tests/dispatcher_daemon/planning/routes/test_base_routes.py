@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import replace
@@ -177,7 +178,9 @@ def test_first_routes_of_a_large_city_are_searched_in_parts(
     """Every stop once, all loads and windows kept, from nothing and from routes of the last cycle
     in which a stop is new and one is gone; the same again for the same seed.
     """
-    monkeypatch.setattr("dispatcher_daemon.planning.routes.base_routes._WHOLE_STOPS", 20)
+    monkeypatch.setattr(
+        sys.modules["dispatcher_daemon.planning.routes.base_routes"], "_WHOLE_STOPS", 20
+    )
     city = generate_city(3, vehicles=16, stops=60, segments=200)
     made = city.problem, city.snapshot
     short = SHORT.model_copy(update={"part_stops": 10, "rounds": 0})

@@ -16,8 +16,8 @@ import psutil
 import pytest
 
 from dispatcher_daemon import metrics
-from dispatcher_daemon.planning import FleetPlan, plan_fleet
 from dispatcher_daemon.planning.cycle.solving import Solving
+from dispatcher_daemon.planning.route_form import FleetPlan, plan_fleet
 from dispatcher_daemon.settings import (
     CitySettings,
     ClusterSettings,

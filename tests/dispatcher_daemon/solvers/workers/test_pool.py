@@ -214,14 +214,14 @@ def test_workers_end_with_a_killed_parent(tmp_path: Path) -> None:
         textwrap.dedent(
             """
             from dispatcher_daemon.forms.problem import ArcProblem
-            from dispatcher_daemon.solvers.workers.pool import Job, SolverPool
+            from dispatcher_daemon.solvers.workers.pool import PoolJob, SolverPool
             from faulty_solver import Faulty
 
             if __name__ == "__main__":
                 with SolverPool([Faulty("hangs")]) as pool:
                     pool.warm_up()
                     print("ready", flush=True)
-                    pool([Job("faulty", ArcProblem("d", (), (), ()), 1)], 50.0)
+                    pool([PoolJob("faulty", ArcProblem("d", (), (), ()), 1)], 50.0)
             """
         )
     )

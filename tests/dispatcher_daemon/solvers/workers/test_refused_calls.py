@@ -20,7 +20,7 @@ from dispatcher_daemon.fleet.learning import Learned
 from dispatcher_daemon.solvers.quantum.hardware.service import ServiceWorker
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.workers.pool import Job, SolverPool
+from dispatcher_daemon.solvers.workers.pool import PoolJob, SolverPool
 from dispatcher_daemon.solvers.workers.processes import WorkerExecutor
 from slipstream_lab.research.instances import open_instance
 from slipstream_lab.research.instances.forms import arc_form_of
@@ -36,7 +36,7 @@ def main():
     problem = arc_form_of(open_instance("arc14-avenue")).problem
     with SolverPool([ExactSolver()]) as pool:
         found["warm"] = pool.warm_up(300)
-        (outcome,) = pool([Job("exact", problem, 1)], 120)
+        (outcome,) = pool([PoolJob("exact", problem, 1)], 120)
         found["exact"] = outcome.status
     with WorkerExecutor(1) as workers:
         found["search"] = workers.submit(math.hypot, 3, 4).result(300)
