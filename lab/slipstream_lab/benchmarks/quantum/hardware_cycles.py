@@ -31,6 +31,7 @@ from dispatcher_daemon.solvers.quantum.hardware import JobManager, JobThread
 from dispatcher_daemon.solvers.workers import RESERVE, PoolJob, Solve, SolverPool
 from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot
 from slipstream.messages import Message
+from slipstream.orders import FleetRecords
 from slipstream.roads import RoadNetwork
 from slipstream.sumo_net import load_network
 from slipstream_lab.benchmarks.quantum.ansatz_builder import AnsatzBuilder
@@ -139,32 +140,28 @@ class Harness:
         manager = JobManager(self.inner, thread, hardware.wait_s, self.settings.deadline_s)
         self.manager = self._stack.enter_context(manager)
         self.outer = Timed(self.manager)
-        watch = FleetWatch(
-            self.network,
-            self.database.load_fleet(time.time_ns()),
-            time.time_ns(),
-            time.time_ns,
-            lambda _: None,
-        )
-        self._runner = CycleRunner(
+        if warm:
+            thread.warm.wait(60.0)
+
+    def run(self, number: int, traffic: TrafficSnapshot) -> CycleOutcome:
+        """One cycle in some traffic, of a fleet that stands at its depots: nobody drives, and a
+        vehicle that answers no plan would be left out of later ones.
+        """
+        now_ns = traffic.now_ns
+        watch = FleetWatch(self.network, FleetRecords(), now_ns, lambda: now_ns, lambda _: None)
+        runner = CycleRunner(
             self.settings,
             watch,
             PlanDelivery(_Nobody(), self.database, watch),
             Surroundings(
                 lambda _: self.fleet,
-                lambda _: self._traffic,
+                lambda _: traffic,
                 lambda fleet: routing_problem(self.network, fleet, self.settings),
                 self.outer,
             ),
         )
-        if warm:
-            thread.warm.wait(60.0)
-
-    def run(self, number: int, traffic: TrafficSnapshot) -> CycleOutcome:
-        """One cycle in some traffic."""
-        self._traffic = traffic
         self.manager.begin_cycle(number)
-        return self._runner.run(traffic.now_ns)
+        return runner.run(now_ns)
 
     def wait_for_pool(self) -> None:
         """Between cycles: a killed solver's successor gets time to start, as it has in service.

@@ -19,6 +19,8 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from slipstream.bus import Router, free_port
 
+_SHARED: Final = ("network", "fleet", "stale_after_s", "prices")
+"""Keys of the whole site."""
 _START_S: Final = 120.0
 _SETTLE_S: Final = 30.0
 
@@ -120,7 +122,8 @@ def run_load(
 
     Args:
         folder: for the dispatcher's files.
-        settings: of the dispatcher, beside database, bus and metrics.
+        settings: of the dispatcher, with network, fleet and the segments of each RSU; beside
+            database, bus and metrics.
         told: to the senders (see `slipstream_lab.benchmarks.service.senders`), with `seconds`.
         subscription: key expression whose messages are waited for.
 
@@ -128,12 +131,18 @@ def run_load(
         RuntimeError: a process ended, or the dispatcher did not start.
     """
     port = free_port()
-    config = folder / "dispatcher.toml"
+    config = folder / "site.toml"
+    own = {name: value for name, value in settings.items() if name not in (*_SHARED, "rsus")}
     with Router() as router:
         config.write_text(
             tomli_w.dumps(
                 {
-                    "dispatcher": {**settings, "metrics_port": port},
+                    **{name: value for name, value in settings.items() if name in _SHARED},
+                    "rsus": {
+                        name: {"segments": segments}
+                        for name, segments in settings.get("rsus", {}).items()
+                    },
+                    "dispatcher": own | {"metrics_port": port},
                     "database_url": f"sqlite:///{folder / f'{time.time_ns()}.db'}",
                     "bus": {"connect": [router.endpoint]},
                 }
