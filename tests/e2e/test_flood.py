@@ -150,8 +150,12 @@ def server(
     folder: Path,
     dispatcher: Mapping[str, object],
     names: Sequence[str] = ("dispatcher", "dashboard"),
+    shared: Mapping[str, object] | None = None,
 ) -> Iterator[tuple[int, dict[str, Daemon]]]:
-    """Router and daemons of a server, each with its identity; gives the router's port and them."""
+    """Router and daemons of a server, each with its identity; gives the router's port and them.
+
+    ``shared`` is what stands at the top of their site file beside database and bus.
+    """
     port = free_port()
     (folder / "bus-users").write_text("".join(f"{user}:secret\n" for user in USERS))
     (folder / "password").write_text("secret")
@@ -184,6 +188,7 @@ def server(
         site = {
             "database_url": f"sqlite:///{folder / 'slipstream.db'}",
             "bus": bus,
+            **(shared or {}),
             name: {**settings, "metrics_port": ports[name]},
         }
         path.write_text(tomli_w.dumps(site))
@@ -296,13 +301,15 @@ def test_many_rsus_are_all_heard(
         "interval_s": 10.0 if full_size else INTERVAL_S,
         "deadline_s": 1.0,
         "solvers": ["exact"],
+    }
+    shared = {
         "network": str(tmp_path / "grid.net.xml"),
         "fleet": str(tmp_path / "fleet.json"),
-        "rsus": watched,
+        "rsus": {rsu: {"segments": its} for rsu, its in watched.items()},
     }
     cycles, health = Reports(CycleReport), Reports(DispatcherHealth)
     with (
-        server(tmp_path, settings, ("dispatcher",)) as (port, daemons),
+        server(tmp_path, settings, ("dispatcher",), shared) as (port, daemons),
         Bus.open(identity(tmp_path, port, "dashboard")) as bus,
     ):
         bus.subscribe(CYCLE_KEY, cycles.take, every=True)
