@@ -275,7 +275,7 @@ class TrackSettings(Settings):
 
 
 class EdgeSettings(TrackSettings):
-    """Settings of one roadside unit (``edge.toml``)."""
+    """Settings of one roadside unit (``[edge]`` and ``[rsus.NAME]``)."""
 
     rsu: Identifier = Field(description="Name of this roadside unit.")
     camera: Path = Field(description="Calibration and segments: a camera.toml.")

@@ -40,7 +40,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     command.add_argument(
         "--model",
         default=BUILTIN_MODEL,
-        help="detector for the page's traffic and first guess, as detector.model of edge.toml",
+        help="detector for the page's traffic and first guess, as edge.detector.model of site.toml",
     )
     command.add_argument(
         "--points",
