@@ -162,6 +162,8 @@ def test_a_killed_scheduler_changes_no_plan(
     members.start_worker()
     with connected(members.settings, 1) as cluster, own_processes(cluster) as executor:
         solve = cluster_solve(cluster, [ExactSolver()], LOCAL)
+        # A slow start of the scheduler is told too.
+        caplog.clear()
         at_call(cluster, 2, members.kill_scheduler)
         for _ in range(2):
             assert stops_of(plan(executor, solve, 600.0)) == expected
