@@ -33,8 +33,8 @@ check: lint js
 test: lint
 	$(BIN)/python $(PYTEST) tests -m "not slow(long=True)"
 
-# The laboratory: whenever it changes, or what it uses of the product.
-test-lab: lint
+# The laboratory: whenever it changes, or what it uses of the product; `make test` lints it too.
+test-lab: setup
 	$(BIN)/python $(PYTEST) lab/tests -m "not slow(long=True)"
 
 # What both leave out; the whole product (tests/e2e) beside no other test.

@@ -11,7 +11,7 @@ import json
 import os
 import re
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, Final, Literal, Self, TypeVar, get_args
 
@@ -83,6 +83,7 @@ _MAX_SECRET_BYTES: Final = 10_000
 _NUL: Final = re.compile(r"(?<!\\)(?:\\\\)*\\u0000")
 
 _UNKNOWN_KEY: Final = ("extra_forbidden", "unexpected_keyword_argument")
+_MEND_UNKNOWN: Final = "remove it or mend its spelling"
 _NAMING: Final = ("id", "segment", "vehicle")
 """Keys that name a table in a list."""
 
@@ -282,6 +283,12 @@ def model_of(annotation: object, base: type[M]) -> type[M] | None:
     return None
 
 
+def mend_of_unknown(key: str, known: Iterable[str]) -> str:
+    """What to do about an unknown key where these are known."""
+    near = difflib.get_close_matches(key, list(known), n=1)
+    return f"did you mean {near[0]}?" if near else _MEND_UNKNOWN
+
+
 def _name_of_row(row: object, number: int) -> str:
     names = [row.get(key) for key in _NAMING] if isinstance(row, Mapping) else []
     return next((name for name in names if isinstance(name, str) and name), str(number))
@@ -308,9 +315,8 @@ def _told(
     problem = message[0].lower() + message[1:]
     if fault["type"] in _UNKNOWN_KEY:
         known = _known_keys(model, fault["loc"])
-        near = difflib.get_close_matches(str(fault["loc"][-1]), known, n=1)
-        mend = f"did you mean {near[0]}?" if near else "remove it or mend its spelling"
-        if known and not near and len(fault["loc"]) == 1:
+        mend = mend_of_unknown(str(fault["loc"][-1]), known)
+        if known and mend == _MEND_UNKNOWN and len(fault["loc"]) == 1:
             mend = f"remove it or use one of: {', '.join(known)}"
         return InputError(source, "unknown key", mend, key=key)
     if fault["type"] == "missing":

@@ -6,7 +6,6 @@ A machine may have a file with its own part only.
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -19,6 +18,7 @@ from slipstream.config import (
     SiteBus,
     SiteService,
     check,
+    mend_of_unknown,
     model_of,
     read_toml,
 )
@@ -227,9 +227,7 @@ def _unknown(
 ) -> Iterator[InputError]:
     for prefix, table in layers:
         for key in table.keys() - allowed:
-            near = difflib.get_close_matches(key, allowed, n=1)
-            mend = f"did you mean {near[0]}?" if near else "remove it or mend its spelling"
-            problem = "unknown key"
+            problem, mend = "unknown key", mend_of_unknown(key, allowed)
             if key in SHARED:
                 problem, mend = "stands once, at the top of the file", "move it there"
             yield InputError(path, problem, mend, key=f"{prefix}.{key}")

@@ -32,7 +32,6 @@ from dispatcher_daemon.settings.solvers import (
     SolverName,
     solver_names,
 )
-from slipstream.prices import PriceSettings
 
 __all__ = [
     "BUILT_IN_SOLVERS",
@@ -50,7 +49,6 @@ __all__ = [
     "LcQaoaSettings",
     "LcQaoaVariant",
     "OrderSettings",
-    "PriceSettings",
     "QaoaSettings",
     "SchedulerSettings",
     "Scope",

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterator, Mapping
 from typing import Any, Final, NamedTuple, get_args, get_origin
 
 from pydantic import BaseModel
 
 from dispatcher_daemon.service.vroom.schema import Request, VroomJob
+from slipstream.config import mend_of_unknown
 from slipstream.errors import MAX_FAULTS, InputError
 
 _INDICES: Final = ("location_index", "start_index", "end_index")
@@ -80,9 +80,8 @@ def _reason(
     if key not in fields:
         if model is Request and key == "options":
             return "unknown key, not read", _OPTIONS_MEND
-        near = difflib.get_close_matches(key, [name for name in fields if name not in row], n=1)
-        mend = f"did you mean {near[0]}?" if near else "remove it or mend its spelling"
-        return "unknown key, not read", mend
+        known = (name for name in fields if name not in row)
+        return "unknown key, not read", mend_of_unknown(key, known)
     beside = (row.get(name) for name in ("delivery", "pickup"))
     if model is VroomJob and key == "amount" and any(value is not None for value in beside):
         return "not read beside delivery or pickup", "remove it, the former name of delivery"

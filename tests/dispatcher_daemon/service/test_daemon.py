@@ -454,7 +454,8 @@ RUN = """
 import sys
 from pathlib import Path
 from dispatcher_daemon.service.daemon import run_dispatcher
-from dispatcher_daemon.settings import DispatcherSettings, PriceSettings
+from dispatcher_daemon.settings import DispatcherSettings
+from slipstream.prices import PriceSettings
 from slipstream.config import BusSettings
 
 if __name__ == "__main__":

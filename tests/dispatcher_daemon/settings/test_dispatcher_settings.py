@@ -3,10 +3,11 @@ from __future__ import annotations
 import pytest
 
 from dashboard.settings import DashboardSettings
-from dispatcher_daemon.settings import AdviceSettings, DispatcherSettings, PriceSettings
+from dispatcher_daemon.settings import AdviceSettings, DispatcherSettings
 from slipstream.config import Settings, check
 from slipstream.errors import InputError
 from slipstream.messages import DrivingAdvice
+from slipstream.prices import PriceSettings
 from slipstream_cli.settings_doc import sections
 
 

@@ -18,9 +18,8 @@ import tomli_w
 from prometheus_client.parser import text_string_to_metric_families
 
 from slipstream.bus import Router, free_port
+from slipstream.site import SHARED
 
-_SHARED: Final = ("network", "fleet", "stale_after_s", "prices")
-"""Keys of the whole site."""
 _START_S: Final = 120.0
 _SETTLE_S: Final = 30.0
 
@@ -132,12 +131,12 @@ def run_load(
     """
     port = free_port()
     config = folder / "site.toml"
-    own = {name: value for name, value in settings.items() if name not in (*_SHARED, "rsus")}
+    own = {name: value for name, value in settings.items() if name not in SHARED}
     with Router() as router:
         config.write_text(
             tomli_w.dumps(
                 {
-                    **{name: value for name, value in settings.items() if name in _SHARED},
+                    **{name: value for name, value in settings.items() if name in SHARED},
                     "rsus": {
                         name: {"segments": segments}
                         for name, segments in settings.get("rsus", {}).items()

@@ -22,8 +22,9 @@ from dispatcher_daemon.planning.platooning.meetings import Meetings
 from dispatcher_daemon.planning.roads.arrays import roads_of
 from dispatcher_daemon.planning.roads.travel import Travel
 from dispatcher_daemon.planning.routes.itineraries import Itinerary, Planner
-from dispatcher_daemon.settings import DispatcherSettings, PriceSettings
+from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.traffic.snapshot import PERSISTENCE_S, TrafficSnapshot
+from slipstream.prices import PriceSettings
 
 Town = Callable[..., tuple[RoutingProblem, TrafficSnapshot]]
 
