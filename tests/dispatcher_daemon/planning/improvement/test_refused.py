@@ -14,13 +14,13 @@ from dispatcher_daemon.planning.plans import Cycle
 from dispatcher_daemon.settings import (
     CitySettings,
     DispatcherSettings,
-    PriceSettings,
     SearchSettings,
 )
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.workers.pool import solve_in_process
 from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
 from slipstream.explain import RefusedPlatoon, refusal_line
+from slipstream.prices import PriceSettings
 from slipstream_lab.research.cities.generator import CityShape, generate_city
 
 Traffic = Callable[..., TrafficSnapshot]

@@ -26,12 +26,12 @@ from dispatcher_daemon.planning.routes.itineraries import Planner
 from dispatcher_daemon.settings import (
     CitySettings,
     DispatcherSettings,
-    PriceSettings,
     SearchSettings,
 )
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.workers.pool import solve_in_process
 from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
+from slipstream.prices import PriceSettings
 from slipstream_lab.research.cities.generator import CityShape, generate_city
 
 Town = Callable[..., tuple[RoutingProblem, TrafficSnapshot]]
