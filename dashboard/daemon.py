@@ -18,20 +18,20 @@ from dashboard.page import Page
 from dashboard.settings import DashboardSettings
 from dashboard.web.app import make_app
 from dashboard.web.energy import EnergyBook, Factors, zone_of
-from dashboard.web.fleet_file import make_scene
 from dashboard.web.hub import PageHub
 from dashboard.web.past import StoredPast
 from dashboard.web.pictures import Pictures
-from dashboard.web.present import Present
-from dashboard.web.rows import Scene
+from dashboard.web.routes.present import Present
 from dashboard.web.services import PageServices
-from dashboard.web.tables import Limits, PageTables
-from slipstream.admission import check_rsus, refusal
+from dashboard.web.tables.fleet_file import make_scene
+from dashboard.web.tables.rows import Scene
+from dashboard.web.tables.tables import Limits, PageTables
 from slipstream.bus import Bus
 from slipstream.errors import InputError
 from slipstream.http.server import HttpServer
+from slipstream.roads.admission import check_rsus, refusal
+from slipstream.roads.sumo_net import load_network
 from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
-from slipstream.sumo_net import load_network
 
 log = logging.getLogger(__name__)
 

@@ -12,7 +12,7 @@ import storage
 from dashboard import metrics
 from dashboard.live import LiveData
 from dashboard.web.pictures import Pictures
-from dashboard.web.rows import ENDED_ORDERS_FOR_S
+from dashboard.web.tables.rows import ENDED_ORDERS_FOR_S
 from slipstream.bus import Bus
 from slipstream.errors import InputError
 from slipstream.messages import (

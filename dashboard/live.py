@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from typing import Final, TypeVar
 from urllib.parse import unquote
 
-from slipstream.admission import Refusal
 from slipstream.errors import InputError
 from slipstream.freshness import FUTURE_TOLERANCE_S, is_ahead
 from slipstream.messages import (
@@ -34,6 +33,7 @@ from slipstream.messages import (
     stopped_key,
 )
 from slipstream.orders import OrderRecord
+from slipstream.roads.admission import Refusal
 
 MAX_ENTRIES: Final = 20_000
 """Maximum number of segment states, RSUs and vehicles kept, each; the oldest are dropped first."""

@@ -8,11 +8,11 @@ from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from pydantic import Field, field_validator, model_validator
 
-from slipstream.admission import Rsus
 from slipstream.config import BusSettings, ServiceSettings, Settings
 from slipstream.freshness import STALE_AFTER_S
 from slipstream.prices import ENERGY_PRICE_PER_KWH
-from slipstream.sumo_net import DEMO_NETWORK
+from slipstream.roads.admission import Rsus
+from slipstream.roads.sumo_net import DEMO_NETWORK
 
 HOST_NAME = r"^([A-Za-z0-9._-]+|[0-9A-Fa-f:.]+)$"
 """A DNS name or an IP address."""
@@ -132,7 +132,7 @@ class DashboardSettings(Settings):
 
     @property
     def energy_factors(self) -> dict[str, float]:
-        """What a kilowatt hour saved is worth, as `dashboard.web.rows.energy_sum` takes it."""
+        """What a kilowatt hour saved is worth, as `rows.energy_sum` takes it."""
         return {"co2_kg_per_kwh": self.co2_kg_per_kwh, "price_per_kwh": self.price_per_kwh}
 
     @model_validator(mode="after")

@@ -27,7 +27,7 @@ from edge_daemon.frame import Frame
 from edge_daemon.settings import DetectorSettings, TrackerSettings, WatchSettings
 from edge_daemon.sources.clip import FastClip, open_clip
 from edge_daemon.watch.background import Background
-from edge_daemon.watch.blind import MISSED_TO_FOUND
+from edge_daemon.watch.faults.blind import MISSED_TO_FOUND
 from edge_daemon.watch.motion import MotionFinder, covered, covering
 from edge_daemon.watch.sample import road_mask, small_grey
 

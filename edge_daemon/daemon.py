@@ -37,7 +37,7 @@ from slipstream.messages import (
     state_key,
 )
 from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
-from slipstream.tracing import span
+from slipstream.service.tracing import span
 
 log = logging.getLogger(__name__)
 

@@ -30,7 +30,7 @@ from slipstream.files import ending_of, read_text, text_of
 from slipstream.plain_words import words_of
 
 DEMO_NETWORK: Final = "demo"
-"""Name of the network that comes along; see `slipstream.sumo_net`."""
+"""Name of the network that comes along; see `slipstream.roads.sumo_net`."""
 
 
 def _stop_at_first_faulty_row(schema: Any) -> None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, Final, Literal, get_args
 
-from slipstream.energy_ledger import EnergyHour, PlanEnergy
+from slipstream.energy.ledger import EnergyHour, PlanEnergy
 from slipstream.messages import (
     OrderRefusal,
     OrderState,
@@ -144,7 +144,7 @@ class VehicleRecord:
         answered_ns: UTC of its last message of any kind; None: it has never sent one.
         left_out_until: cycle from which on it is planned again after a refusal; 0: it is.
         booked: up to where the plan that it has acknowledged is in the energy ledger, in segments
-            of its way; see `slipstream.energy_ledger`.
+            of its way; see `slipstream.energy.ledger`.
         rested_ns: when its last break ended, UTC; 0: it has had none.
         rested_break: number of that break among its own, from 0; None: not known.
         answer: its latest answer to a plan; None: it has sent none.

@@ -13,8 +13,8 @@ from typing import Annotated, Any, Final, Literal, Self
 from pydantic import Field, model_validator
 
 from slipstream.config import Settings
-from slipstream.drafting import DragLaw
-from slipstream.traction import PAPER_CAR, VehicleParameters
+from slipstream.energy.drafting import DragLaw
+from slipstream.energy.traction import PAPER_CAR, VehicleParameters
 
 VehicleClass = Literal[
     "passenger",

@@ -8,7 +8,7 @@ from importlib.metadata import entry_points
 from typing import Any, Final
 
 from slipstream.errors import InputError
-from slipstream.logs import complain
+from slipstream.service.logs import complain
 
 MEND: Final = "pip install ./lab in a checkout of Slipstream"
 _COMMANDS: Final = "slipstream.commands"

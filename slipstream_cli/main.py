@@ -13,8 +13,8 @@ from typing import Final
 
 from slipstream import __version__
 from slipstream.errors import InputError
-from slipstream.logs import complain
 from slipstream.service import follow_supervisor
+from slipstream.service.logs import complain
 from slipstream_cli import laboratory
 from slipstream_cli.parser import EXIT_BAD_INPUT, Parser
 
@@ -32,20 +32,20 @@ GROUPS: Final[Mapping[str, Mapping[str, str]]] = {
         "init": "place.init",
         "import": "place.imports",
         "net": "place.net",
-        "calibrate": "calibrate",
-        "track": "track",
-        "check": "check",
-        "status": "status",
-        "token": "token",
-        "orders": "orders",
+        "calibrate": "commands.calibrate",
+        "track": "commands.track",
+        "check": "commands.check",
+        "status": "commands.status",
+        "token": "commands.token",
+        "orders": "commands.orders",
         "completion": "completion",
     },
     "data": {
-        "export": "export",
-        "feed": "feed",
-        "explain": "explain",
-        "replay": "replay",
-        "db": "db",
+        "export": "commands.export",
+        "feed": "commands.feed",
+        "explain": "commands.explain",
+        "replay": "commands.replay",
+        "db": "commands.db",
     },
 }
 """Module by sub-command, in the groups and the order of the help; the laboratory's come after."""

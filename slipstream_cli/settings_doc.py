@@ -24,7 +24,7 @@ from dispatcher_daemon.settings import (
 from edge_daemon.settings import EdgeSettings
 from slipstream.config import ServiceSettings, Settings, model_of
 from slipstream.site import NAMED, SHARED, SiteRsu, SiteSettings, own_keys
-from slipstream.tables import markdown_table
+from slipstream_cli.tables import markdown_table
 from vehicle_agent.settings import AgentSettings
 
 DAEMONS: Final[Mapping[str, type[Settings]]] = {

@@ -4,17 +4,17 @@ Only the dispatcher writes (`open_database`); the dashboard and the tools read (
 store a new field of a message, add a column to `storage.models` and a migration.
 """
 
-from slipstream.energy_ledger import EnergyHour, EnergySum
+from slipstream.energy.ledger import EnergyHour, EnergySum
 from storage.database import Database, open_database
 from storage.engine import OrderKnownError, StorageError
-from storage.events import Event
-from storage.inputs import CycleInputs, Part
 from storage.integrity import CheckReport, check
-from storage.jobs import LedgerState, QuantumJob
 from storage.opening import DamagedError
 from storage.ownership import OwnedError, check_free
-from storage.past import CycleSums, OrderEnd
 from storage.reader import Reader, StoredCycle, open_reader
+from storage.records.events import Event
+from storage.records.inputs import CycleInputs, Part
+from storage.records.jobs import LedgerState, QuantumJob
+from storage.records.past import CycleSums, OrderEnd
 from storage.recovery.backup import backup, restore
 from storage.recovery.damaged import open_or_set_aside
 from storage.retention import Room, UntrustedClockError, headroom

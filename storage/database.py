@@ -9,16 +9,17 @@ from typing import Final
 from sqlalchemy import func, select
 from sqlalchemy.exc import IntegrityError
 
-from slipstream.energy_ledger import PlanEnergy
+from slipstream.energy.ledger import PlanEnergy
 from slipstream.messages import CycleReport, SegmentState, VehiclePlan
 from slipstream.orders import FleetRecords, OrderRecord
-from storage import events, fleet, inputs, jobs, retention
+from storage import retention
 from storage.engine import OrderKnownError, display_name, parse_url, sqlite_path
-from storage.events import Event
-from storage.inputs import CycleInputs
-from storage.jobs import QuantumJob
 from storage.models import CycleRow
 from storage.opening import open_path
+from storage.records import events, fleet, inputs, jobs
+from storage.records.events import Event
+from storage.records.inputs import CycleInputs
+from storage.records.jobs import QuantumJob
 from storage.rows import cycle_row
 from storage.traffic import gates, recent, rollup_table
 from storage.traffic.gates import GateState

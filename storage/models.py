@@ -153,7 +153,7 @@ class InputPartRow(Base):
 
 
 class InputRow(Base):
-    """What a cycle alone was made from, and what it recorded, compressed; see `storage.inputs`."""
+    """What a cycle alone was made from, and what it recorded, compressed; see `records.inputs`."""
 
     __tablename__ = "cycle_inputs"
 

@@ -11,7 +11,7 @@ from sqlalchemy import Engine, Select, func, or_, select
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session, selectinload
 
-from slipstream.energy_ledger import EnergyHour, EnergySum
+from slipstream.energy.ledger import EnergyHour, EnergySum
 from slipstream.errors import InputError
 from slipstream.messages import CycleReport, OrderState, SegmentState, VehiclePlan
 from slipstream.orders import (
@@ -22,7 +22,7 @@ from slipstream.orders import (
     PlanChange,
     PlanRecord,
 )
-from storage import energy_ledger, events, fleet, inputs, jobs, past, schema
+from storage import schema
 from storage.engine import (
     StorageError,
     display_name,
@@ -31,11 +31,12 @@ from storage.engine import (
     reader_engine,
     sqlite_path,
 )
-from storage.events import Event
-from storage.inputs import CycleInputs
-from storage.jobs import QuantumJob
 from storage.models import CycleRow, PlanRow
-from storage.past import CycleSums, OrderEnd
+from storage.records import energy_ledger, events, fleet, inputs, jobs, past
+from storage.records.events import Event
+from storage.records.inputs import CycleInputs
+from storage.records.jobs import QuantumJob
+from storage.records.past import CycleSums, OrderEnd
 from storage.rows import cycle_report, vehicle_plan
 from storage.tables import Tables
 from storage.traffic import history, recent, rollup_table
@@ -307,7 +308,7 @@ class Reader:
 
     def plans_at(self, time_ns: int) -> tuple[PlanRecord, ...]:
         """The plan that each vehicle had at a moment, by vehicle; where none was in force any more,
-        its last one with what had become of it. Plans older than `storage.past.PLANS_LAST_S` are
+        its last one with what had become of it. Plans older than `PLANS_LAST_S` are
         not looked for.
         """
         with self._read_session() as session:

@@ -15,9 +15,9 @@ from sqlalchemy import ColumnElement, delete, func, literal, select, text
 from sqlalchemy.orm import Session
 
 from slipstream.errors import InputError
-from storage import inputs
 from storage.engine import is_sqlite, parse_url, sqlite_path
 from storage.models import Base, ClockRow, CycleRow
+from storage.records import inputs
 
 MAX_CLOCK_GAP_DAYS: Final = 7.0
 """A clock further ahead of the trusted time than this is not trusted, days."""

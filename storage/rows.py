@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from slipstream.energy_ledger import PlanEnergy
+from slipstream.energy.ledger import PlanEnergy
 from slipstream.messages import (
     CarrierSummary,
     CycleReport,

@@ -11,8 +11,9 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from slipstream.errors import InputError
-from storage import energy_ledger, events, fleet, inputs, jobs, retention
+from storage import retention
 from storage.models import CycleRow
+from storage.records import energy_ledger, events, fleet, inputs, jobs
 from storage.retention import Pace
 from storage.traffic import gates, recent, rollup_table
 from storage.writer import Writer

@@ -15,7 +15,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from slipstream import freshness
-from slipstream.drafting import DragLaw
+from slipstream.energy.drafting import DragLaw
+from slipstream.energy.traction import PAPER_CAR, VehicleParameters
 from slipstream.messages import (
     AdviceMode,
     DriverReport,
@@ -40,7 +41,6 @@ from slipstream.messages import (
     signal_status_key,
     spat_key,
 )
-from slipstream.traction import PAPER_CAR, VehicleParameters
 from vehicle_agent.departure import LegDeparture
 from vehicle_agent.leg import Leg, VehicleState
 from vehicle_agent.platooning import Platooning, PlatoonStep

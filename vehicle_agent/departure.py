@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from slipstream.energy.traction import VehicleParameters
 from slipstream.messages import DrivingAdvice
-from slipstream.traction import VehicleParameters
 from vehicle_agent.leg import Leg
 from vehicle_agent.signals import DepartureOptimizer, DepartureSettings, SignalTimings
 

@@ -9,8 +9,8 @@ from typing import Final
 from fastapi import APIRouter, FastAPI
 from starlette.types import ASGIApp
 
-from dashboard.web import cameras, cards, control, history, live, network
 from dashboard.web.guard import PageGuard
+from dashboard.web.routes import cameras, cards, control, history, live, network
 from dashboard.web.services import PageServices
 from dashboard.web.static_files import StaticFiles
 from slipstream import __version__

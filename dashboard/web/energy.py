@@ -12,8 +12,8 @@ from math import fsum
 from typing import Any, Final, Literal
 from zoneinfo import ZoneInfo
 
-from dashboard.web import rows
-from slipstream.energy_ledger import HOUR_NS, EnergySum
+from dashboard.web.tables import rows
+from slipstream.energy.ledger import HOUR_NS, EnergySum
 from storage import Reader
 
 Zone = ZoneInfo | None

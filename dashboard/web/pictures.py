@@ -27,7 +27,7 @@ GLANCE_S: Final = 5.0
 
 
 class PictureListener(Protocol):
-    """Subscriptions that change; see `slipstream.subscriptions.Listener`."""
+    """Subscriptions that change; see `slipstream.bus.subscriptions.Listener`."""
 
     def listen(self, key_expressions: frozenset[str]) -> None:
         """Receive these keys, and no others."""

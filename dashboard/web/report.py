@@ -15,7 +15,7 @@ from typing import Any, Final, NamedTuple
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from dashboard.web.energy import Factors, Zone, by_day, local, midnight_ns, sum_row, total
-from slipstream.energy_ledger import HOUR_NS, EnergySum
+from slipstream.energy.ledger import HOUR_NS, EnergySum
 from storage import CycleSums, Event, OrderEnd, Reader
 
 MAX_ALARMS: Final = 12

@@ -14,7 +14,7 @@ from dashboard.settings import DashboardSettings
 from dashboard.web.energy import EnergyBook
 from dashboard.web.hub import PageHub
 from dashboard.web.pictures import Pictures
-from dashboard.web.rows import Moment, Scene
+from dashboard.web.tables.rows import Moment, Scene
 from dashboard.web.words import Words
 from slipstream.http.problems import Problem
 from storage import Reader

@@ -19,7 +19,7 @@ from dispatcher_daemon.fleet.vehicles import Break, Vehicle
 from slipstream.config import check, read_data
 from slipstream.errors import InputError, refuse
 from slipstream.roads import RoadNetwork
-from slipstream.snapping import NO_CLASSES, lacks_classes
+from slipstream.roads.snapping import NO_CLASSES, lacks_classes
 from slipstream.vehicle_types import PRESETS
 
 log = logging.getLogger(__name__)
@@ -57,7 +57,7 @@ def fleet_from(
     lack them, or clock times and may not have them.
 
     A place with latitude and longitude gets a node: an end of the nearest road where some vehicle
-    of the fleet may stop (`slipstream.snapping`).
+    of the fleet may stop (`slipstream.roads.snapping`).
 
     Args:
         data: of the file.

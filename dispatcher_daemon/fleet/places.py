@@ -13,7 +13,7 @@ from dispatcher_daemon.fleet.models import Fleet
 from dispatcher_daemon.fleet.stops import Place
 from slipstream.errors import InputError, refuse
 from slipstream.roads import RoadNetwork
-from slipstream.snapping import NoPlaceError, Snapped, Snapper
+from slipstream.roads.snapping import NoPlaceError, Snapped, Snapper
 from slipstream.vehicle_types import RoutingProfile
 
 _TABLES: Final = ("depots", "stops", "charging_stops", "hubs")

@@ -11,8 +11,8 @@ from typing import Literal
 
 from dispatcher_daemon.fleet import Fleet, Vehicle
 from dispatcher_daemon.settings import DispatcherSettings
-from slipstream.drive import DrivingStyle
-from slipstream.energy import PAPER_CAR, VehicleParameters
+from slipstream.energy.consumption import PAPER_CAR, VehicleParameters
+from slipstream.energy.drive import DrivingStyle
 from slipstream.roads import RoadNetwork
 from slipstream.spacing import ADVISED_GAP_M
 from slipstream.vehicle_types import RoutingProfile

@@ -20,12 +20,12 @@ from dispatcher_daemon.service.store import database_fault, open_checked_databas
 from dispatcher_daemon.settings import ApiSettings, DispatcherSettings
 from dispatcher_daemon.solvers import configured_solvers
 from dispatcher_daemon.solvers.quantum.hardware import open_job_manager
-from slipstream.admission import check_rsus
 from slipstream.bus import Bus
 from slipstream.messages import ALL_RSU_HEALTH, ALL_STATES, ALL_STOPPED, position_key
 from slipstream.roads import RoadNetwork
+from slipstream.roads.admission import check_rsus
+from slipstream.roads.sumo_net import load_network
 from slipstream.service import Service, configure_logging
-from slipstream.sumo_net import load_network
 from storage import StorageError, open_reader
 
 if TYPE_CHECKING:

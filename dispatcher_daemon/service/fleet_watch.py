@@ -18,7 +18,7 @@ from dispatcher_daemon.fleet.tracking import (
     TrackedVehicle,
 )
 from dispatcher_daemon.traffic import TrafficSnapshot
-from slipstream.energy_ledger import PlanEnergy
+from slipstream.energy.ledger import PlanEnergy
 from slipstream.errors import InputError
 from slipstream.messages import (
     ALL_ACKNOWLEDGEMENTS,
@@ -37,7 +37,7 @@ from slipstream.messages import (
 )
 from slipstream.orders import FleetRecords, PlanChange
 from slipstream.roads import RoadNetwork
-from slipstream.tracing import traced
+from slipstream.service.tracing import traced
 
 T = TypeVar("T")
 VehicleReport = VehiclePosition | PlanAcknowledgement | VehicleProgress
@@ -48,7 +48,7 @@ Save = Callable[[tuple[VehiclePlan, ...], FleetRecords], None]
 
 
 class Subscriber(Protocol):
-    """The part of `slipstream.bus.Bus` that is used here."""
+    """The part of `slipstream.bus.session.Bus` that is used here."""
 
     def subscribe(
         self,

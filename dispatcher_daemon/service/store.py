@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Protocol
 
 from dispatcher_daemon import metrics
-from slipstream.energy_ledger import PlanEnergy
+from slipstream.energy.ledger import PlanEnergy
 from slipstream.messages import CycleReport, SegmentState, VehiclePlan
 from slipstream.orders import FleetRecords
 from slipstream.service import LogLimiter, Service, notify

@@ -17,11 +17,11 @@ from dispatcher_daemon.settings.solvers import (
     QaoaSettings,
     SolverName,
 )
-from slipstream.admission import Rsus
 from slipstream.config import BusSettings, ServiceSettings, Settings
 from slipstream.freshness import FUTURE_TOLERANCE_S, STALE_AFTER_S
 from slipstream.messages import DrivingAdvice, NonNegative
 from slipstream.prices import PriceSettings
+from slipstream.roads.admission import Rsus
 from slipstream.spacing import ADVISED_GAP_M
 
 

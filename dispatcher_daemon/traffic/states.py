@@ -9,10 +9,10 @@ from typing import Final
 
 from dispatcher_daemon.traffic.reception import ReceptionTable
 from slipstream import freshness
-from slipstream.admission import refusal
 from slipstream.freshness import FUTURE_TOLERANCE_S, STALE_AFTER_S
 from slipstream.messages import SegmentState
 from slipstream.roads import RoadNetwork
+from slipstream.roads.admission import refusal
 
 MAX_RSUS_PER_SEGMENT: Final = 16
 FORGOTTEN_AFTER: Final = 6.0

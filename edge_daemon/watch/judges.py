@@ -15,14 +15,14 @@ from edge_daemon.camera import Camera
 from edge_daemon.frame import Image
 from edge_daemon.settings import WatchSettings
 from edge_daemon.watch.background import Background
-from edge_daemon.watch.blind import BlindJudge
-from edge_daemon.watch.camera_moved import CameraMovedJudge, ViewShift
-from edge_daemon.watch.clock_jump import ClockJumpJudge
-from edge_daemon.watch.corrupt import CorruptJudge, repeated
-from edge_daemon.watch.exposure import BrightJudge, DarkJudge
-from edge_daemon.watch.frozen import FrozenJudge
+from edge_daemon.watch.faults.blind import BlindJudge
+from edge_daemon.watch.faults.camera_moved import CameraMovedJudge, ViewShift
+from edge_daemon.watch.faults.clock_jump import ClockJumpJudge
+from edge_daemon.watch.faults.corrupt import CorruptJudge, repeated
+from edge_daemon.watch.faults.exposure import BrightJudge, DarkJudge
+from edge_daemon.watch.faults.frozen import FrozenJudge
+from edge_daemon.watch.faults.obscured import ObscuredJudge
 from edge_daemon.watch.motion import MotionFinder
-from edge_daemon.watch.obscured import ObscuredJudge
 from edge_daemon.watch.sample import Sample, grid_step, road_mask, sampled, small_grey
 from edge_daemon.watch.trails import BareRoad
 from slipstream.messages import CameraFault

@@ -21,7 +21,7 @@ from slipstream.osm.netconvert import (
 )
 from slipstream.osm.side import DrivingSide, Side, country_of, driving_side
 from slipstream.osm.survey import FOR_CARS, Survey, survey_of
-from slipstream.sumo_files import elements
+from slipstream.roads.sumo_files import elements
 
 _LIMITS: Final = (
     "maxheight",
@@ -42,7 +42,7 @@ _OPTIONS: Final = (
     *("--keep-edges.by-vclass", "passenger"),
     *("--keep-edges.components", "1"),
     *("--remove-edges.isolated", "true"),
-    # Edges by OpenStreetMap's ways, the limits that roads have (`slipstream.access`), and tunnels.
+    # Edges by OpenStreetMap's ways, the limits that roads have (`roads.access`), and tunnels.
     *("--output.original-names", "true"),
     *("--osm.all-attributes", "true"),
     *("--osm.extra-attributes", ",".join((*_LIMITS, "tunnel"))),

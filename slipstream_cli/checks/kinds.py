@@ -90,7 +90,7 @@ def _keys(model: type[BaseModel]) -> set[str]:
 @lru_cache(maxsize=8)
 def network_of(reference: str) -> RoadNetwork:
     """A road network, read once."""
-    from slipstream.sumo_net import load_network
+    from slipstream.roads.sumo_net import load_network
 
     return load_network(reference)
 
@@ -137,7 +137,7 @@ def check_fleet(path: Path, roads: RoadNetwork | None) -> Checked:
     from dispatcher_daemon.planning.routes import unservable
     from dispatcher_daemon.traffic import take_snapshot
     from slipstream.freshness import STALE_AFTER_S
-    from slipstream.snapping import NO_CLASSES, lacks_classes
+    from slipstream.roads.snapping import NO_CLASSES, lacks_classes
 
     now_ns = time.time_ns()
     fleet = FleetFile(str(path), roads).current(now_ns)

@@ -54,7 +54,7 @@ def network_named(tables: Table) -> str | None:
 
 def _check_rsus(tables: Table, path: Path, network: str | None) -> None:
     """Segments of RSUs, then what runs here of them."""
-    from slipstream.admission import check_rsus
+    from slipstream.roads.admission import check_rsus
 
     faults: list[InputError] = []
     for name, own in tables["rsus"].items():
@@ -122,7 +122,7 @@ def _check_dispatcher(tables: Table, path: Path, network: str | None) -> Checked
 
 def _check_dashboard(tables: Table, path: Path, network: str | None) -> None:
     from dashboard.settings import DashboardSettings
-    from dashboard.web.fleet_file import make_scene
+    from dashboard.web.tables.fleet_file import make_scene
 
     settings = settings_of(tables, path, "dashboard", DashboardSettings)
     make_scene(network_of(network or settings.network), settings.fleet, settings.depots)

@@ -15,10 +15,10 @@ from typing import Any, Final
 
 import zenoh
 
+from slipstream.bus.zenoh_config import read_config
 from slipstream.config import ServiceSettings
 from slipstream.errors import InputError
 from slipstream.service import Service
-from slipstream.zenoh_config import read_config
 
 _PORT: Final = 7447
 

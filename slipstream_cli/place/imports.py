@@ -45,7 +45,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
 def run_osm(options: argparse.Namespace) -> int:
     """Build the net, and tell what is in it and what to do with it."""
     from slipstream.osm import import_osm, largest_part
-    from slipstream.sumo_net import load_network
+    from slipstream.roads.sumo_net import load_network
 
     name = extract_name(options.extract)
     net, fleet = options.out / f"{name}.net.xml.gz", options.out / f"{name}-fleet.json"
@@ -118,7 +118,7 @@ def _next_steps(name: str, net: Path, fleet: Path, out: Path) -> tuple[str, ...]
 def _first_fleet(network: RoadNetwork) -> dict[str, Any]:
     """A fleet file of one vehicle and one stop, at the two ends of the network's longest segment
     that is not a loop; of those where vehicles may stop, if there are any."""
-    from slipstream.snapping import stopping_junctions
+    from slipstream.roads.snapping import stopping_junctions
 
     segments = [s for s in network.segments.values() if s.start != s.end]
     quiet = {*stopping_junctions(network)}

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from slipstream.config import DEMO_NETWORK
 from slipstream.errors import InputError
-from slipstream.logs import complain
+from slipstream.service.logs import complain
 from slipstream_cli.place.maps import add_map_options, assumptions, extract_name
 from slipstream_cli.place.streets import place_of
 
@@ -92,7 +92,7 @@ def _check_options(options: argparse.Namespace, folder: Path) -> None:
 def _write(options: argparse.Namespace, folder: Path, net: str, made: Path | None) -> int:
     """Write the files for a net, and the net too if it was made."""
     from slipstream.osm import largest_part
-    from slipstream.sumo_net import load_network
+    from slipstream.roads.sumo_net import load_network
     from slipstream_cli.place.files import PlaceSite, files_of
     from slipstream_cli.place.layout import lay_out
 

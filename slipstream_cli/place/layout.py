@@ -9,7 +9,7 @@ from typing import Final
 
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork
-from slipstream.snapping import Snapper, stopping_junctions
+from slipstream.roads.snapping import Snapper, stopping_junctions
 from slipstream.vehicle_types import RoutingProfile
 
 _STOPS: Final = 4

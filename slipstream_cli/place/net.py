@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from slipstream.config import DEMO_NETWORK
 from slipstream.errors import InputError
-from slipstream.logs import complain
+from slipstream.service.logs import complain
 from slipstream_cli.place.streets import matching, place_of, streets_of
 
 if TYPE_CHECKING:
@@ -58,8 +58,8 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
 
 def run_find(options: argparse.Namespace) -> int:
     """Print what is found; bad input if nothing is."""
-    from slipstream.snapping import NO_CLASSES, lacks_classes
-    from slipstream.sumo_net import load_network
+    from slipstream.roads.snapping import NO_CLASSES, lacks_classes
+    from slipstream.roads.sumo_net import load_network
 
     if options.limit < 1:
         raise InputError("--limit", f"{options.limit} is too few", "give 1 or more")
@@ -107,7 +107,7 @@ def run_find(options: argparse.Namespace) -> int:
 
 def run_show(options: argparse.Namespace) -> int:
     """Print what the net has."""
-    from slipstream.sumo_net import load_network
+    from slipstream.roads.sumo_net import load_network
 
     network = load_network(options.net)
     x_min, y_min, x_max, y_max = network.bounds_m()
@@ -136,7 +136,7 @@ def run_show(options: argparse.Namespace) -> int:
 
 def _near(network: RoadNetwork, place: tuple[float, float], count: int) -> list[dict[str, Any]]:
     """The nearest segments of any kind, with their distances, m."""
-    from slipstream.snapping import Snapper
+    from slipstream.roads.snapping import Snapper
     from slipstream.vehicle_types import RoutingProfile
 
     snapper = Snapper(network, [RoutingProfile()], for_stops=False)
@@ -149,7 +149,7 @@ def _near(network: RoadNetwork, place: tuple[float, float], count: int) -> list[
 
 def _stop(network: RoadNetwork, place: tuple[float, float]) -> dict[str, Any] | None:
     """Where a stop at a place is served; None: nowhere."""
-    from slipstream.snapping import MAX_SNAP_M, Snapper
+    from slipstream.roads.snapping import MAX_SNAP_M, Snapper
     from slipstream.vehicle_types import RoutingProfile
 
     found = Snapper(network, [RoutingProfile()]).nearest(place)

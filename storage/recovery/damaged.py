@@ -18,11 +18,12 @@ from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
 from slipstream.orders import FleetRecords
-from storage import events, fleet, schema
+from storage import schema
 from storage.database import Database, open_database
 from storage.engine import is_sqlite, parse_url, reader_engine, sqlite_path
 from storage.opening import DamagedError
 from storage.ownership import FileOwner
+from storage.records import events, fleet
 from storage.recovery import files
 from storage.recovery.backup import NUMBERS_LEFT_OUT, empty_report
 from storage.retention import reserve_path

@@ -21,7 +21,7 @@ from sqlalchemy import (
 )
 from sqlalchemy.orm import Session
 
-from storage.sums import insert_into
+from storage.records.sums import insert_into
 from storage.traffic import segments
 from storage.traffic.models import FEATURES, SPREAD, segment_rollups
 from storage.traffic.rollups import HOUR_S, MINUTE_S, RollUp, Spread, begin, merge, merged

@@ -31,7 +31,7 @@ from slipstream.messages import (
     state_key,
 )
 from slipstream.roads import RoadNetwork
-from slipstream.sumo_net import load_network
+from slipstream.roads.sumo_net import load_network
 
 S = 1_000_000_000
 NOW_NS = 1_795_000_000 * S

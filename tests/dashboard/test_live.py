@@ -7,7 +7,6 @@ import pytest
 
 from dashboard import live as live_module
 from dashboard.live import LiveData
-from slipstream.admission import refusal
 from slipstream.errors import InputError
 from slipstream.messages import (
     CYCLE_KEY,
@@ -22,7 +21,8 @@ from slipstream.messages import (
     stopped_key,
     with_capture_time,
 )
-from slipstream.sumo_net import load_network
+from slipstream.roads.admission import refusal
+from slipstream.roads.sumo_net import load_network
 
 S = 1_000_000_000
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from dispatcher_daemon.fleet.file import FleetFile
-from slipstream.sumo_net import load_network
+from slipstream.roads.sumo_net import load_network
 from slipstream_cli.main import main
 
 from .conftest import DEPLOY

@@ -33,7 +33,7 @@ def measured() -> set[str]:
         "dashboard.metrics",
         "dispatcher_daemon.metrics",
         "edge_daemon.metrics",
-        "slipstream.inbox",
+        "slipstream.bus.inbox",
         "slipstream.messages.base",
         "vehicle_agent.metrics",
     ):

@@ -26,11 +26,11 @@ from dashboard.settings import DashboardSettings
 from dashboard.view.places import Places
 from dashboard.web.app import make_app
 from dashboard.web.hub import PageHub
-from dashboard.web.rows import Scene
 from dashboard.web.services import Known, PageServices
+from dashboard.web.tables.rows import Scene
 from slipstream.bus import free_port
 from slipstream.http.server import HttpServer
-from slipstream.sumo_net import load_network
+from slipstream.roads.sumo_net import load_network
 
 from .conftest import DEPLOY
 

@@ -16,6 +16,7 @@ import pytest
 import zenoh
 
 from slipstream.bus import Bus, free_port
+from slipstream.bus.zenoh_config import RECEIVE_LIMIT_BYTES, TRANSMIT_QUEUE
 from slipstream.config import BusSettings
 from slipstream.messages import (
     ALL_ACKNOWLEDGEMENTS,
@@ -46,8 +47,7 @@ from slipstream.messages import (
     state_key,
     stopped_key,
 )
-from slipstream.sumo_net import load_network
-from slipstream.zenoh_config import RECEIVE_LIMIT_BYTES, TRANSMIT_QUEUE
+from slipstream.roads.sumo_net import load_network
 
 from .conftest import DEPLOY
 

@@ -16,7 +16,7 @@ from dispatcher_daemon.planning.roads.travel import least_energy_legs
 from dispatcher_daemon.traffic.snapshot import SegmentTraffic, TrafficSnapshot, take_snapshot
 from slipstream.messages import Estimate, KinematicFeatures, SegmentState
 from slipstream.roads import Segment, build_network
-from slipstream.sumo_net import load_network
+from slipstream.roads.sumo_net import load_network
 
 NOW_NS = 1_800_000_000_000_000_000
 LIMIT_MPS = 16.67

@@ -21,8 +21,8 @@ import tomli_w
 from prometheus_client.parser import text_string_to_metric_families
 
 from slipstream.bus import Bus, free_port
+from slipstream.bus.inbox import OUTCOMES
 from slipstream.config import BusSettings
-from slipstream.inbox import OUTCOMES
 from slipstream.messages import (
     ALL_STATES,
     CYCLE_KEY,

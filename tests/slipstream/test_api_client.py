@@ -10,8 +10,8 @@ from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import pytest
 
-from slipstream.api_client import ApiClient
 from slipstream.errors import InputError
+from slipstream.http.client import ApiClient
 
 
 class Handler(BaseHTTPRequestHandler):

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from slipstream.config import check
-from slipstream.energy import PAPER_CAR
+from slipstream.energy.consumption import PAPER_CAR
 from slipstream.errors import InputError
 from slipstream.vehicle_types import PRESETS, RoutingProfile, VehicleType
 

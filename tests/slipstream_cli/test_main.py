@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 import tomli_w
 
-from slipstream_cli import db
+from slipstream_cli.commands import db
 from slipstream_cli.main import COMMANDS, main
 
 

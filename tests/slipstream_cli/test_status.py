@@ -14,6 +14,7 @@ import pytest
 import zenoh
 
 from slipstream.bus import Bus, Publisher, Router, free_port
+from slipstream.bus.zenoh_config import router_config
 from slipstream.config import BusSettings, ServiceSettings
 from slipstream.errors import InputError
 from slipstream.messages import (
@@ -23,11 +24,10 @@ from slipstream.messages import (
     RsuHealth,
     rsu_health_key,
 )
-from slipstream.zenoh_config import router_config
 from slipstream_cli import running
+from slipstream_cli.commands.status import BusHeard, Finding, of_bus, of_units
 from slipstream_cli.main import main
 from slipstream_cli.running import Running, command_of
-from slipstream_cli.status import BusHeard, Finding, of_bus, of_units
 from vehicle_agent.settings import AgentSettings
 
 

@@ -17,7 +17,7 @@ from slipstream.orders import FleetRecords, OrderRecord
 from slipstream_cli.main import main
 from storage.retention import reserve_path
 
-from .test_events import PAUSED, RAISED
+from .records.test_events import PAUSED, RAISED
 
 
 def _path(url: str) -> Path:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from bisect import bisect_left, bisect_right
 
-from slipstream.drafting import DragLaw
+from slipstream.energy.drafting import DragLaw
+from slipstream.energy.traction import VehicleParameters
 from slipstream.messages import PlatoonControl, PlatoonManagement, VehicleSensing
-from slipstream.traction import VehicleParameters
 from vehicle_agent.leg import Leg, VehicleState
 from vehicle_agent.platooning.agreement import MAX_REASON, RENEW_NS, Agreements
 from vehicle_agent.platooning.catch_up import (

@@ -31,7 +31,8 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from slipstream.drafting import DragLaw, DragReductions, reductions_at
+from slipstream.energy.drafting import DragLaw, DragReductions, reductions_at
+from slipstream.energy.traction import VehicleParameters, coasting_mps2
 from slipstream.spacing import (
     DRIVER_MIN_GAP_M,
     DRIVER_TIME_GAP_S,
@@ -40,7 +41,6 @@ from slipstream.spacing import (
     SLOWING_SHARE,
     wanted_gap_m,
 )
-from slipstream.traction import VehicleParameters, coasting_mps2
 from vehicle_agent.platooning.safe_gap import AheadMotion
 
 CLOSE_GAP_M: Final = 7.5

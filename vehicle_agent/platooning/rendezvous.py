@@ -20,8 +20,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
+from slipstream.energy.traction import VehicleParameters, drag_saving_kwh
 from slipstream.spacing import MAX_SLOWDOWN
-from slipstream.traction import VehicleParameters, drag_saving_kwh
 
 MAX_SPEEDUP: Final = 0.10
 """Largest share above its own speed."""

@@ -6,10 +6,10 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from slipstream.drafting import DragLaw
+from slipstream.energy.drafting import DragLaw
+from slipstream.energy.traction import VehicleParameters
 from slipstream.messages import PlannedSegment, PlatoonControl, SensedVehicle, VehicleSensing
 from slipstream.spacing import ADVISED_GAP_M, MAX_BRAKING_MPS2, RESPONSE_S
-from slipstream.traction import VehicleParameters
 from vehicle_agent.leg import Leg, VehicleState
 from vehicle_agent.platooning.gap_control import COMFORTABLE_MPS2, Own
 from vehicle_agent.platooning.interface import Gates

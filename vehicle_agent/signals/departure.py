@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from slipstream.traction import JOULE_PER_KWH, PAPER_CAR, VehicleParameters
+from slipstream.energy.traction import JOULE_PER_KWH, PAPER_CAR, VehicleParameters
 from vehicle_agent.leg import Leg
 from vehicle_agent.signals.predicted_drive import (
     DriveParameters,

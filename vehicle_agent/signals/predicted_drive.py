@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from slipstream.traction import PAPER_CAR, VehicleParameters
+from slipstream.energy.traction import PAPER_CAR, VehicleParameters
 from vehicle_agent.signals.timings import Green
 
 

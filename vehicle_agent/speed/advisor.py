@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 
-from slipstream.drive import DrivingStyle, plan_drive
+from slipstream.energy.drive import DrivingStyle, plan_drive
+from slipstream.energy.traction import PAPER_CAR, VehicleParameters
 from slipstream.messages import DrivingAdvice, SensedVehicle
-from slipstream.traction import PAPER_CAR, VehicleParameters
 from vehicle_agent.free_drive import free_drive_s
 from vehicle_agent.leg import Leg, StopLine, VehicleState
 from vehicle_agent.signals import HORIZON_M, SignalTimings

@@ -27,7 +27,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from slipstream.traction import PAPER_CAR, VehicleParameters
+from slipstream.energy.traction import PAPER_CAR, VehicleParameters
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from slipstream.traction import PAPER_CAR, VehicleParameters
+from slipstream.energy.traction import PAPER_CAR, VehicleParameters
 from vehicle_agent.leg import Leg
 from vehicle_agent.speed.coasting import CoastingModel
 

@@ -10,12 +10,12 @@ from dashboard.view import VehicleView
 from dashboard.view.roads import open_roads
 from dashboard.view.troubles import Trouble, of_alarms
 from dashboard.view.vehicles import vehicle_views
-from dashboard.web import rows
-from dashboard.web.levels import raised, worst_by_row
-from dashboard.web.orders import order_row, servings
 from dashboard.web.past import views
 from dashboard.web.past.facts import Facts
-from dashboard.web.rows import Moment, Row, Scene, TourRow, ms
+from dashboard.web.tables import rows
+from dashboard.web.tables.levels import raised, worst_by_row
+from dashboard.web.tables.orders import order_row, servings
+from dashboard.web.tables.rows import Moment, Row, Scene, TourRow, ms
 from slipstream.messages import Alarm, Severity
 from slipstream.orders import drafting_kwh
 from storage import Event

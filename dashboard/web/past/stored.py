@@ -7,12 +7,12 @@ from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final, Generic, TypeVar
 
-from dashboard.web import rows
 from dashboard.web.energy import EnergyBook
 from dashboard.web.past.facts import ALARMS_BEGAN_S, Facts
 from dashboard.web.past.moment import moment_at, snapshot_at
-from dashboard.web.rows import Scene
 from dashboard.web.services import Known
+from dashboard.web.tables import rows
+from dashboard.web.tables.rows import Scene
 from slipstream.http.problems import Problem
 from slipstream.messages import CycleReport
 from storage import Reader

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dispatcher_daemon.traffic import Expectations, Movement
-from slipstream.energy import PAPER_CAR, steady_energy_kwh
+from slipstream.energy.consumption import PAPER_CAR, steady_energy_kwh
 from slipstream.errors import InputError
 from slipstream.files import MAX_RESULTS_BYTES, read_file
 from slipstream.roads import RoadNetwork

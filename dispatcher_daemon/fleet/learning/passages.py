@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 
 from dispatcher_daemon.fleet.learning.history import HOURS, Array, History
-from slipstream.drive import DrivingStyle
-from slipstream.energy import PAPER_CAR, wheel_power_w
+from slipstream.energy.consumption import PAPER_CAR, wheel_power_w
+from slipstream.energy.drive import DrivingStyle
 
 _STANDING_MPS: Final = 0.1
 _HOUR_S: Final = 3600.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dispatcher_daemon.fleet.tracking.vehicle import TrackedVehicle
-from slipstream.energy_ledger import EnergyHour, driven, index_on_leg, merged, replaced_at
+from slipstream.energy.ledger import EnergyHour, driven, index_on_leg, merged, replaced_at
 from slipstream.orders import PlanRecord
 
 

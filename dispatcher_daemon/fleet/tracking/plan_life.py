@@ -9,7 +9,7 @@ from dispatcher_daemon.fleet.tracking.claims import Claims
 from dispatcher_daemon.fleet.tracking.driven import DrivenBook
 from dispatcher_daemon.fleet.tracking.orders import OrderBook
 from dispatcher_daemon.fleet.tracking.vehicle import TrackedVehicle, ended
-from slipstream.energy_ledger import PlanEnergy
+from slipstream.energy.ledger import PlanEnergy
 from slipstream.messages import PlanAcknowledgement, VehiclePlan
 from slipstream.orders import PlanChange, PlanRecord, PlanStatus
 

@@ -24,7 +24,7 @@ from dispatcher_daemon.fleet.tracking.sightings import Sighting, VehicleSighting
 from dispatcher_daemon.fleet.tracking.situation import FleetSituation, cycle_fleet, nobody_free
 from dispatcher_daemon.fleet.tracking.vehicle import TrackedVehicle, loaded
 from dispatcher_daemon.fleet.vehicles import Vehicle
-from slipstream.energy_ledger import PlanEnergy
+from slipstream.energy.ledger import PlanEnergy
 from slipstream.messages import (
     OrderState,
     PlanAcknowledgement,

@@ -33,8 +33,8 @@ from dispatcher_daemon.planning.routes import servable_part
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.workers import Solve
 from dispatcher_daemon.traffic import TrafficSnapshot
-from slipstream.energy import total
-from slipstream.energy_ledger import PlanEnergy
+from slipstream.energy.consumption import total
+from slipstream.energy.ledger import PlanEnergy
 from slipstream.errors import InputError
 from slipstream.explain import RefusedPlatoon, VehicleAccount
 from slipstream.messages import CarrierSummary, CycleReport, Unserved, VehiclePlan

@@ -30,7 +30,7 @@ from dispatcher_daemon.planning.routes.pyvrp_model import StopsByVehicle
 from dispatcher_daemon.settings import CitySettings
 from dispatcher_daemon.solvers import Outcome
 from dispatcher_daemon.solvers.workers import PoolJob, Solve
-from slipstream.tracing import traced
+from slipstream.service.tracing import traced
 
 _BETTER_KWH = 1e-9
 _LEAST_S = 0.05

@@ -12,8 +12,8 @@ from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.plans.candidates import Candidate
 from dispatcher_daemon.planning.plans.energy import RouteEnergy
 from dispatcher_daemon.planning.roads import Route
-from slipstream.energy import Energy, split_saving, total
-from slipstream.energy_ledger import PlanEnergy
+from slipstream.energy.consumption import Energy, split_saving, total
+from slipstream.energy.ledger import PlanEnergy
 from slipstream.explain import VehicleAccount
 
 

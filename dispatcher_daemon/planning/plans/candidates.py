@@ -20,7 +20,7 @@ from dispatcher_daemon.planning.roads import Route
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers import Outcome
 from dispatcher_daemon.traffic import TrafficSnapshot
-from slipstream.energy import Energy, total
+from slipstream.energy.consumption import Energy, total
 from slipstream.messages import SolverReport, VehiclePlan
 
 Gains = dict[str | None, float]

@@ -10,7 +10,7 @@ from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.platooning import Place, drag_reductions
 from dispatcher_daemon.planning.roads import RoadLeg, Route
 from dispatcher_daemon.planning.roads.charge import battery_of, charges_kwh, leg_energy_kwh
-from slipstream.energy import (
+from slipstream.energy.consumption import (
     ETA_ALONE,
     Energy,
     drive_energies,
@@ -113,7 +113,7 @@ def summarise(
 ) -> EnergySummary:
     """Set a plan's energy against the baseline's, in which every vehicle drives alone.
 
-    The saving is split as in `slipstream.energy.split_saving`; its parts add up.
+    The saving is split as in `slipstream.energy.consumption.split_saving`; its parts add up.
     """
     base, ours = total(e.undrafted for e in baseline), total(e.undrafted for e in cooperative)
     driven = total(e.driven for e in cooperative)

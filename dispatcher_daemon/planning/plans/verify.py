@@ -19,7 +19,7 @@ from dispatcher_daemon.planning.plans.verify_vehicles import (
 )
 from slipstream.messages import PlannedSegment, VehiclePlan
 from slipstream.roads import RoadNetwork
-from slipstream.tracing import traced
+from slipstream.service.tracing import traced
 
 _TOLERANCE_NS = 1_000_000
 _SPEED_TOLERANCE = 1e-3

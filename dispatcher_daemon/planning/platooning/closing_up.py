@@ -34,6 +34,7 @@ import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
+from slipstream.energy.traction import VehicleParameters, coasting_mps2
 from slipstream.spacing import (
     ENTRY_HEADWAY_S,
     MAX_SLOWDOWN,
@@ -41,7 +42,6 @@ from slipstream.spacing import (
     driver_gap_m,
     wanted_gap_m,
 )
-from slipstream.traction import VehicleParameters, coasting_mps2
 
 SIGNAL_CYCLE_S: Final = 90.0
 """C: what netconvert gives signals, within what is usual on roads."""

@@ -13,7 +13,7 @@ from dispatcher_daemon.planning.platooning.expected import ExpectedDrafting
 from dispatcher_daemon.planning.platooning.reductions import planned_reductions
 from dispatcher_daemon.planning.roads import RoadLeg, Route
 from dispatcher_daemon.traffic import TrafficSnapshot
-from slipstream.energy import ETA_ALONE
+from slipstream.energy.consumption import ETA_ALONE
 
 Key = TypeVar("Key", bound=tuple[Any, ...])
 TimedPassage = tuple[float, float, Key]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dispatcher_daemon.forms import RoutingProblem
-from slipstream.drafting import DragReductions, reductions_at
+from slipstream.energy.drafting import DragReductions, reductions_at
 from slipstream.spacing import wanted_gap_m
 from slipstream.vehicle_types import RoutingProfile
 

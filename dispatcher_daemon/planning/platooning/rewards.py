@@ -11,7 +11,7 @@ from dispatcher_daemon.planning.platooning.reductions import planned_reductions
 from dispatcher_daemon.planning.platooning.vehicles_on_road import counted_drafting
 from dispatcher_daemon.planning.roads import RoutedArc, planning_speed_mps
 from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot
-from slipstream.energy import drag_saving_kwh
+from slipstream.energy.consumption import drag_saving_kwh
 from slipstream.roads import Segment
 from slipstream.vehicle_types import RoutingProfile
 

@@ -11,7 +11,7 @@ from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.platooning.reductions import planned_reductions
 from dispatcher_daemon.planning.roads import planning_speed_mps
 from dispatcher_daemon.traffic import GateForecast, SegmentTraffic, TrafficSnapshot
-from slipstream.energy import drag_saving_kwh
+from slipstream.energy.consumption import drag_saving_kwh
 from slipstream.roads import Segment
 from slipstream.vehicle_types import RoutingProfile
 

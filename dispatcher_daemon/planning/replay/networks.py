@@ -5,9 +5,9 @@ from __future__ import annotations
 from types import MappingProxyType
 from typing import Any
 
-from slipstream.access import OPEN, Access
-from slipstream.projection import Projection
 from slipstream.roads import Crossing, RoadNetwork, Segment
+from slipstream.roads.access import OPEN, Access
+from slipstream.roads.projection import Projection
 
 
 def network_data(network: RoadNetwork) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from dispatcher_daemon.planning.roads.costs import follows_traffic, held_cost_kw
 from dispatcher_daemon.planning.roads.turns import Basis, TurnCosts, search_weights
 from dispatcher_daemon.planning.roads.weights import Floats, Ints, Weights
 from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot
-from slipstream.energy import stop_energy_kwh
+from slipstream.energy.consumption import stop_energy_kwh
 from slipstream.roads import RoadNetwork
 from slipstream.vehicle_types import RoutingProfile
 

@@ -9,7 +9,7 @@ from typing import Final
 
 from dispatcher_daemon.fleet import Fleet, Vehicle
 from dispatcher_daemon.planning.roads.routes import RoadLeg
-from slipstream.energy import VehicleParameters, drive_energy_kwh
+from slipstream.energy.consumption import VehicleParameters, drive_energy_kwh
 
 _S_PER_H: Final = 3600.0
 TOLERANCE_KWH: Final = 1e-6

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from dispatcher_daemon.traffic import SegmentTraffic
-from slipstream.energy import steady_energy_kwh, stop_energy_kwh
+from slipstream.energy.consumption import steady_energy_kwh, stop_energy_kwh
 from slipstream.roads import Segment
 from slipstream.vehicle_types import RoutingProfile
 

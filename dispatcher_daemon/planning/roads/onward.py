@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import dijkstra
 from dispatcher_daemon.planning.roads.arrays import Roads
 from dispatcher_daemon.planning.roads.routes import RoadLeg, empty_leg
 from dispatcher_daemon.planning.roads.travel import Travel, leg_along
-from slipstream.drive import DrivingStyle, plan_drive
+from slipstream.energy.drive import DrivingStyle, plan_drive
 
 _MIN_REST_M = 1.0
 """Of a segment that a vehicle has all but left; a drive needs a length."""

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 from dispatcher_daemon.fleet import Break, Vehicle
 from dispatcher_daemon.forms import RoutingProblem
-from slipstream.drive import Drive
+from slipstream.energy.drive import Drive
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,8 @@ from dispatcher_daemon.planning.roads.arrays import Roads, roads_of
 from dispatcher_daemon.planning.roads.routes import RoadLeg, empty_leg
 from dispatcher_daemon.planning.roads.weights import Floats, Weights, k_shortest_paths
 from dispatcher_daemon.traffic import TrafficSnapshot
-from slipstream.drive import DrivingStyle, plan_drive
-from slipstream.energy import drive_energy_kwh
+from slipstream.energy.consumption import drive_energy_kwh
+from slipstream.energy.drive import DrivingStyle, plan_drive
 from slipstream.vehicle_types import RoutingProfile
 
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from dispatcher_daemon.planning.roads.weights import MIN_COST, Floats, Ints, Weights
 from dispatcher_daemon.traffic import Expectations
-from slipstream.drive import DrivingStyle
-from slipstream.energy import VehicleParameters, phase_energies, stop_energy_kwh
+from slipstream.energy.consumption import VehicleParameters, phase_energies, stop_energy_kwh
+from slipstream.energy.drive import DrivingStyle
 
 _MIN_MPS = 1e-9
 _S_PER_H = 3600.0

@@ -37,7 +37,7 @@ from dispatcher_daemon.planning.routes.pyvrp_search import (
 )
 from dispatcher_daemon.settings import SearchSettings
 from dispatcher_daemon.solvers.workers import TimedExecutor
-from slipstream.tracing import traced
+from slipstream.service.tracing import traced
 
 log = logging.getLogger(__name__)
 

@@ -24,7 +24,7 @@ from dispatcher_daemon.planning.roads.charge import (
     shortfall_kwh,
 )
 from dispatcher_daemon.planning.roads.routes import Charging
-from slipstream.energy import VehicleParameters
+from slipstream.energy.consumption import VehicleParameters
 
 MAX_LABELS = 64
 """Kept at each stop of a route."""

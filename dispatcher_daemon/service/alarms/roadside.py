@@ -9,11 +9,11 @@ from typing import Final
 
 from dispatcher_daemon.service.alarms.conditions import Condition
 from dispatcher_daemon.traffic import MAX_RSUS, Reception
-from slipstream.admission import refusal
 from slipstream.errors import InputError
 from slipstream.messages import RsuHealth, StoppedVehicles, decode, stopped_key
 from slipstream.orders import utc
 from slipstream.roads import RoadNetwork
+from slipstream.roads.admission import refusal
 
 STARTED_S: Final = 60.0
 """By then after a start each listed RSU has been heard, s."""

@@ -18,11 +18,11 @@ from dispatcher_daemon.service.dispatcher.publishing import (
 from dispatcher_daemon.service.dispatcher.reports import error_text, failed_report
 from dispatcher_daemon.service.fleet_watch import FleetWatch
 from dispatcher_daemon.service.store import PlanStore
-from slipstream.energy_ledger import PlanEnergy
+from slipstream.energy.ledger import PlanEnergy
 from slipstream.messages import CYCLE_KEY, CycleReport, SegmentState, VehiclePlan, plan_key
 from slipstream.orders import FleetRecords
 from slipstream.service import LogLimiter
-from slipstream.tracing import note, traced
+from slipstream.service.tracing import note, traced
 from storage import CycleInputs, OwnedError
 
 log = logging.getLogger(__name__)

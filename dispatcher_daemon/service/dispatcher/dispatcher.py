@@ -26,7 +26,7 @@ from dispatcher_daemon.solvers.workers import Solve
 from slipstream.orders import FleetRecords
 from slipstream.roads import RoadNetwork
 from slipstream.service import LogLimiter
-from slipstream.tracing import span
+from slipstream.service.tracing import span
 
 log = logging.getLogger(__name__)
 

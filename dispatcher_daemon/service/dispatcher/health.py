@@ -16,7 +16,7 @@ from dispatcher_daemon.service.fleet_watch import FleetWatch
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.quantum.hardware import JobManager
 from dispatcher_daemon.traffic import Reception
-from slipstream.inbox import lost
+from slipstream.bus.inbox import lost
 from slipstream.messages import DISPATCHER_HEALTH_KEY, DispatcherHealth
 from slipstream.service import LogLimiter, rss_mb
 

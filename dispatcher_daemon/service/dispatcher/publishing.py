@@ -9,7 +9,7 @@ from slipstream.orders import OrderChange
 
 
 class MessagePublisher(Protocol):
-    """A declared publisher: the part of `slipstream.bus.Publisher` that is used here."""
+    """A declared publisher: the part of `slipstream.bus.session.Publisher` that is used here."""
 
     def put(self, message: Message | bytes) -> None:
         """Publish."""
@@ -17,7 +17,7 @@ class MessagePublisher(Protocol):
 
 
 class MessageBus(Protocol):
-    """The part of `slipstream.bus.Bus` that is used here."""
+    """The part of `slipstream.bus.session.Bus` that is used here."""
 
     def publisher(self, key: str) -> MessagePublisher:
         """Declare a publisher."""

@@ -11,13 +11,13 @@ from dispatcher_daemon import metrics
 from dispatcher_daemon.service.dispatcher.publishing import Announce
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.traffic import HARMLESS, LatestStates, TrafficSnapshot, Verdict, traffic_by
-from slipstream.admission import implausibility
 from slipstream.errors import InputError
 from slipstream.freshness import age_s
 from slipstream.messages import RsuHealth, SegmentState, decode, rsu_health_key, state_key
 from slipstream.roads import RoadNetwork
+from slipstream.roads.admission import implausibility
 from slipstream.service import LogLimiter
-from slipstream.tracing import is_on, note, sparse_span, traced
+from slipstream.service.tracing import is_on, note, sparse_span, traced
 from storage import RollUp, RollUpBuffer
 
 log = logging.getLogger(__name__)

@@ -9,9 +9,9 @@ from typing import Final, Literal
 
 from dispatcher_daemon.service.feeds.sites import Site
 from slipstream import freshness
-from slipstream.admission import implausibility
 from slipstream.messages import CAMERA_FAULTS, Estimate, KinematicFeatures, SegmentState
 from slipstream.roads import RoadNetwork
+from slipstream.roads.admission import implausibility
 
 NO_STATE: Final = "no_state"
 """Why a site measures nothing whose RSU has told nothing of it yet."""

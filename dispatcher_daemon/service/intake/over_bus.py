@@ -10,7 +10,7 @@ from pydantic import Field
 
 from dispatcher_daemon.service.intake.intake import OrderIntake, OrdersRefused
 from dispatcher_daemon.service.intake.reading import read_request
-from slipstream.answers import Answerer
+from slipstream.bus.answers import Answerer
 from slipstream.config import parse_json
 from slipstream.errors import InputError
 from slipstream.messages import (
@@ -53,7 +53,7 @@ class SettleRequest(WhyRequest):
 
 
 class Questioned(Protocol):
-    """The part of `slipstream.bus.Bus` that is used here."""
+    """The part of `slipstream.bus.session.Bus` that is used here."""
 
     def answer(self, key_expression: str, answerer: Answerer) -> None:
         """Answer questions."""

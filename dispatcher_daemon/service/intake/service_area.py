@@ -10,7 +10,7 @@ from dispatcher_daemon.fleet import DEPOT, Fleet, Stop, Vehicle, snapper_of
 from slipstream.messages import OrderRequest
 from slipstream.orders import OrderRefused, utc
 from slipstream.roads import RoadNetwork
-from slipstream.snapping import NoPlaceError, Snapper
+from slipstream.roads.snapping import NoPlaceError, Snapper
 from slipstream.vehicle_types import RoutingProfile
 
 _Rule = tuple[str, Callable[[Vehicle], bool], str, str]

@@ -18,7 +18,7 @@ from dispatcher_daemon.service.vroom.schema import Coordinates
 from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork
-from slipstream.snapping import MAX_SNAP_M
+from slipstream.roads.snapping import MAX_SNAP_M
 from slipstream.vehicle_types import PRESETS
 
 log = logging.getLogger(__name__)

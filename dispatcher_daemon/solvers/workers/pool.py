@@ -21,7 +21,7 @@ from typing import Literal, Protocol, Self
 from dispatcher_daemon.forms import Problem
 from dispatcher_daemon.solvers.protocol import Outcome, Solver
 from dispatcher_daemon.solvers.workers.processes import Processes
-from slipstream.tracing import traced
+from slipstream.service.tracing import traced
 
 log = logging.getLogger(__name__)
 

@@ -152,7 +152,7 @@ def run_sumo(options: argparse.Namespace) -> int:
 
 def _busiest(net: Path, routes: tuple[Path, ...]) -> RsuSettings:
     """A camera at the busiest approach of a net that has none."""
-    from slipstream.sumo_net import load_network
+    from slipstream.roads.sumo_net import load_network
     from slipstream_lab.simulation.scenarios.networks import check_routes, count_passages
     from slipstream_lab.simulation.scenarios.perception import place_rsus
     from slipstream_lab.simulation.sumo import check_files

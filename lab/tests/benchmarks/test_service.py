@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from slipstream.inbox import OUTCOMES
+from slipstream.bus.inbox import OUTCOMES
 from slipstream_lab.benchmarks.orders.__main__ import Figures as OrderFigures
 from slipstream_lab.benchmarks.service.__main__ import main
 from slipstream_lab.benchmarks.service.costs import message_costs

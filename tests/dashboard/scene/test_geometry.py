@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dashboard.scene import geometry
-from slipstream.sumo_net import load_network
+from slipstream.roads.sumo_net import load_network
 
 BENT = np.array([[0.0, 0.0], [100.0, 0.0], [100.0, 50.0]])
 

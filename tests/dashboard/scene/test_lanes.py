@@ -8,7 +8,7 @@ import pytest
 from dashboard.scene import geometry
 from dashboard.scene.lanes import Lanes
 from slipstream.roads import Segment, build_network
-from slipstream.sumo_net import load_network
+from slipstream.roads.sumo_net import load_network
 
 DEMO = load_network("demo")
 

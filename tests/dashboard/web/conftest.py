@@ -20,10 +20,10 @@ from dashboard.view.places import Places
 from dashboard.web.app import make_app
 from dashboard.web.hub import PageHub
 from dashboard.web.pictures import Pictures
-from dashboard.web.present import Present
-from dashboard.web.rows import Scene
+from dashboard.web.routes.present import Present
 from dashboard.web.services import PageServices
-from dashboard.web.tables import Limits, PageTables
+from dashboard.web.tables.rows import Scene
+from dashboard.web.tables.tables import Limits, PageTables
 from slipstream.http.server import HttpServer
 from slipstream.messages import DISPATCHER_HEALTH_KEY, rsu_health_key, state_key
 

@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from slipstream.roads import RoadNetwork
-from slipstream.sumo_net import load_network
+from slipstream.roads.sumo_net import load_network
 from slipstream_lab.research.cities.streets import street_network
 
 TROY = (

@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 
 import storage
-from slipstream.energy_ledger import EnergyHour, PlanEnergy
+from slipstream.energy.ledger import EnergyHour, PlanEnergy
 from slipstream.explain import CycleFacts, RefusedPlatoon, VehicleAccount, facts_data
 from slipstream.messages import VehiclePlan
 from slipstream.orders import FleetRecords, OrderChange, OrderRecord, PlanRecord

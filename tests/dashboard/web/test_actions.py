@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dashboard.web.actions import Action, ActionCall, call_of, told
+from dashboard.web.routes.actions import Action, ActionCall, call_of, told
 from slipstream.config import check
 from slipstream.errors import InputError
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from pydantic import TypeAdapter
 
-from dashboard.web import card_parts
+from dashboard.web.routes import card_parts
 from slipstream.messages import (
     ALARMS_KEY,
     CYCLE_KEY,

@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from dashboard.web import control
-from dashboard.web.actions import Action, call_of
+from dashboard.web.routes import control
+from dashboard.web.routes.actions import Action, call_of
 from dispatcher_daemon.service.api import create_app
 from slipstream.http.rate import RateLimit
 
@@ -85,7 +85,7 @@ def test_an_action_is_handed_on_and_logged(
     """With the caller's token, and who it was in one line."""
     address, asked = api
     page = serve(allow_control=True, dispatcher_api=address)
-    with caplog.at_level(logging.INFO, "dashboard.web.control"):
+    with caplog.at_level(logging.INFO, "dashboard.web.routes.control"):
         answer = act(page, PAUSE)
     assert (answer.status, set(answer.json)) == (200, {"text"})
     assert asked == [

@@ -12,7 +12,7 @@ import pytest
 import storage
 from dashboard.web import energy
 from dashboard.web.energy import EnergyBook, Factors
-from slipstream.energy_ledger import EnergyHour
+from slipstream.energy.ledger import EnergyHour
 from slipstream.messages import CycleReport, EnergySummary
 from slipstream.orders import FleetRecords
 

@@ -7,7 +7,7 @@ import io
 
 import pytest
 
-from dashboard.web.export import TABLES, csv_parts, harmless, sorted_rows
+from dashboard.web.routes.export import TABLES, csv_parts, harmless, sorted_rows
 
 
 def read(table: str, rows: dict[str, dict[str, object]]) -> list[dict[str, str]]:

@@ -22,8 +22,8 @@ from dashboard.web.app import make_app
 from dashboard.web.energy import EnergyBook, Factors, local, zone_of
 from dashboard.web.past import StoredPast
 from dashboard.web.report import clock
-from dashboard.web.rows import Scene
 from dashboard.web.services import PageServices
+from dashboard.web.tables.rows import Scene
 from slipstream.http.server import HttpServer
 
 from .conftest import Served

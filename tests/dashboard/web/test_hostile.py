@@ -129,7 +129,7 @@ def test_a_thousand_connections_shut_nobody_out_for_long(serve, monkeypatch):
 @pytest.mark.slow
 def test_whoever_does_not_read_is_cut_off(serve, tell, now_ns, monkeypatch):
     """And holds nobody up; its place is free again."""
-    from dashboard.web import live
+    from dashboard.web.routes import live
 
     monkeypatch.setattr(live, "SEND_WITHIN_S", 0.5)
     page = serve()

@@ -10,10 +10,10 @@ import pytest
 
 from dashboard.live import LiveData, Snapshot
 from dashboard.view.places import Places
-from dashboard.web.fleet_file import make_scene
 from dashboard.web.hub import HubPart, event
-from dashboard.web.rows import Scene
-from dashboard.web.tables import Limits, PageTables
+from dashboard.web.tables.fleet_file import make_scene
+from dashboard.web.tables.rows import Scene
+from dashboard.web.tables.tables import Limits, PageTables
 from dispatcher_daemon.fleet import fleet_from
 from slipstream.config import read_data
 from slipstream.errors import InputError
@@ -28,8 +28,8 @@ from slipstream.messages import (
     VehiclePosition,
 )
 from slipstream.orders import OrderRecord
-from slipstream.projection import Projection
 from slipstream.roads import Segment, build_network
+from slipstream.roads.projection import Projection
 
 from .. import city as of
 

@@ -14,7 +14,7 @@ from dispatcher_daemon.fleet.file import FleetFile
 from dispatcher_daemon.fleet.tracking.order_stops import details, outside_windows
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork
-from slipstream.sumo_net import load_network
+from slipstream.roads.sumo_net import load_network
 
 BERLIN = ZoneInfo("Europe/Berlin")
 

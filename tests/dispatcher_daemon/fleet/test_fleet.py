@@ -15,7 +15,7 @@ from dispatcher_daemon.forms.problem import RoutingProblem
 from dispatcher_daemon.planning.arc_form import arc_form_obstacle
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork
-from slipstream.sumo_net import load_network
+from slipstream.roads.sumo_net import load_network
 from slipstream.vehicle_types import PRESETS, VehicleType
 
 

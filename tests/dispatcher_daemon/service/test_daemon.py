@@ -27,7 +27,7 @@ from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.workers.pool import PoolJob, Solve, solve_in_process
 from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings
-from slipstream.energy_ledger import PlanEnergy
+from slipstream.energy.ledger import PlanEnergy
 from slipstream.messages import (
     ALL_PLANS,
     CYCLE_KEY,

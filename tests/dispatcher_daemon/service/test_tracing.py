@@ -8,7 +8,7 @@ from dispatcher_daemon.forms.problem import RoutingProblem
 from dispatcher_daemon.service.dispatcher import Dispatcher
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.workers.pool import SolverPool
-from slipstream.tracing import Tracing
+from slipstream.service.tracing import Tracing
 from tests.dispatcher_daemon.service.test_daemon import SETTINGS, Log, State, feed
 from tests.slipstream.collector import collector
 

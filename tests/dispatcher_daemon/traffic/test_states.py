@@ -18,9 +18,9 @@ from dispatcher_daemon.traffic.states import (
     LatestStates,
     Verdict,
 )
-from slipstream.admission import check_rsus, implausibility
 from slipstream.errors import InputError
 from slipstream.messages import Estimate, SegmentState, decode
+from slipstream.roads.admission import check_rsus, implausibility
 
 State = Callable[..., SegmentState]
 SECOND = 1_000_000_000

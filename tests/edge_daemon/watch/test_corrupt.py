@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from edge_daemon.watch.background import Background
-from edge_daemon.watch.corrupt import CorruptJudge, repeated, repeated_share
+from edge_daemon.watch.faults.corrupt import CorruptJudge, repeated, repeated_share
 from edge_daemon.watch.sample import Sample, sampled, small_grey
 from edge_daemon.watch.trails import BareRoad
 

@@ -15,9 +15,9 @@ from edge_daemon.camera import load_camera
 from edge_daemon.frame import Frame
 from edge_daemon.settings import WatchSettings
 from edge_daemon.watch import Watch, read_reference
-from edge_daemon.watch.camera_moved import ViewShift
-from edge_daemon.watch.clock_jump import ClockJumpJudge
 from edge_daemon.watch.debounce import Debounce
+from edge_daemon.watch.faults.camera_moved import ViewShift
+from edge_daemon.watch.faults.clock_jump import ClockJumpJudge
 from edge_daemon.watch.sample import Sample, small_grey, texture
 from edge_daemon.watch.tiles import choose_tiles
 from slipstream.errors import InputError

@@ -14,14 +14,14 @@ import pytest
 
 from dashboard.scene.canvas import Canvas
 from dashboard.view.places import Places
-from dashboard.web.network import network_document
-from dashboard.web.rows import Scene
+from dashboard.web.routes.network import network_document
+from dashboard.web.tables.rows import Scene
 from slipstream.errors import InputError
 from slipstream.osm.extract import open_extract
 from slipstream.osm.netconvert import find_netconvert
 from slipstream.osm.side import driving_side, side_at
 from slipstream.osm.survey import Survey, survey_of
-from slipstream.sumo_net import load_network
+from slipstream.roads.sumo_net import load_network
 from slipstream_cli.main import main
 from tests.slipstream.osm.osm_maps import town, write
 

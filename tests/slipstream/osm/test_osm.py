@@ -15,7 +15,7 @@ from slipstream.osm.extract import open_extract, write_roads
 from slipstream.osm.importing import left_out
 from slipstream.osm.netconvert import find_netconvert, warnings_of
 from slipstream.osm.survey import Survey, survey_of
-from slipstream.sumo_net import load_network
+from slipstream.roads.sumo_net import load_network
 from slipstream_cli.main import main
 
 SIGNAL = '<tag k="highway" v="traffic_signals"/>'

@@ -15,7 +15,7 @@ from slipstream.osm.limits import Limit, limits, signed_kmh
 from slipstream.osm.netconvert import find_netconvert
 from slipstream.osm.survey import survey_of
 from slipstream.roads import RoadNetwork
-from slipstream.sumo_net import load_network
+from slipstream.roads.sumo_net import load_network
 from slipstream.vehicle_types import PRESETS
 from slipstream_cli.main import main
 from tests.slipstream.osm.osm_maps import Tags, town, write

@@ -12,7 +12,7 @@ import pytest
 import tomli_w
 
 from slipstream.config import read_toml
-from slipstream.sumo_net import load_network
+from slipstream.roads.sumo_net import load_network
 from slipstream_cli.main import main
 
 Site = dict[str, Path]

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 from slipstream.bus import Bus, free_port
+from slipstream.bus.zenoh_config import read_config
 from slipstream.config import BusSettings
 from slipstream.errors import InputError
-from slipstream.zenoh_config import read_config
 from slipstream_cli.main import main
 
 

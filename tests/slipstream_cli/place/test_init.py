@@ -28,7 +28,7 @@ from slipstream.bus import Bus, free_port
 from slipstream.config import BusSettings
 from slipstream.messages import ALL_PLANS, VehiclePlan, decode
 from slipstream.osm.netconvert import find_netconvert
-from slipstream.sumo_net import load_network
+from slipstream.roads.sumo_net import load_network
 from slipstream_cli.main import main
 from slipstream_cli.place.commented import commented, toml
 from slipstream_cli.place.layout import lay_out

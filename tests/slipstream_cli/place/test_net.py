@@ -10,8 +10,8 @@ from typing import Any, cast
 
 import pytest
 
-from slipstream.projection import Projection
 from slipstream.roads import RoadNetwork
+from slipstream.roads.projection import Projection
 from slipstream_cli.main import main
 from slipstream_cli.place.net import compass
 from slipstream_cli.place.streets import place_of

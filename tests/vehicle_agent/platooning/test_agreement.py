@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import pytest
 
-from slipstream.drafting import DragLaw
-from slipstream.energy import PAPER_CAR
+from slipstream.energy.consumption import PAPER_CAR
+from slipstream.energy.drafting import DragLaw
 from slipstream.messages import PlatoonControl, PlatoonManagement, SensedVehicle
 from tests.vehicle_agent.platooning.test_limits import sensing_of, told
 from tests.vehicle_agent.platooning.world import BEGIN_NS, Roadside, planned, road

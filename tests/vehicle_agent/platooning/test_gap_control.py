@@ -5,9 +5,9 @@ from itertools import pairwise
 
 import pytest
 
-from slipstream.energy import PAPER_CAR
+from slipstream.energy.consumption import PAPER_CAR
+from slipstream.energy.traction import coasting_mps2
 from slipstream.spacing import MAX_BRAKING_MPS2, wanted_gap_m
-from slipstream.traction import coasting_mps2
 from vehicle_agent.platooning.gap_control import (
     IDM,
     Own,

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from slipstream.energy import PAPER_CAR, VehicleParameters
+from slipstream.energy.consumption import PAPER_CAR, VehicleParameters
 from slipstream.messages import (
     PlannedCrossing,
     PlannedSegment,

@@ -5,7 +5,12 @@ from collections.abc import Callable
 
 import pytest
 
-from slipstream.energy import PAPER_CAR, VehicleParameters, drag_saving_kwh, steady_energy_kwh
+from slipstream.energy.consumption import (
+    PAPER_CAR,
+    VehicleParameters,
+    drag_saving_kwh,
+    steady_energy_kwh,
+)
 from slipstream.messages import PlannedCrossing, PlatoonControl
 from tests.vehicle_agent.platooning.world import planned
 from vehicle_agent.leg import Leg

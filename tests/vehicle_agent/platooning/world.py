@@ -8,7 +8,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from slipstream.energy import PAPER_CAR
+from slipstream.energy.consumption import PAPER_CAR
 from slipstream.messages import (
     PlannedSegment,
     PlatoonControl,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from slipstream.energy import PAPER_CAR, wheel_power_w
+from slipstream.energy.consumption import PAPER_CAR, wheel_power_w
 from vehicle_agent.speed.coasting import CoastingModel, braked_mps, braking_m
 
 CAR = CoastingModel.of(PAPER_CAR)

@@ -21,7 +21,7 @@ from dispatcher_daemon.traffic import Expectations, TrafficSnapshot, traffic_by
 from slipstream.errors import InputError
 from slipstream.messages import CycleReport, SegmentState, VehiclePlan
 from slipstream.roads import RoadNetwork
-from slipstream.sumo_net import load_network
+from slipstream.roads.sumo_net import load_network
 
 
 class WorkerTask(Protocol):

@@ -14,8 +14,8 @@ from pathlib import Path
 
 from edge_daemon.settings import TrackSettings
 from slipstream.messages import SegmentState
-from slipstream.tables import markdown_table
 from slipstream_cli.progress import ProgressLine
+from slipstream_cli.tables import markdown_table
 from slipstream_lab.benchmarks.accuracy.clips import WEATHER, follow, make
 from slipstream_lab.research.perception import Comparison, compare, true_windows
 from slipstream_lab.simulation.ground_truth import TrueWindow

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Final
 
-from slipstream.tables import markdown_table
+from slipstream_cli.tables import markdown_table
 from slipstream_lab.benchmarks.aims import Check, report_head, write_report
 from slipstream_lab.research.coordination.cells import NONE_KWH, OWN, Place, Result
 from slipstream_lab.research.coordination.strategies import STRATEGIES

@@ -34,7 +34,7 @@ from slipstream.messages import (
     state_key,
 )
 from slipstream.roads import RoadNetwork, Segment
-from slipstream.sumo_net import load_network
+from slipstream.roads.sumo_net import load_network
 
 S = 1_000_000_000
 _ROADS_OF_A_PLAN = 80

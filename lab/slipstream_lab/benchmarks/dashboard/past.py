@@ -18,8 +18,8 @@ from dashboard.view.places import Places
 from dashboard.web.energy import EnergyBook, Factors
 from dashboard.web.hub import encoded
 from dashboard.web.past import StoredPast
-from dashboard.web.rows import Scene
-from slipstream.energy_ledger import EnergyHour
+from dashboard.web.tables.rows import Scene
+from slipstream.energy.ledger import EnergyHour
 from slipstream.messages import EnergySummary, PlannedSegment, PlannedStop, VehiclePlan
 from slipstream.orders import FleetRecords, OrderChange, OrderRecord, PlanRecord
 from slipstream.roads import RoadNetwork, Segment, build_network

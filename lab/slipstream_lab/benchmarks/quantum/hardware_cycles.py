@@ -33,7 +33,7 @@ from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot
 from slipstream.messages import Message
 from slipstream.orders import FleetRecords
 from slipstream.roads import RoadNetwork
-from slipstream.sumo_net import load_network
+from slipstream.roads.sumo_net import load_network
 from slipstream_lab.benchmarks.quantum.ansatz_builder import AnsatzBuilder
 from slipstream_lab.benchmarks.quantum.faulty_service import (
     EVERYTHING,

@@ -26,7 +26,7 @@ from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchS
 from dispatcher_daemon.solvers import Solver, make_solver
 from dispatcher_daemon.solvers.workers import Solve, executor_solve
 from dispatcher_daemon.traffic import TrafficSnapshot
-from slipstream.energy import stop_energy_kwh
+from slipstream.energy.consumption import stop_energy_kwh
 from slipstream_lab.research.cities.generator import generate_city
 from slipstream_lab.research.instances.forms import instance_cycle
 from slipstream_lab.research.instances.instance import Instance

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from slipstream.tables import markdown_table
+from slipstream_cli.tables import markdown_table
 from slipstream_lab.benchmarks.aims import Check, report_head, write_report
 from slipstream_lab.benchmarks.world.figures import (
     Repeat,

@@ -19,8 +19,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, TextIO
 
-from slipstream.logs import readable
 from slipstream.service import SUPERVISED
+from slipstream.service.logs import readable
 
 RESTARTS_A_MINUTE: Final = 5
 WATCHDOG_S: Final = 20.0

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from dispatcher_daemon.planning.plans import Attempt, Candidate
     from dispatcher_daemon.planning.platooning import JudgedPair
     from dispatcher_daemon.planning.roads import Route, RoutedArc
-    from slipstream.energy import Saving
+    from slipstream.energy.consumption import Saving
     from slipstream_lab.research.instances.instance import Optimum
 
 
@@ -63,7 +63,7 @@ class Report:
 
     def saving(self, plan: Candidate) -> Saving | None:
         """Saving of a plan against the baseline, the plan without platooning."""
-        from slipstream.energy import split_saving
+        from slipstream.energy.consumption import split_saving
 
         if self.baseline is None:
             return None

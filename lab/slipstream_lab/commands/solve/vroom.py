@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from slipstream.config import read_json
 from slipstream.errors import InputError
-from slipstream.logs import complain
+from slipstream.service.logs import complain
 
 if TYPE_CHECKING:
     from dispatcher_daemon.service.vroom import RoutingEngine
@@ -84,7 +84,7 @@ def _engine(options: argparse.Namespace) -> RoutingEngine | None:
     from dispatcher_daemon.service.vroom import RoutingEngine
     from dispatcher_daemon.traffic import take_snapshot
     from slipstream.freshness import STALE_AFTER_S
-    from slipstream.sumo_net import load_network
+    from slipstream.roads.sumo_net import load_network
 
     roads = load_network(options.network)
     free_flow = take_snapshot(roads, (), 0, stale_after_s=STALE_AFTER_S)

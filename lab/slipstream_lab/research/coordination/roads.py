@@ -8,8 +8,8 @@ import networkx as nx
 
 from dispatcher_daemon.planning.roads import planning_speed_mps
 from dispatcher_daemon.traffic import SegmentTraffic
+from slipstream.energy.traction import ETA_FOLLOWER, ETA_LEADER, drag_saving_kwh, stop_energy_kwh
 from slipstream.roads import RoadNetwork
-from slipstream.traction import ETA_FOLLOWER, ETA_LEADER, drag_saving_kwh, stop_energy_kwh
 from slipstream.vehicle_types import RoutingProfile
 from slipstream_lab.research.coordination.freight import MS, FreightSegment
 

@@ -14,7 +14,7 @@ from dispatcher_daemon.fleet import check_fleet
 from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.config import check, read_data
-from slipstream.drive import DrivingStyle
+from slipstream.energy.drive import DrivingStyle
 from slipstream.errors import InputError
 from slipstream.files import ending_of
 from slipstream_lab.research.instances.schema import (

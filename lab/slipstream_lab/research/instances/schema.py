@@ -12,8 +12,8 @@ from pydantic import AfterValidator, Field, StringConstraints, model_validator
 from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.traffic import MIN_SPEED_MPS
 from slipstream.config import Settings
-from slipstream.drive import DrivingStyle
-from slipstream.energy import PAPER_CAR, VehicleParameters
+from slipstream.energy.consumption import PAPER_CAR, VehicleParameters
+from slipstream.energy.drive import DrivingStyle
 from slipstream.messages import Identifier
 from slipstream.vehicle_types import VehicleClass
 

@@ -8,10 +8,10 @@ from pathlib import Path
 from types import MappingProxyType
 
 from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot
-from slipstream.access import Access
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork, Segment, build_network
-from slipstream.sumo_net import DEMO_NETWORK, load_network
+from slipstream.roads.access import Access
+from slipstream.roads.sumo_net import DEMO_NETWORK, load_network
 from slipstream_lab.research.instances.schema import (
     AccessTable,
     JunctionRow,

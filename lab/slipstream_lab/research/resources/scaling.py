@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from dispatcher_daemon.fleet import DEPOT
 from dispatcher_daemon.forms import ArcProblem, ArcReward, CandidateArc
-from slipstream.energy import steady_energy_kwh
+from slipstream.energy.consumption import steady_energy_kwh
 from slipstream.roads import RoadNetwork, Segment, build_network
 
 SIDE: Final = 11

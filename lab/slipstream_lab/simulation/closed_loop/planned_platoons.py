@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from slipstream.energy import ETA_FOLLOWER, ETA_LEADER, drag_saving_kwh
+from slipstream.energy.consumption import ETA_FOLLOWER, ETA_LEADER, drag_saving_kwh
 from slipstream.messages import VehiclePlan
 
 

@@ -19,8 +19,8 @@ from dispatcher_daemon.fleet import on_road
 from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.cycle import cycle_of, run_cycle
 from dispatcher_daemon.settings import DispatcherSettings
-from slipstream.drive import DrivingStyle, plan_drive
-from slipstream.energy import Energy, total
+from slipstream.energy.consumption import Energy, total
+from slipstream.energy.drive import DrivingStyle, plan_drive
 from slipstream.messages import VehiclePlan
 from slipstream_lab.simulation.closed_loop.dispatch_settings import (
     DEFAULT_TIME_WORTH_KW,

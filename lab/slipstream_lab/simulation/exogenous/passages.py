@@ -11,8 +11,7 @@ import numpy as np
 from dispatcher_daemon.planning.platooning import TimedPassage, platoons_of
 from dispatcher_daemon.planning.roads import segment_cost_kwh
 from dispatcher_daemon.traffic import SegmentTraffic
-from slipstream.drive import Drive
-from slipstream.energy import (
+from slipstream.energy.consumption import (
     ETA_ALONE,
     ETA_FOLLOWER,
     ETA_LEADER,
@@ -21,6 +20,7 @@ from slipstream.energy import (
     drive_energies,
     steady_energy_kwh,
 )
+from slipstream.energy.drive import Drive
 from slipstream.roads import RoadNetwork
 from slipstream_lab.simulation.closed_loop.gates import is_turbulent
 from slipstream_lab.simulation.exogenous.roadside import Roadside

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from slipstream.drive import DrivingStyle, plan_drive
+from slipstream.energy.drive import DrivingStyle, plan_drive
 from slipstream.messages import PlannedSegment, VehiclePlan
 from slipstream.roads import RoadNetwork
 from slipstream_lab.simulation.closed_loop.record import Service

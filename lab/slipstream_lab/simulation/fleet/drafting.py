@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final, Literal, Protocol, get_args
 
-from slipstream.drafting import DragLaw, reductions_at
+from slipstream.energy.drafting import DragLaw, reductions_at
 from slipstream.messages import PlannedSegment, VehicleAdvice, VehicleSensing
 from vehicle_agent.platooning import CLOSE_GAP_M, MIN_SPEED_MPS
 

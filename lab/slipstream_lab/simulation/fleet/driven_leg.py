@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from slipstream.drive import DrivingStyle, plan_drive
-from slipstream.energy import ETA_ALONE, Energy, VehicleParameters, trace_energy
+from slipstream.energy.consumption import ETA_ALONE, Energy, VehicleParameters, trace_energy
+from slipstream.energy.drive import DrivingStyle, plan_drive
 from slipstream.messages import PlannedSegment
 from slipstream_lab.simulation.fleet.drafting import Cause
 from slipstream_lab.simulation.fleet.losses import Losses, losses

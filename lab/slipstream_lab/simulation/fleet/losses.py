@@ -7,8 +7,8 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from slipstream.drive import Drive
-from slipstream.energy import PAPER_CAR, VehicleParameters
+from slipstream.energy.consumption import PAPER_CAR, VehicleParameters
+from slipstream.energy.drive import Drive
 
 _STANDING_MPS: Final = 0.1
 _REGAINED_MPS: Final = 1.0

@@ -8,7 +8,7 @@ from typing import Final, Protocol
 
 import libsumo
 
-from slipstream.energy import ETA_ALONE
+from slipstream.energy.consumption import ETA_ALONE
 from slipstream.messages import (
     DriverReport,
     PlannedStop,

@@ -8,7 +8,7 @@ from typing import Final
 
 from dispatcher_daemon.fleet import Depot
 from slipstream.config import BusSettings
-from slipstream.sumo_net import DEMO_NETWORK, load_network
+from slipstream.roads.sumo_net import DEMO_NETWORK, load_network
 from slipstream_lab.simulation.live.fleet_file import FleetFile
 from slipstream_lab.simulation.live.prepare import named_anew
 from slipstream_lab.simulation.live.world_spec import WorldSpec

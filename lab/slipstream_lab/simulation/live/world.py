@@ -16,7 +16,7 @@ import libsumo
 from slipstream.bus import Bus
 from slipstream.osm import largest_part
 from slipstream.roads import RoadNetwork
-from slipstream.sumo_net import load_network
+from slipstream.roads.sumo_net import load_network
 from slipstream_lab.simulation.fleet.van import yards
 from slipstream_lab.simulation.fleet.world import FleetWorld
 from slipstream_lab.simulation.live.agents import BusAgents, BusGates

@@ -8,11 +8,11 @@ from importlib import resources
 from pathlib import Path
 from typing import Final, Literal
 
-from slipstream.access import ALL_CLASSES
 from slipstream.config import load
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork
-from slipstream.sumo_net import load_network
+from slipstream.roads.access import ALL_CLASSES
+from slipstream.roads.sumo_net import load_network
 from slipstream_lab.simulation.rsus import Rsu, load_rsus
 from slipstream_lab.simulation.scenarios.day import DaySpec
 from slipstream_lab.simulation.scenarios.demand import (

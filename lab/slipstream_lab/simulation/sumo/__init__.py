@@ -3,7 +3,7 @@
 `session` needs libsumo and is not exported here; who simulates in its own process imports it.
 """
 
-from slipstream.sumo_files import (
+from slipstream.roads.sumo_files import (
     check_files,
     check_no_include,
     check_vehicle_files,

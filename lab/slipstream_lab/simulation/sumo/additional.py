@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 
 from slipstream.errors import InputError
 from slipstream.files import open_unpacked
-from slipstream.sumo_files import MAX_SUMO_BYTES, check_no_include, put_file
+from slipstream.roads.sumo_files import MAX_SUMO_BYTES, check_no_include, put_file
 
 _NOWHERE: Final = "NUL"
 """SUMO's name of a file that nothing is written to."""

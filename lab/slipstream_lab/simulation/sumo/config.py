@@ -9,7 +9,7 @@ from typing import Final
 from urllib.parse import unquote
 
 from slipstream.errors import InputError
-from slipstream.sumo_files import elements
+from slipstream.roads.sumo_files import elements
 
 _KEYS: Final = {
     **dict.fromkeys(("net-file", "net", "n"), "net"),

@@ -12,7 +12,7 @@ import numpy as np
 
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork, Segment
-from slipstream.sumo_net import load_network
+from slipstream.roads.sumo_net import load_network
 from slipstream_lab.simulation.rsus import (
     MastSettings,
     Rsu,

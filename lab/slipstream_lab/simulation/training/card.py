@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from slipstream.tables import markdown_table
+from slipstream_cli.tables import markdown_table
 from slipstream_lab.simulation.streetdrive.vehicles import CLASSES
 from slipstream_lab.simulation.training.export import CALIBRATION_PICTURES
 from slipstream_lab.simulation.training.metrics import Figures

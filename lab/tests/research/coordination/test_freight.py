@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from slipstream.energy.traction import ETA_FOLLOWER, drag_saving_kwh
 from slipstream.errors import InputError
-from slipstream.traction import ETA_FOLLOWER, drag_saving_kwh
 from slipstream_lab.research.coordination.corridor import DENSITIES, corridor_freight
 from slipstream_lab.research.coordination.freight import MS, Freight, FreightSegment, Trip
 from slipstream_lab.research.coordination.region import region_freight

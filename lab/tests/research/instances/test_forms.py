@@ -14,7 +14,7 @@ from dispatcher_daemon.planning.route_form.form import RouteForm
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.protocol import Outcome
 from dispatcher_daemon.solvers.workers.pool import solve_in_process
-from slipstream.energy import split_saving
+from slipstream.energy.consumption import split_saving
 from slipstream.errors import InputError
 from slipstream_lab.research.cities.generator import small_city
 from slipstream_lab.research.instances import open_instance

@@ -16,11 +16,11 @@ from hypothesis import strategies as st
 from dispatcher_daemon.forms.problem import RoutingProblem
 from dispatcher_daemon.planning.routes.servability import unservable
 from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
-from slipstream.access import Access
-from slipstream.drive import DrivingStyle
-from slipstream.energy import VehicleParameters
+from slipstream.energy.consumption import VehicleParameters
+from slipstream.energy.drive import DrivingStyle
 from slipstream.errors import InputError
-from slipstream.sumo_net import load_network
+from slipstream.roads.access import Access
+from slipstream.roads.sumo_net import load_network
 from slipstream_lab.research.cities.generator import generate_city, small_city
 from slipstream_lab.research.instances.instance import (
     Instance,

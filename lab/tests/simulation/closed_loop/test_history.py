@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from dispatcher_daemon.fleet.learning import HOURS, History
-from slipstream.energy import steady_energy_kwh
-from slipstream.sumo_net import load_network
+from slipstream.energy.consumption import steady_energy_kwh
+from slipstream.roads.sumo_net import load_network
 from slipstream_lab.simulation.closed_loop import history_recording as recording
 from slipstream_lab.simulation.closed_loop.history_recording import history_of, record_history
 from slipstream_lab.simulation.scenarios.day import DaySpec

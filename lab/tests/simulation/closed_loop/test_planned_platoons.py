@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lab.tests.simulation.fleet.road import LENGTHS, ns, plan, segments
-from slipstream.energy import ETA_FOLLOWER, ETA_LEADER, drag_saving_kwh
+from slipstream.energy.consumption import ETA_FOLLOWER, ETA_LEADER, drag_saving_kwh
 from slipstream.messages import VehiclePlan
 from slipstream_lab.simulation.closed_loop.planned_platoons import PlannedPlatoons
 

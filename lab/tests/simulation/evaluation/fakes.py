@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from slipstream.energy import Energy
+from slipstream.energy.consumption import Energy
 from slipstream_lab.simulation.closed_loop.policy import Policy
 from slipstream_lab.simulation.closed_loop.record import ArmResult, LoopCycleRecord, Others, Service
 from slipstream_lab.simulation.evaluation.runs.provenance import Provenance

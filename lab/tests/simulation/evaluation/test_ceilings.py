@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from lab.tests.simulation.evaluation.fakes import GROUND, make_arm
-from slipstream.drive import DrivingStyle, plan_drive
-from slipstream.energy import (
+from slipstream.energy.consumption import (
     ETA_FOLLOWER,
     drive_energies,
     steady_energy_kwh,
     stop_energy_kwh,
     trace_energy,
 )
+from slipstream.energy.drive import DrivingStyle, plan_drive
 from slipstream.roads import Crossing, Segment, build_network
 from slipstream_lab.simulation.closed_loop.record import ArmResult, Others
 from slipstream_lab.simulation.evaluation.arms import POLICIES

@@ -11,8 +11,8 @@ import pytest
 
 from dispatcher_daemon.settings import DispatcherSettings
 from lab.tests.simulation.evaluation.fakes import GROUND, make_arm
-from slipstream.drive import DrivingStyle, plan_drive
-from slipstream.energy import ETA_FOLLOWER, ETA_LEADER, drive_energies, total
+from slipstream.energy.consumption import ETA_FOLLOWER, ETA_LEADER, drive_energies, total
+from slipstream.energy.drive import DrivingStyle, plan_drive
 from slipstream.roads import RoadNetwork
 from slipstream_lab.research.cities.streets import street_network
 from slipstream_lab.simulation.closed_loop.dispatch_settings import evaluation_settings

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from slipstream.energy import Energy
+from slipstream.energy.consumption import Energy
 from slipstream.messages import PlannedSegment, PlannedStop, VehiclePlan
 from slipstream.roads import RoadNetwork
-from slipstream.sumo_net import load_network
+from slipstream.roads.sumo_net import load_network
 from slipstream_lab.simulation.closed_loop.record import Service
 from slipstream_lab.simulation.exogenous.tours import LegOrder, Tours, free_s
 from slipstream_lab.simulation.fleet.driven_leg import DrivenLeg

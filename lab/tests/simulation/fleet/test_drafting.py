@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from lab.tests.simulation.fleet.road import Flags, segments
-from slipstream.drafting import DragLaw, reductions_at
-from slipstream.energy import ETA_FOLLOWER, ETA_LEADER
+from slipstream.energy.consumption import ETA_FOLLOWER, ETA_LEADER
+from slipstream.energy.drafting import DragLaw, reductions_at
 from slipstream.messages import SensedVehicle, VehicleAdvice, VehicleSensing
 from slipstream_lab.simulation.fleet.drafting import (
     CLOSE_GAP_M,

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 from lab.tests.simulation.scenarios import foreign
-from slipstream.access import Access
 from slipstream.errors import InputError
 from slipstream.osm.netconvert import find_netconvert
 from slipstream.roads import RoadNetwork, Segment, build_network
+from slipstream.roads.access import Access
 from slipstream_cli.main import main
 from slipstream_lab.simulation.rsus import load_rsus
 from slipstream_lab.simulation.scenarios.networks.network import cut_network, largest_part

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from slipstream.messages import SignalRequest, SignalStatus
-from slipstream.sumo_net import load_network
+from slipstream.roads.sumo_net import load_network
 from slipstream_lab.simulation.scenarios.networks.fixed_time import write_fixed_time
 from slipstream_lab.simulation.scenarios.scenario import load_scenario
 from slipstream_lab.simulation.signals import PrioritySettings, SignalController

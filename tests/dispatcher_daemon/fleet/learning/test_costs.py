@@ -15,7 +15,7 @@ from dispatcher_daemon.fleet.learning.traces import MAX_GAP, PositionTraces
 from slipstream.messages import VehiclePosition
 from slipstream.orders import MovementSum
 from slipstream.roads import RoadNetwork
-from slipstream.sumo_net import load_network
+from slipstream.roads.sumo_net import load_network
 
 DAY_NS = 86_400 * 10**9
 EIGHT_NS = 20_000 * DAY_NS + 8 * 3600 * 10**9

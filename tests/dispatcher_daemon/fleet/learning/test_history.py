@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from dispatcher_daemon.fleet.learning import HOURS, DrivenTrace, History, Passages
-from slipstream.energy import steady_energy_kwh, stop_energy_kwh, trace_energy
+from slipstream.energy.consumption import steady_energy_kwh, stop_energy_kwh, trace_energy
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork
-from slipstream.sumo_net import load_network
+from slipstream.roads.sumo_net import load_network
 
 LIMIT_MPS = 12.0
 

@@ -12,7 +12,7 @@ from dispatcher_daemon.fleet.learning.usual_traffic import MIN_WINDOWS
 from dispatcher_daemon.traffic.snapshot import MIN_SPEED_MPS, SegmentTraffic, TrafficSnapshot
 from slipstream.orders import SpeedSum
 from slipstream.roads import RoadNetwork
-from slipstream.sumo_net import load_network
+from slipstream.roads.sumo_net import load_network
 
 EAST, WEST = "avenue_east", "avenue_west"
 

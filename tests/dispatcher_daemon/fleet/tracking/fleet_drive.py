@@ -17,7 +17,7 @@ from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchS
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.workers.pool import solve_in_process
 from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
-from slipstream.energy_ledger import EnergyHour, PlanEnergy
+from slipstream.energy.ledger import EnergyHour, PlanEnergy
 from slipstream.messages import (
     PlanAcknowledgement,
     PlannedSegment,

@@ -10,7 +10,7 @@ import pytest
 
 from dispatcher_daemon.forms.problem import RoutingProblem
 from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
-from slipstream.energy_ledger import HOUR_NS, EnergyHour, PlanEnergy, merged
+from slipstream.energy.ledger import HOUR_NS, EnergyHour, PlanEnergy, merged
 from slipstream.messages import VehiclePlan
 
 from .fleet_drive import Day, Van

@@ -30,7 +30,7 @@ from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchS
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.workers.pool import solve_in_process
 from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
-from slipstream.energy import drag_saving_kwh
+from slipstream.energy.consumption import drag_saving_kwh
 from slipstream.messages import VehiclePlan
 from slipstream_lab.research.cities.generator import CityShape, generate_city, with_carriers
 

@@ -9,8 +9,8 @@ import pytest
 from dispatcher_daemon.planning.plans import Candidate, RouteEnergy, plan_energies
 from dispatcher_daemon.planning.roads import Route
 from dispatcher_daemon.planning.roads.routes import StopVisit
-from slipstream.energy import Energy
-from slipstream.energy_ledger import PlanEnergy
+from slipstream.energy.consumption import Energy
+from slipstream.energy.ledger import PlanEnergy
 
 PROBLEM = SimpleNamespace(fleet=SimpleNamespace(stop_by_id=dict.fromkeys("abcd")))
 

@@ -36,11 +36,11 @@ from dispatcher_daemon.planning.roads import (
 )
 from dispatcher_daemon.planning.routes.itineraries import Planner
 from dispatcher_daemon.traffic.snapshot import Expectations, SegmentTraffic, TrafficSnapshot
-from slipstream.drive import Drive
+from slipstream.energy.drive import Drive
+from slipstream.energy.traction import PAPER_CAR, coasting_mps2
 from slipstream.messages import DrivingAdvice, PlannedSegment, PlannedStop, VehiclePlan
 from slipstream.roads import Segment, build_network
 from slipstream.spacing import ENTRY_HEADWAY_S, driver_gap_m, wanted_gap_m
-from slipstream.traction import PAPER_CAR, coasting_mps2
 
 NOW_NS = 1_800_000_000_000_000_000
 V_MPS = 20.0

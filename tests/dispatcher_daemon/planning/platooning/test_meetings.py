@@ -21,8 +21,8 @@ from dispatcher_daemon.planning.platooning.shares import Shares, open_shares
 from dispatcher_daemon.planning.platooning.stretches import Traversal
 from dispatcher_daemon.planning.roads import planning_speed_mps
 from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
-from slipstream.drafting import reductions_at
-from slipstream.energy import ETA_FOLLOWER, ETA_LEADER, drag_saving_kwh
+from slipstream.energy.consumption import ETA_FOLLOWER, ETA_LEADER, drag_saving_kwh
+from slipstream.energy.drafting import reductions_at
 from slipstream.vehicle_types import PRESETS
 
 SHARES = {"e": Shares(1.0, 4.0), "f": Shares(0.5, 2.0, (2.5, 2.25))}

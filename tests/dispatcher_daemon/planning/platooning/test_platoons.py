@@ -11,7 +11,7 @@ from dispatcher_daemon.planning.platooning.platoons import Place, form_platoons
 from dispatcher_daemon.planning.roads.routes import RoadLeg, Route, StopVisit
 from dispatcher_daemon.planning.routes.itineraries import Planner
 from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
-from slipstream.drive import DrivingStyle, plan_drive
+from slipstream.energy.drive import DrivingStyle, plan_drive
 
 AVENUE = "avenue_east"
 

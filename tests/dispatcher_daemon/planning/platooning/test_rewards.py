@@ -12,7 +12,7 @@ from dispatcher_daemon.planning.platooning.rewards import JudgedPair, judge_pair
 from dispatcher_daemon.planning.roads.routes import RoutedArc, candidate_arcs
 from dispatcher_daemon.planning.roads.travel import least_energy_legs
 from dispatcher_daemon.traffic.snapshot import TrafficSnapshot, take_snapshot
-from slipstream.energy import VehicleParameters
+from slipstream.energy.consumption import VehicleParameters
 from slipstream.messages import SegmentState
 
 Traffic = Callable[..., TrafficSnapshot]

@@ -40,7 +40,6 @@ from dispatcher_daemon.solvers.protocol import Outcome, Solver
 from dispatcher_daemon.solvers.registry import configured_solvers
 from dispatcher_daemon.solvers.workers.pool import Solve, solve_in_process
 from dispatcher_daemon.traffic.snapshot import Expectations, TrafficSnapshot
-from slipstream.access import Access
 from slipstream.messages import (
     Message,
     PlanAcknowledgement,
@@ -50,8 +49,9 @@ from slipstream.messages import (
     position_key,
     state_key,
 )
-from slipstream.projection import Projection
 from slipstream.roads import Crossing, RoadNetwork
+from slipstream.roads.access import Access
+from slipstream.roads.projection import Projection
 from slipstream_lab.research.cities.generator import CityShape, generate_city
 from storage import CycleInputs, Part, StoredCycle, open_database, open_reader
 

@@ -19,7 +19,7 @@ from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.workers.pool import solve_in_process
 from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
-from slipstream.access import ALL_CLASSES, Access
+from slipstream.roads.access import ALL_CLASSES, Access
 
 Town = Callable[..., tuple[RoutingProblem, TrafficSnapshot]]
 NO_TRAILER = Access(classes=ALL_CLASSES - {"trailer"})

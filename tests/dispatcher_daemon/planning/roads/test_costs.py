@@ -8,7 +8,12 @@ from hypothesis import strategies as st
 from dispatcher_daemon.forms.problem import RoutingProblem
 from dispatcher_daemon.planning.roads.costs import expected_traction_n, segment_cost_kwh
 from dispatcher_daemon.traffic.snapshot import SegmentTraffic
-from slipstream.energy import PAPER_CAR, VehicleParameters, steady_energy_kwh, stop_energy_kwh
+from slipstream.energy.consumption import (
+    PAPER_CAR,
+    VehicleParameters,
+    steady_energy_kwh,
+    stop_energy_kwh,
+)
 from slipstream.vehicle_types import RoutingProfile
 
 

@@ -9,7 +9,7 @@ import pytest
 from dispatcher_daemon.forms.problem import RoutingProblem
 from dispatcher_daemon.planning.roads import Travel, leg_from, leg_onward, roads_of
 from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
-from slipstream.drive import DrivingStyle, plan_drive
+from slipstream.energy.drive import DrivingStyle, plan_drive
 
 STYLE = DrivingStyle()
 

@@ -21,7 +21,7 @@ from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchS
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.workers.pool import solve_in_process
 from dispatcher_daemon.traffic.snapshot import Expectations, TrafficSnapshot
-from slipstream.energy import PAPER_CAR, drive_energies, stop_energy_kwh
+from slipstream.energy.consumption import PAPER_CAR, drive_energies, stop_energy_kwh
 from slipstream_lab.research.cities.generator import small_city
 
 Town = Callable[..., tuple[RoutingProblem, TrafficSnapshot]]

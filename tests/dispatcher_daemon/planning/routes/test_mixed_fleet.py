@@ -22,8 +22,8 @@ from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.workers.pool import solve_in_process
 from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
-from slipstream.drafting import reductions_at
-from slipstream.energy import ETA_FOLLOWER, ETA_LEADER, drag_saving_kwh, drive_energies
+from slipstream.energy.consumption import ETA_FOLLOWER, ETA_LEADER, drag_saving_kwh, drive_energies
+from slipstream.energy.drafting import reductions_at
 from slipstream.vehicle_types import PRESETS
 
 Town = Callable[..., tuple[RoutingProblem, TrafficSnapshot]]

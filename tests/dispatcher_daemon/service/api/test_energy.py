@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from slipstream.energy_ledger import HOUR_NS, EnergyHour
+from slipstream.energy.ledger import HOUR_NS, EnergyHour
 from slipstream.orders import FleetRecords
 from storage import open_database
 

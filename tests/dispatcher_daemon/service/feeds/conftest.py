@@ -13,9 +13,9 @@ import pytest
 from lxml import etree
 
 from dispatcher_daemon.service.feeds import EXTENSION_SCHEMA
-from slipstream.projection import Projection
 from slipstream.roads import RoadNetwork
-from slipstream.sumo_net import load_network
+from slipstream.roads.projection import Projection
+from slipstream.roads.sumo_net import load_network
 
 Check = Callable[[bytes], None]
 """Fails where a document is not valid."""

@@ -24,7 +24,7 @@ from dispatcher_daemon.settings import FeedSettings
 from slipstream.errors import InputError
 from slipstream.messages import Estimate, SegmentState
 from slipstream.roads import RoadNetwork
-from slipstream.sumo_net import load_network
+from slipstream.roads.sumo_net import load_network
 from tests.dispatcher_daemon.service.feeds.conftest import Check
 from tests.dispatcher_daemon.service.feeds.states import NOW_NS, any_state, features, state
 

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from dispatcher_daemon.service.vroom import RoutingEngine, solve_vroom
 from dispatcher_daemon.traffic.snapshot import take_snapshot
-from slipstream.projection import Projection
 from slipstream.roads import Segment, build_network
+from slipstream.roads.projection import Projection
 
 DURATIONS = [[0, 300, 420, 610], [310, 0, 250, 500], [400, 260, 0, 330], [600, 480, 350, 0]]
 

@@ -1,7 +1,7 @@
 """What the deliveries of an arm would have cost at best: every kilometre drafted, no stop, both.
 
 Ceilings keep an arm's legs, so they say what driving can save, not what routes can. Each is a bound
-by the physics of `slipstream.energy` alone; no lever reaches it.
+by the physics of `slipstream.energy.consumption` alone; no lever reaches it.
 """
 
 from __future__ import annotations
@@ -10,14 +10,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from slipstream.drive import Drive, DrivingStyle, plan_drive
-from slipstream.energy import (
+from slipstream.energy.consumption import (
     ETA_FOLLOWER,
     PAPER_CAR,
     VehicleParameters,
     drive_energies,
     steady_energy_kwh,
 )
+from slipstream.energy.drive import Drive, DrivingStyle, plan_drive
 from slipstream.roads import RoadNetwork
 from slipstream_lab.simulation.closed_loop.record import ArmResult
 from slipstream_lab.simulation.fleet.driven_leg import DrivenLeg

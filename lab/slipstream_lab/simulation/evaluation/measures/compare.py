@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from statistics import fmean, stdev
 from typing import Final
 
-from slipstream.energy import Saving, split_saving
+from slipstream.energy.consumption import Saving, split_saving
 from slipstream_lab.simulation.evaluation.arms import BASELINE, PACES, paced
 from slipstream_lab.simulation.evaluation.measures.equal_time import TimeCurve
 from slipstream_lab.simulation.evaluation.measures.figures import Measures

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from slipstream.energy import ETA_FOLLOWER, Energy, total
+from slipstream.energy.consumption import ETA_FOLLOWER, Energy, total
 from slipstream_lab.simulation.closed_loop.record import ArmResult, Others
 from slipstream_lab.simulation.fleet.drafting import CAUSES, Cause
 from slipstream_lab.simulation.fleet.losses import Losses

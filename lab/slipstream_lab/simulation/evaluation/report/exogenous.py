@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from slipstream.energy import ETA_FOLLOWER
+from slipstream.energy.consumption import ETA_FOLLOWER
 from slipstream_lab.simulation.evaluation.arms import BASELINE, COOPERATIVE, gated
 from slipstream_lab.simulation.evaluation.measures import Evaluation, Measures
 from slipstream_lab.simulation.evaluation.report.ablation_tables import noise_table

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from slipstream.tables import markdown_table
+from slipstream_cli.tables import markdown_table
 from slipstream_lab.simulation.evaluation.measures import Spread
 
 NOTHING: Final = "–"

@@ -11,7 +11,7 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from slipstream.energy import ETA_FOLLOWER, ETA_LEADER
+from slipstream.energy.consumption import ETA_FOLLOWER, ETA_LEADER
 from slipstream_lab.simulation.evaluation.arms import COOPERATIVE, EVERY_LEVER, only
 from slipstream_lab.simulation.evaluation.measures import Evaluation, Spread
 from slipstream_lab.simulation.evaluation.report.cells import MEANS, arm_files

@@ -164,8 +164,7 @@ def parts_table(evaluation: Evaluation) -> Table:
             *("distance, % of B", "drag", "acceleration", "sum"),
         ),
         rows,
-        f"{arm_rows_source(evaluation)} and those of B, split by `slipstream.energy.split_saving` "
-        "of summed energies",
+        f"{arm_rows_source(evaluation)} and those of B, split by `split_saving` of summed energies",
         (
             "Drag: what driving in platoons saves on the same drives. Acceleration: less energy "
             "for changes of speed. Distance: less rolling resistance and undrafted drag, by "

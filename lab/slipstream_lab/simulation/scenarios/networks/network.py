@@ -9,7 +9,7 @@ from typing import Final
 
 from slipstream.osm import largest_part
 from slipstream.roads import RoadNetwork
-from slipstream.sumo_net import load_network
+from slipstream.roads.sumo_net import load_network
 from slipstream.vehicle_types import RoutingProfile
 from slipstream_lab.simulation.sumo import check_files
 

@@ -1,0 +1,1 @@
+"""The requests that the page answers, one module a subject."""

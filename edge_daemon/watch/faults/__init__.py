@@ -1,0 +1,1 @@
+"""One fault of a camera or its clock a module."""
