@@ -8,7 +8,7 @@ TRAIN := .venv-train
 MINUTES ?= 5
 PORT ?= 8080
 
-.PHONY: setup run check test test-lab test-rest test-all attack coverage mutants lint js format soak bench-perception train train-venv clean bench-accuracy allowances bench-routing bench-quantum bench-world bench-agents bench-service bench-dashboard bench-storage bench-coordination bench-real
+.PHONY: setup run check test test-lab test-long test-all attack coverage mutants lint js format soak bench-perception train train-venv clean bench-accuracy allowances bench-routing bench-quantum bench-world bench-agents bench-service bench-dashboard bench-storage bench-coordination bench-real
 
 setup: $(VENV)/.ready
 
@@ -25,22 +25,26 @@ run: setup
 JOBS ?= 2
 PYTEST := -m pytest -n $(JOBS) --dist worksteal
 
-# Two minutes on two cores: what starts no process and computes for a few seconds at most.
+# What starts no process and takes no time.
 check: lint js
 	$(BIN)/python $(PYTEST) tests -m "not process and not slow"
 
 # The product: real processes and the browser too.
 test: lint
-	$(BIN)/python $(PYTEST) tests -m "not slow(long=True)"
+	$(BIN)/python $(PYTEST) tests -m "not long"
 
 # The laboratory: whenever it changes, or what it uses of the product; `make test` lints it too.
 test-lab: setup
-	$(BIN)/python $(PYTEST) lab/tests -m "not slow(long=True)"
+	$(BIN)/python $(PYTEST) lab/tests -m "not long"
 
 # What both leave out; the whole product (tests/e2e) beside no other test.
-test-rest: setup
-	$(BIN)/python $(PYTEST) -m "slow(long=True) and not alone"
-	$(BIN)/python -m pytest tests/e2e -m "alone"
+test-long: setup
+	$(BIN)/python $(PYTEST) -m "long and not nightly and not alone"
+	$(BIN)/python -m pytest tests/e2e -m "alone and not nightly"
+
+test-all: test test-lab test-long
+	$(BIN)/python $(PYTEST) -m "nightly and not alone"
+	$(BIN)/python -m pytest tests/e2e -m "alone and nightly"
 
 # What attackers and faults do to the daemons, in full size; the figures stand at the end.
 attack: setup

@@ -36,6 +36,14 @@ settings.register_profile(
 settings.load_profile("slipstream")
 
 
+def pytest_configure() -> None:
+    """Temporary files lie in memory where the machine has such a folder: `fsync` costs nothing there,
+    and a process that is killed loses no more there than on a disk.
+    """
+    if Path("/dev/shm").is_dir() and shutil.disk_usage("/dev/shm").free > 2**31:
+        os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", "/dev/shm")
+
+
 @pytest.fixture(autouse=True)
 def root_level() -> Iterator[None]:
     """Puts back the level of the root logger, which daemons that run in a test's process set."""
@@ -147,6 +155,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker("process")
         if {"street_clips", "morning"}.intersection(fixtures):
             item.add_marker("slow")
+        # The tiers lie in each other: nightly is long, long is slow.
+        for tier, wider in (("nightly", "long"), ("long", "slow")):
+            if item.get_closest_marker(tier):
+                item.add_marker(wider)
 
 
 REQUIRED = "CI_REQUIRES"

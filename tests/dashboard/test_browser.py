@@ -20,7 +20,7 @@ from dashboard.selection import Selection
 from dashboard.settings import DashboardSettings
 from slipstream.bus import free_port
 
-pytestmark = [pytest.mark.process, pytest.mark.slow(long=True)]
+pytestmark = [pytest.mark.process, pytest.mark.long]
 S = 1_000_000_000
 WIDTHS = (1024, 1920)
 DRAWN = "window.__viserTestpoints?.rendererInfo.render.triangles > 20"

@@ -89,7 +89,7 @@ def test_one_node_a_layer(server, network, world, now_ns):
     assert (kinds.count("van"), kinds.count("rsu"), kinds.count("road")) == (200, 600, 600)
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_routes_end_with_their_vans(server, network, world, now_ns):
     """When the last plan is void its route goes from the map, and comes back with a new one."""
     road_map = RoadMap(server, network, ())
@@ -171,7 +171,7 @@ def test_only_what_changed_is_sent(server, network, world, now_ns, monkeypatch):
     ]
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_memory_stays_flat_over_many_updates(server, world, now_ns):
     """Six hundred updates with vans that come, go and move keep no more than the first ones."""
     road_map = RoadMap(server, world.network, ("depot",))
@@ -208,7 +208,7 @@ def test_memory_stays_flat_over_many_updates(server, world, now_ns):
     assert after - before < 250_000
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_an_update_is_quick(server, network, world, now_ns):
     """Two hundred new plans are on the page in a fifth of a second of computing, as is a move."""
     road_map, panels = RoadMap(server, network, ("x0y0",)), PanelLayout(server)

@@ -182,7 +182,7 @@ def test_what_a_dispatcher_sees(running, page, browser, tmp_path):
     assert "Traceback" not in running.log.read_text()
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_taken_port_is_one_line(tmp_path):
     """Started on a port that is in use, the dashboard raises InputError before it serves."""
     with Router() as router:

@@ -31,7 +31,7 @@ READS = {
 
 
 @pytest.mark.attack
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can boot systemd")
 def test_each_daemon_reads_its_own_secrets_only(

@@ -110,7 +110,7 @@ def edge_settings(folder: Path, router: Router, source: dict[str, object]) -> st
     return settings(folder, "edge", {"rsus": {"r": rsu}, "bus": {"connect": [router.endpoint]}})
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 def test_a_stuck_detector_silences_the_watchdog(tmp_path: Path, router: Router) -> None:
     """READY, then a sign of life each second; none while the pipeline stands, again when it moves.
@@ -140,7 +140,7 @@ def test_a_stuck_detector_silences_the_watchdog(tmp_path: Path, router: Router) 
         assert manager.process.wait(timeout=10) == 0
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 def test_waiting_for_a_camera_is_progress(tmp_path: Path, router: Router) -> None:
     """A restart would not bring an absent camera back, so the watchdog is fed."""
@@ -152,7 +152,7 @@ def test_waiting_for_a_camera_is_progress(tmp_path: Path, router: Router) -> Non
             assert manager.hears("WATCHDOG=1", _WATCHDOG_S)
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 @pytest.mark.parametrize("daemon", ["dispatcher", "dashboard"])
 def test_the_servers_daemons_tell_their_progress(

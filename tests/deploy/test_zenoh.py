@@ -216,7 +216,7 @@ HEARS = {
 
 
 @pytest.mark.attack
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 def test_each_daemon_publishes_its_own_keys_only(
     machine: int, users: Path, figure: Callable[[str], None]
@@ -357,7 +357,7 @@ def test_a_router_of_the_version_before_carries_what_it_knew(users: Path, tmp_pa
 
 
 @pytest.mark.attack
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 @pytest.mark.parametrize("role", ["nobody", "wrong password", "unknown user"])
 def test_a_plan_without_the_dispatchers_password_is_denied(
@@ -395,7 +395,7 @@ def test_a_plan_without_the_dispatchers_password_is_denied(
 
 
 @pytest.mark.attack
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 def test_a_message_beyond_the_limit_is_dropped(machine: int, users: Path) -> None:
     """More than 4 MiB does not come through, nor harm what does."""
@@ -577,7 +577,7 @@ def sites(certificates: Path, users: Path, tmp_path: Path) -> Iterator[dict[str,
 
 
 @pytest.mark.attack
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 def test_a_certificate_orders_only_with_the_right(
     sites: dict[str, int], users: Path, certificates: Path
@@ -627,7 +627,7 @@ def test_a_certificate_orders_only_with_the_right(
 
 
 @pytest.mark.attack
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 def test_a_box_publishes_its_own_keys_only(
     sites: dict[str, int], users: Path, tmp_path: Path, figure: Callable[[str], None]
@@ -691,7 +691,7 @@ def test_a_box_publishes_its_own_keys_only(
 
 
 @pytest.mark.attack
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 def test_a_box_is_known_by_certificate_and_password(
     sites: dict[str, int], users: Path, tmp_path: Path
@@ -726,7 +726,7 @@ def test_a_box_is_known_by_certificate_and_password(
 
 
 @pytest.mark.attack
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 def test_a_vehicles_box_speaks_for_its_vehicle_only(
     sites: dict[str, int], users: Path, tmp_path: Path
@@ -801,7 +801,7 @@ def test_a_vehicles_box_speaks_for_its_vehicle_only(
         assert set(overheard.payloads) - {b"forged"} <= heard_by_all
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 @pytest.mark.parametrize("key", [preview_key("rsu-1"), bare_preview_key("rsu-1")])
 def test_pictures_are_asked_for_through_the_wall(

@@ -154,7 +154,7 @@ def _look_at_the_operators_page(page: Any, port: int) -> None:
     page.locator("#card").get_by_role("heading", name="Plan", exact=True).wait_for(timeout=60_000)
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_the_whole_chain_shows_on_the_page_and_in_the_figures(
     start: Callable[..., Run], browser: Any, tmp_path: Path
 ) -> None:
@@ -201,7 +201,7 @@ def test_the_whole_chain_shows_on_the_page_and_in_the_figures(
     assert left_over(run.state) == []
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.usefixtures("rendered")
 def test_killed_daemons_come_back_and_nothing_stored_is_lost(start: Callable[..., Run]) -> None:
     """SIGKILL of an RSU and of the dispatcher; then Ctrl-C ends all within 10 s."""
@@ -233,7 +233,7 @@ def test_killed_daemons_come_back_and_nothing_stored_is_lost(start: Callable[...
 
 
 @pytest.mark.attack
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.usefixtures("rendered")
 def test_a_stopped_daemon_is_started_again_within_30_s(
     start: Callable[..., Run], figure: Callable[[str], None], full_size: bool
@@ -266,7 +266,7 @@ def _is_up(run: Run, name: str) -> bool:
         return False
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.usefixtures("rendered")
 def test_a_killed_supervisor_leaves_nothing_behind(start: Callable[..., Run]) -> None:
     """Not even kill -9 leaves daemons running."""

@@ -21,7 +21,7 @@ from slipstream.bus import free_port
 pytestmark = [
     pytest.mark.process,
     pytest.mark.alone,
-    pytest.mark.slow(long=True),
+    pytest.mark.long,
     pytest.mark.timeout(1800),
 ]
 

@@ -152,7 +152,7 @@ def test_the_command_tells_and_its_status_too(
         assert capsys.readouterr().out.splitlines()[-1].startswith(verdict)
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_the_shipped_weights_are_usable_on_renders(street_clips: dict[str, Path]) -> None:
     """By the clip's own calibration."""
     folder = street_clips["stable"]

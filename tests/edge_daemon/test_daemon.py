@@ -153,7 +153,7 @@ def test_states_health_and_preview_come_and_sigterm_ends_it(
     assert 0 < (health.calibration.speed_error or 0) < 0.05
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 def test_a_clip_played_once_and_fast_ends_by_itself(
     tmp_path: Path, street_clips: dict[str, Path], router: Router, bus: Bus
@@ -173,7 +173,7 @@ def test_a_clip_played_once_and_fast_ends_by_itself(
     assert ears.states[-1].y_e == 0
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 def test_an_absent_camera_gives_unknown_states(
     tmp_path: Path, street_clips: dict[str, Path], router: Router, bus: Bus
@@ -191,7 +191,7 @@ def test_an_absent_camera_gives_unknown_states(
     assert "no_signal" in {h.status for h in ears.health}
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 @pytest.mark.parametrize(
     ("change", "expected"),

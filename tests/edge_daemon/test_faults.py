@@ -327,7 +327,7 @@ def with_segments(camera: Camera, count: int) -> Camera:
     return several
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.parametrize("step", [1, 5], ids=["15 a second", "3 a second"])
 def test_segments_told_between_frames_are_all_told(
     calm: tuple[Camera, list[Picture], list[Detections]], step: int
@@ -352,7 +352,7 @@ def test_segments_told_between_frames_are_all_told(
         assert len({msgspec.structs.replace(state, segment="s", sequence=0) for state in beat}) == 1
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_no_segment_is_judged_by_what_a_fault_made_untrusted(
     calm: tuple[Camera, list[Picture], list[Detections]],
 ) -> None:
@@ -374,7 +374,7 @@ def test_no_segment_is_judged_by_what_a_fault_made_untrusted(
     assert recorder.states[began].segment == "s0"
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_live_camera_goes_through_every_fault_and_is_trusted_again(
     calm: tuple[Camera, list[Picture], list[Detections]], caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -16,7 +16,7 @@ from edge_daemon.offline import TrackResult, track
 from edge_daemon.settings import DetectorSettings, TrackSettings
 from slipstream_cli.main import main
 
-pytestmark = pytest.mark.slow(long=True)
+pytestmark = pytest.mark.long
 
 POINTS = Path(__file__).parent / "data" / "motorway-points.toml"
 NEAR_M = (5.0, 55.0)

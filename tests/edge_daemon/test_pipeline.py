@@ -96,7 +96,7 @@ def test_calm_video_is_stable(street_clips: dict[str, Path], calm: SegmentState)
     assert state.features.density_veh_per_m.value == pytest.approx(density, rel=0.3)
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_stop_and_go_video_is_turbulent(street_clips: dict[str, Path]) -> None:
     """y_e = 0 with a CV far above the threshold, as in the truth."""
     state = watch(street_clips["turbulent"])
@@ -107,7 +107,7 @@ def test_stop_and_go_video_is_turbulent(street_clips: dict[str, Path]) -> None:
     assert state.features.speed_std_mps.value == pytest.approx(spread, rel=0.35)
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_the_same_video_gives_the_same_state(
     street_clips: dict[str, Path], calm: SegmentState
 ) -> None:
@@ -115,7 +115,7 @@ def test_the_same_video_gives_the_same_state(
     assert watch(street_clips["stable"]) == calm
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_states_taken_one_by_one_are_of_the_moment_when_they_were_begun(
     street_clips: dict[str, Path],
 ) -> None:

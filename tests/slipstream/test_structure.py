@@ -103,7 +103,7 @@ def test_the_extras_that_the_design_names_exist() -> None:
     assert not any("torch" in d or "ultralytics" in d for d in extras["edge"])
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 def test_an_rsu_needs_no_dispatcher() -> None:
     """The edge daemon loads without the dispatcher's, the dashboard's and torch's packages."""

@@ -46,7 +46,7 @@ def test_every_command_has_help(command: str, capsys: pytest.CaptureFixture[str]
     assert "usage: slipstream" in capsys.readouterr().out
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 def test_a_clip_is_made_and_reported(tmp_path: Path) -> None:
     """The three files are there, progress is silent in a pipe, and JSON is one object."""
@@ -61,7 +61,7 @@ def test_a_clip_is_made_and_reported(tmp_path: Path) -> None:
     assert 'id = "s1"' in (tmp_path / "c" / "camera.toml").read_text()
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 @pytest.mark.parametrize(
     ("option", "value", "key"),
@@ -75,7 +75,7 @@ def test_a_clip_that_cannot_be_is_one_line(
     assert key in line
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 def test_check_accepts_sound_settings_and_names_faults(tmp_path: Path) -> None:
     """One line a file when sound; file, key and mend when not."""
@@ -94,7 +94,7 @@ def test_check_accepts_sound_settings_and_names_faults(tmp_path: Path) -> None:
     assert "--as" in one_line(slipstream("check", str(other)))
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 def test_check_takes_fleets_and_instances_and_lists_what_nobody_can_serve(tmp_path: Path) -> None:
     """A stop with too much demand is no fault of the file's, a node that is not there is one."""
@@ -127,7 +127,7 @@ def test_check_takes_fleets_and_instances_and_lists_what_nobody_can_serve(tmp_pa
     )
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 def test_the_database_is_made_checked_and_pruned(tmp_path: Path) -> None:
     """The three actions work on one file and report as JSON."""
@@ -164,7 +164,7 @@ def test_a_full_disk_is_one_line_and_no_traceback(
     assert error == "slipstream: database or disk is full (background on this error)\n"
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 def test_a_file_that_is_no_database_is_one_line_and_untouched(tmp_path: Path) -> None:
     """The user's file is not overwritten."""
@@ -192,7 +192,7 @@ def test_run_refuses_a_taken_port_and_a_shared_state(tmp_path: Path) -> None:
     assert str(file) in one_line(slipstream("run", "--state", str(file)))
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 @pytest.mark.parametrize(
     "arguments",
@@ -209,7 +209,7 @@ def test_run_refuses_numbers_that_make_no_sense(arguments: tuple[str, str]) -> N
     assert arguments[0] in one_line(slipstream("run", *arguments))
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 @pytest.mark.parametrize("arguments", [(), ("fly",), ("run", "--sekonds", "3"), ("edge",)])
 def test_a_wrong_command_line_is_one_line(arguments: tuple[str, ...]) -> None:

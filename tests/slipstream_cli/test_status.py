@@ -158,7 +158,7 @@ def test_an_expected_rsu_that_cannot_be_read_is_told_once() -> None:
     assert not found[rsu_health_key("a")].well
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_all_well_is_exit_status_0(router: Router, capsys: pytest.CaptureFixture[str]) -> None:
     """One line each."""
     with Bus.open(BusSettings(connect=(router.endpoint,))) as bus:

@@ -26,7 +26,7 @@ def arguments(folder: Path, *more: str | Path) -> list[str]:
     ]
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_clip_is_followed_scored_and_drawn(
     street_clips: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -75,7 +75,7 @@ def thinned(folder: Path, to: Path, every: int, fps: float) -> Path:
     return to
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_clip_of_fewer_frames_is_scored_by_its_times(
     street_clips: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -96,7 +96,7 @@ def test_a_clip_of_fewer_frames_is_scored_by_its_times(
     assert drawn.get(cv2.CAP_PROP_FRAME_COUNT) == 14 * 5
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_states_can_go_into_a_device(
     street_clips: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -124,7 +124,7 @@ def test_states_can_go_into_a_device(
     assert heard == [(tmp_path / "target.jsonl").read_text()]
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_stop_and_go_is_seen_as_what_it_is(
     street_clips: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -137,7 +137,7 @@ def test_stop_and_go_is_seen_as_what_it_is(
     assert "speed_mae" not in printed
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_fault_of_the_camera_is_seen_in_a_recording_too(
     street_clips: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

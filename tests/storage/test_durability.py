@@ -30,7 +30,7 @@ while True:
 
 
 @pytest.mark.process
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_killed_writer_loses_nothing(url):
     """Eight writers killed at random moments: every number they printed is stored, intact."""
     moments = random.Random(5)

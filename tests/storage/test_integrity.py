@@ -174,7 +174,7 @@ def _quick_check(path: Path) -> bool:
 
 @pytest.mark.attack
 @pytest.mark.timeout(3600)
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_no_damage_is_a_traceback(tmp_path, make_cycle, capsys, full_size, figure):
     """Nothing starts on what the check calls bad; check, prune, start and readers say one line."""
     whole = tmp_path / "whole.db"

@@ -79,7 +79,7 @@ def _stored(url: str) -> list[int]:
 
 
 @pytest.mark.attack
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_clock_that_jumped_ahead_deletes_nothing(url, make_cycle):
     """Neither at once, nor when its own cycles are the newest ones, nor after a restart."""
     right_ns = make_cycle(1)[0].started_ns

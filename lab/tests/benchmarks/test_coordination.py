@@ -38,7 +38,7 @@ def test_bad_options_are_one_line(capsys: pytest.CaptureFixture[str]) -> None:
         assert capsys.readouterr().err.count("\n") == 1
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_small_form_reports_and_goes_on(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

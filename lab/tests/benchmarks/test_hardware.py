@@ -45,7 +45,7 @@ def solve(jobs: Sequence[PoolJob], deadline_s: float) -> list[Outcome]:
     ]
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 def test_no_promise_is_broken_in_twenty_cycles(tmp_path: Path) -> None:
     """On time, verified, within the budget, nothing leaked, ledger and records agree; also the
@@ -60,7 +60,7 @@ def test_no_promise_is_broken_in_twenty_cycles(tmp_path: Path) -> None:
     assert max(ran.walls_s) <= ran.limit_s == SHORT.deadline_s
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 def test_a_late_cycle_is_a_broken_promise(tmp_path: Path) -> None:
     """Its plan may be good: it has to be stored before the deadline, not some time after it."""

@@ -131,7 +131,7 @@ def test_a_measuring_process_tells_or_fails(tmp_path: Path) -> None:
         measured([sys.executable, "-c", "raise SystemExit(3)"], log, 30)
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_our_pipeline_goes_through_every_frame(tmp_path: Path) -> None:
     """A smoke run on a short loop; nothing about how long it takes."""
     clip = tmp_path / "clip"

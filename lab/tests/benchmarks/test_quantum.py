@@ -135,7 +135,7 @@ def test_one_circuit_stands_beside_sweeps_and_controls(monkeypatch: pytest.Monke
     assert "all proven" in text
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_depths_of_both_targets_are_held_against_the_aims() -> None:
     """4p with CZ, 2p with native RZZ, and far below the dense circuit."""
     rows = depth.measure(1, [1])

@@ -354,7 +354,7 @@ def test_parts_are_measured_in_their_order() -> None:
     assert main(["--only", "all"]) == 2
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 def test_a_small_city_is_measured_in_a_process_of_its_own(tmp_path: Path) -> None:
     """All figures of a run come from the cycle itself; saved parts add up to what was saved."""

@@ -44,7 +44,7 @@ def test_each_aim_can_be_missed(changes: dict[str, float], tmp_path: Path) -> No
 
 
 @pytest.mark.process
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_no_state_is_lost_between_publishers_and_the_traffic_table(tmp_path: Path) -> None:
     """1,000 states a second from 10 sessions, past the real router, into the real dispatcher."""
     found = measure(10, 100, 3.0, tmp_path, lambda _: None)
@@ -56,7 +56,7 @@ def test_no_state_is_lost_between_publishers_and_the_traffic_table(tmp_path: Pat
 
 
 @pytest.mark.process
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_message_has_a_cost_in_each_process(tmp_path: Path) -> None:
     """Two rates each of states and positions; all of them are handled."""
     for cost in message_costs(3.0, tmp_path, lambda _: None):

@@ -19,7 +19,7 @@ def wandering(seed: int, correlation_s: float) -> npt.NDArray[np.float64]:
     return np.asarray(lfilter([1], [1, -keep], steps)[-len(SECONDS) :])
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.parametrize("true_per_h", [0.0, 8.0])
 def test_the_interval_holds_the_slope_about_as_often_as_it_says(true_per_h: float) -> None:
     """Of 200 series that are alike for 30 s, 84 % and more; taken for independent, 21 %."""

@@ -57,7 +57,7 @@ def test_a_flat_series_is_green() -> None:
     assert not trend.growing
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.parametrize("shape", ["noise", "teeth", "peaks", "falling"])
 def test_what_only_moves_is_green(shape: str) -> None:
     """Correlated noise, cycle teeth, rare high peaks and a slow fall never turn it red."""
@@ -72,7 +72,7 @@ def test_what_only_moves_is_green(shape: str) -> None:
         assert not memory_trend(TIMES, mb).growing, (shape, seed)
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.parametrize("at", [0.1, 0.3, 0.5, 0.7, 0.9])
 def test_one_step_is_green(at: float) -> None:
     """An allocator that takes another 20 MB once, wherever in the time judged."""
@@ -81,7 +81,7 @@ def test_one_step_is_green(at: float) -> None:
         assert not memory_trend(TIMES, mb).growing, seed
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["steady", "toothed", "by the cycle"])
 def test_a_leak_is_red(kind: str) -> None:
     """Twice the limit is found every time: drop by drop, under teeth, or a gulp each 30 s."""
@@ -365,7 +365,7 @@ time.sleep(60)
 """
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 def test_a_real_leak_in_a_real_child_is_seen() -> None:
     """Memory and descriptors of a child process grow, the parent's do not."""

@@ -90,7 +90,7 @@ def test_damaged_and_unwritable_results_are_one_line(
     assert said in captured.err
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_device_that_was_replaced_is_not_called_hardware(
     capsys: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

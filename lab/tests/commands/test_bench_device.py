@@ -60,7 +60,7 @@ def test_a_simulated_device_is_marked_and_above_random(capsys: Capture, backend:
     assert documents[0]["verdict"] in printed
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_device_that_answers_has_its_jobs_named(stand_in: IbmStandIn, capsys: Capture) -> None:
     """Hardware, one job a circuit, nothing of the token."""
     assert main([*TINY, "--backend", f"ibm:{DEVICE}", "--json"]) == 0
@@ -72,7 +72,7 @@ def test_a_device_that_answers_has_its_jobs_named(stand_in: IbmStandIn, capsys: 
     assert document["cells"][0]["above"]
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_device_that_fails_is_told_and_is_never_replaced(
     stand_in: IbmStandIn, capsys: Capture
 ) -> None:

@@ -38,7 +38,7 @@ def read(path: Path) -> list[dict[str, str]]:
 
 
 @pytest.mark.process
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_small_library_is_run_stored_and_not_run_again(
     capsys: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

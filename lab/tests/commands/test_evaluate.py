@@ -234,7 +234,7 @@ def test_each_driven_density_is_an_evaluation_of_a_scaled_fleet(
     assert (tmp_path / "density-100" / "report.md").is_file()
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_curve_that_is_interrupted_goes_on_to_the_same(capsys: Capture, tmp_path: Path) -> None:
     """Really planned: two densities of a few vehicles, gone on with after half of the files are
     lost, in two processes and in one; then everything is stored."""

@@ -10,7 +10,7 @@ from slipstream_cli.main import main
 Capture = pytest.CaptureFixture[str]
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_the_table_and_its_plot(tmp_path: Path, capsys: Capture) -> None:
     """A row for each size that can be, the paper's benchmark beside ours, and a picture."""
     picture = tmp_path / "r.png"

@@ -120,7 +120,7 @@ with Service("works", ServiceSettings()) as service:
 
 
 @pytest.mark.attack
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_stopped_process_is_started_again_and_what_works_is_left_alone(
     started: Callable[..., object], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -152,7 +152,7 @@ def test_a_process_that_is_never_ready_is_started_again(
 
 
 @pytest.mark.attack
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_machine_that_stalls_is_no_reason_to_restart(
     started: Callable[..., object], monkeypatch: pytest.MonkeyPatch
 ) -> None:

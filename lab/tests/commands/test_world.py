@@ -46,7 +46,7 @@ def _refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], *arguments: str
     return lines[0]
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
@@ -67,7 +67,7 @@ def test_bad_input_is_one_line(
     assert _refused(tmp_path, capsys, *arguments).startswith(f"slipstream: {line}")
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_files_that_do_not_fit_each_other_are_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

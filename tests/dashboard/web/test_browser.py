@@ -80,7 +80,7 @@ def test_each_tab_shows_its_rows_and_trouble_comes_before_names(opened):
     assert "−3.30\u00a0kWh" in shown
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_table_is_sorted_by_its_headings_and_filtered_by_words(opened):
     """Each word has to be somewhere in the row; the count says what is left."""
     tab = opened("?tab=orders")
@@ -122,7 +122,7 @@ def test_a_subject_is_selected_by_click_by_search_by_address_and_after_a_reload(
     assert tab.locator("#card").is_hidden()
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_search_cuts_nothing_silently(opened):
     """What is not shown is counted, and shown on demand."""
     tab = opened()
@@ -173,7 +173,7 @@ def test_a_card_tells_all_about_its_subject(opened):
             until(tab, f"{shown}.includes({json.dumps(text.lower())})")
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_card_follows_its_row_and_keeps_where_the_reader_is(opened, page: FakePage):
     """A change is drawn into what is there: the focus stays."""
     tab = opened("#van/van-1")
@@ -232,7 +232,7 @@ def test_nothing_looks_well_that_is_not_known(opened, page: FakePage):
     assert tab.inner_text("#badge") == "Not up to date"
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_finished_run_opens_at_its_last_moment(opened, page: FakePage):
     """There is no live stream to ask for."""
     page.config["live"] = False
@@ -272,7 +272,7 @@ def test_an_action_asks_first_and_shows_the_answer(opened, page: FakePage):
     tab.faults.clear()  # the browser logs the refused token
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_without_control_nothing_can_be_asked_for(opened, page: FakePage):
     """No button of an action is there."""
     page.config["control"] = False
@@ -433,7 +433,7 @@ def serious(tab: Any, part: str = "body", **options: Any) -> list[str]:
     ]
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_everything_can_be_done_by_keyboard(opened):
     """Skip link, tabs, rows, the line between tables and map."""
     tab = opened()
@@ -453,7 +453,7 @@ def test_everything_can_be_done_by_keyboard(opened):
     assert tab.locator("#left").bounding_box()["width"] > before
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_exports_lead_to_what_is_shown(opened):
     """The table as CSV, the map as PNG, a report of the day."""
     tab = opened("?tab=roads")
@@ -601,7 +601,7 @@ def test_a_picture_that_is_none_of_now_is_grey_and_tells_its_age(opened, page, p
     until(tab, "!document.querySelector('figure[data-picture].stale')")
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_colours_follow_the_system_until_one_is_chosen(opened):
     """The choice is kept."""
     tab = opened(theme="dark")
@@ -714,7 +714,7 @@ LOOKED_AT: dict[str, dict[int, dict[str, Any]]] = {
 """Widths at which axe looks, and for what: a theme changes colours only, a width all but them."""
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_each_tab_and_card_keeps_its_place_and_is_accessible(opened, theme: str):
     """At four widths, in both themes: geometry, and axe."""
@@ -745,7 +745,7 @@ def test_each_tab_and_card_keeps_its_place_and_is_accessible(opened, theme: str)
         look(address, "#card")
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_ten_thousand_rows_scroll_smoothly(browser: Any):
     """Only rows in view are drawn, and a change of a hundred costs little."""
     net = city.network(120)
@@ -778,7 +778,7 @@ SCROLLED = """async () => {
 }"""
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_the_first_content_of_a_large_city_is_there_soon(browser: Any, large: FakePage):
     """With 1,000 watched roads, the best of three within 2 s: other tests run beside. On an idle
     machine it is a second, which `make bench-dashboard` measures.
@@ -792,7 +792,7 @@ def test_the_first_content_of_a_large_city_is_there_soon(browser: Any, large: Fa
     assert min(times) <= 2000, times
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_silent_server_is_told_within_five_seconds(opened, page: FakePage):
     """Its connection stays open and nothing comes any more."""
     tab = opened()
@@ -803,7 +803,7 @@ def test_a_silent_server_is_told_within_five_seconds(opened, page: FakePage):
     tab.faults.clear()
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_cameras_are_asked_for_pictures_only_while_in_view(opened, page: FakePage):
     """Of those chosen the ones that are scrolled to, and none once another tab is open."""
     tab = opened("?tab=cameras", 1024)

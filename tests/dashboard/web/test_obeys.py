@@ -16,7 +16,7 @@ from dispatcher_daemon.service.api import token_hash
 from slipstream.bus import Router, free_port
 from tests.dashboard.web.browser import SIZES, geometry_faults
 
-pytestmark = [pytest.mark.process, pytest.mark.slow(long=True)]
+pytestmark = [pytest.mark.process, pytest.mark.long]
 WITHIN_S = 180.0
 SCOPES = {"reader": ["read"], "operator": ["read", "orders", "control"]}
 """A token of each name; its text is its name."""

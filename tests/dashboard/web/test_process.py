@@ -25,7 +25,7 @@ from slipstream.messages import (
 
 from .conftest import Stream, follow
 
-pytestmark = [pytest.mark.process, pytest.mark.slow(long=True)]
+pytestmark = [pytest.mark.process, pytest.mark.long]
 S = 1_000_000_000
 NAMED_WITHIN_S = 5.0
 ROUTER = """

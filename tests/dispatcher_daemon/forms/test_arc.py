@@ -75,7 +75,7 @@ def order_in_words(state: dict[object, int]) -> int:
     )
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @given(bits=st.lists(st.integers(0, 1), min_size=25, max_size=25))
 def test_demo_model_is_the_formula(demo_arcs: Demo, bits: list[int]) -> None:
     """In any state the QUBO's parts equal the formulas written out by hand."""

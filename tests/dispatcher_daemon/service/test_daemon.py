@@ -511,7 +511,7 @@ def running(folder: Path, endpoint: str, fleet: str) -> Iterator[Running]:
             daemon.stopping_s = time.monotonic() - began
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 def test_a_daemon_started_between_two_waves_waits_for_orders(tmp_path: Path, endpoint: str) -> None:
     """The real process: an order file with nothing to do is a cycle without plans, then plans."""

@@ -123,7 +123,7 @@ class Clock(datetime):
         return datetime.now(tz) + cls.ahead
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.parametrize("step_s", [-3600.0, 3600.0])
 def test_a_clock_that_is_set_does_not_stop_the_cycles(
     monkeypatch: pytest.MonkeyPatch, step_s: float

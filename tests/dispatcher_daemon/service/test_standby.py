@@ -101,7 +101,7 @@ def numbers(url: str) -> list[int]:
 
 @pytest.mark.attack
 @pytest.mark.process
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["sqlite", "postgresql"])
 def test_a_standby_takes_over(
     kind: str,
@@ -172,7 +172,7 @@ def cut_lock(url: str) -> int:
 
 @pytest.mark.attack
 @pytest.mark.process
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_dispatcher_that_lost_its_lock_ends_and_writes_nothing_more(
     tmp_path: Path, postgres_url: str
 ) -> None:

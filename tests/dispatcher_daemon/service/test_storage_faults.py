@@ -79,7 +79,7 @@ def stored(path: Path) -> list[int]:
 
 
 @pytest.mark.attack
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_start_with_the_clock_ahead_deletes_nothing(
     demo: RoutingProblem,
     tmp_path: Path,
@@ -385,7 +385,7 @@ def wait_until(condition: Callable[[], bool], timeout_s: float = 120.0) -> bool:
 
 @pytest.mark.attack
 @pytest.mark.process
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_second_dispatcher_ends_at_once(
     config: Path, full_size: bool, figure: Callable[[str], None]
 ) -> None:

@@ -54,7 +54,7 @@ def blocks(seed: int, vehicles: int, options: int) -> RouteProblem:
     return RouteProblem(fleet, tuple(f"s{k}" for k in range(vehicles)), tuple(every), savings)
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("kind", ["arc", "route"])
 def test_every_solver_takes_both_forms(name: str, kind: str) -> None:
@@ -99,7 +99,7 @@ def test_same_seed_same_answer_and_samples(solver: Solver) -> None:
     assert one.samples != other.samples
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.parametrize("solver", [TabuSolver(), AnnealingSolver(), ExactSolver()])
 def test_the_deadline_is_kept(solver: Solver) -> None:
     """A problem of hundreds of variables ends in time, whatever has been found by then."""

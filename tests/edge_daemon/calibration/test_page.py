@@ -287,7 +287,7 @@ def test_a_click_snaps_to_the_corner_to_a_quarter_of_a_pixel() -> None:
     assert snap(picture, 1.0, 79.0) == (1.0, 79.0)
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_first_guess_comes_from_movement_and_sizes(camera: Camera) -> None:
     """Cars of 4.1 to 4.7 m drive both ways: lengths are met within the error that is stated."""
     rng = np.random.default_rng(3)
@@ -375,7 +375,7 @@ def _settled(page: Any) -> None:
     raise AssertionError(page.inner_text("#result"))
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_rendered_clip_is_calibrated_from_its_dashes_by_clicks_alone(
     browser: Any,
     street_clips: dict[str, Path],

@@ -175,7 +175,7 @@ def test_a_plane_stays_a_plane() -> None:
         assert used.sum() == len(ROAD) - seed % 2
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_what_is_written_loads_as_the_same_camera(tmp_path: Path) -> None:
     """The file carries terms and lines; pose, region and outline follow the curve."""
     true = SCENES["bend of 150 m to the left"]
@@ -276,7 +276,7 @@ def test_points_in_a_small_part_of_the_picture_are_fitted() -> None:
     assert found.reprojection_error_px < 0.5
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_real_sag_is_fitted_from_one_row_of_dashes_and_two_edges() -> None:
     """A motorway that no plane fits better than 5 %: dashes left out of the fit are met to 1 %."""
     given = read_points(Path(__file__).parents[1] / "data" / "motorway-sag-points.toml")

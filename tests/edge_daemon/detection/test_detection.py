@@ -89,7 +89,7 @@ def matched(found: Detections, rows: list[dict[str, str]]) -> tuple[int, int]:
     return len(boxes), hits
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_the_shipped_model_finds_rendered_vehicles(
     rendered: tuple[np.ndarray, list[dict[str, str]]],  # type: ignore[type-arg]
 ) -> None:
@@ -103,7 +103,7 @@ def test_the_shipped_model_finds_rendered_vehicles(
     assert set(found.classes.tolist()) <= set(range(len(VEHICLE_CLASSES)))
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_the_same_picture_gives_the_same_boxes(
     rendered: tuple[np.ndarray, list[dict[str, str]]],  # type: ignore[type-arg]
 ) -> None:
@@ -117,7 +117,7 @@ def test_the_same_picture_gives_the_same_boxes(
     assert np.array_equal(first.scores, second.scores)
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_the_road_s_part_is_searched_as_the_whole_picture_is(
     rendered: tuple[np.ndarray, list[dict[str, str]]],  # type: ignore[type-arg]
     road: Camera,
@@ -168,7 +168,7 @@ def test_the_built_in_model_suits_the_processor(monkeypatch: pytest.MonkeyPatch)
     assert processor.float_precision() == ov.Type.bf16
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_float_and_int8_weights_agree(
     rendered: tuple[np.ndarray, list[dict[str, str]]],  # type: ignore[type-arg]
 ) -> None:
@@ -211,7 +211,7 @@ def test_model_classes_are_mapped_to_vehicle_classes() -> None:
         vehicle_class_of(["cat", "dog"], "m")
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_coco_weights_find_real_cars(shared_data: Path) -> None:
     """Another model with 80 classes and another input size runs behind the same protocol."""
     capture = cv2.VideoCapture(str(shared_data / "real_highway_640x360.mp4"))
@@ -355,7 +355,7 @@ os.kill(os.getpid(), signal.SIGTERM)
 """
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 def test_signals_are_heard_after_a_detector_was_dropped_by_another_thread() -> None:
     """OpenVINO unloaded there would take this thread's signal stack with it."""

@@ -28,7 +28,7 @@ def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.parametrize("margin_m", [0.0, 3.0])
 def test_every_vehicle_on_a_segment_is_whole(clip: Path, margin_m: float) -> None:
     """True boxes of vehicles that stand on a segment, the margin included, lie in the region."""

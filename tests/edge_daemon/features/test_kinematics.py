@@ -123,7 +123,7 @@ def test_a_vehicle_seen_before_the_segment_only_gives_no_features(camera: Camera
     assert measure(sightings, camera) is None
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_the_standard_error_of_the_mean_speed_is_honest(camera: Camera) -> None:
     """Over 40 noise draws the truth lies within 1.96 standard errors, and these are not wide."""
     errors, deviations = [], []

@@ -55,7 +55,7 @@ def roughness_s(times_s: list[float], fps: float) -> float:
     return float(np.sqrt(np.mean(left**2)))
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_rtsp_frames_carry_the_streams_own_time() -> None:
     """ImagePool that arrive up to 30 ms late keep the even times at which they were taken."""
     feed = a_feed()
@@ -73,7 +73,7 @@ def test_rtsp_frames_carry_the_streams_own_time() -> None:
     assert not any(f.clock_jump for f in frames)
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_camera_that_stalls_or_restarts_is_found_again() -> None:
     """An open connection without pictures is given up; the next one begins with a cut."""
     feed = a_feed()
@@ -93,7 +93,7 @@ def test_a_camera_that_stalls_or_restarts_is_found_again() -> None:
     assert any(f.cut for f in after)
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_stream_that_changes_its_size_is_left_out_until_it_fits() -> None:
     """ImagePool of another size are counted and dated, never handed on."""
     feed = a_feed()
@@ -149,7 +149,7 @@ def test_why_there_is_no_picture_is_told(silent: int) -> None:
     assert diagnose("rtsp://[::1", 1.0).startswith("cannot connect")
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_silent_server_is_given_up_and_tried_again(
     silent: int, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -273,7 +273,7 @@ def mjpeg() -> Iterator[MjpegCamera]:
     camera.close()
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_camera_that_goes_away_is_found_again(mjpeg: MjpegCamera) -> None:
     """Frames come, stop, and come again, the first of them marked as a cut."""
     source = open_camera(mjpeg.url, stall_timeout_s=2.0)

@@ -115,7 +115,7 @@ def test_what_spoils_tracks_is_told(
     assert set(said) == {None, expected}
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.parametrize(
     "change",
     [jpeg(20), rain, blurred(1.5), rolled(0.15), shaking(1.0)],
@@ -138,7 +138,7 @@ def test_vehicles_that_are_detected_are_no_trails(road: Road) -> None:
     assert set(faults(road, trails, lambda _: all_boxes, GOOD + 40)) == {None}
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_trails_that_stay_become_the_road(road: Road) -> None:
     """After two minutes: what lies on the road for so long is no fault of the camera."""
 
@@ -177,7 +177,7 @@ def test_a_queue_that_drives_off_leaves_no_trails(road: Road) -> None:
     assert set(said) == {None}
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_long_stand_does_not_become_road(road: Road) -> None:
     """The road was known, then a queue stood for three minutes, and drives off."""
     change, boxes = parked(road, 5)

@@ -79,7 +79,7 @@ PICTURE_FAULTS: dict[str, tuple[Change, CameraFault]] = {
 }
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.parametrize("name", list(PICTURE_FAULTS))
 def test_a_fault_of_the_picture_is_noticed_and_ends_by_itself(road: Road, name: str) -> None:
     """Within ten seconds, by its name, and gone ten seconds after the picture is good again."""
@@ -321,7 +321,7 @@ def test_evidence_must_last_to_begin_and_be_gone_to_end() -> None:
     assert active == [2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 5.5]
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_view_that_changes_with_the_hours_is_followed_but_a_turn_is_not(road: Road) -> None:
     """Over 50 minutes the scene becomes another; the camera is then turned by 8 px."""
     first = small_grey(road.picture)

@@ -72,7 +72,7 @@ def test_a_session_knows_whether_a_router_answers() -> None:
     assert not bus.is_connected
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_the_session_opens_without_a_router_and_finds_it_later() -> None:
     """Order of start does not matter, and a router that comes back is found again."""
     port = free_port()

@@ -27,7 +27,7 @@ from slipstream.messages import (
     state_key,
 )
 
-pytestmark = [pytest.mark.process, pytest.mark.slow(long=True)]
+pytestmark = [pytest.mark.process, pytest.mark.long]
 
 _ROUTER = """
 import sys

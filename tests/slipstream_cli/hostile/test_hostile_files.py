@@ -173,7 +173,7 @@ def attack(run: Run, kinds: tuple[list[Kind], Path], tmp_path: Path) -> Attack:
     return Attack(run, tmp_path)
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_valid_files_are_accepted(attack: Attack, kinds: tuple[list[Kind], Path]) -> None:
     """So that what refuses hostile ones is not the command line."""
     for kind in kinds[0]:
@@ -183,7 +183,7 @@ def test_valid_files_are_accepted(attack: Attack, kinds: tuple[list[Kind], Path]
     assert attack.outcomes[0] >= 0.6 * attack.outcomes.total()
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_what_is_no_file_is_refused(attack: Attack, kinds: tuple[list[Kind], Path]) -> None:
     """Pipes, devices, directories, sockets, links to nowhere, 20 GB."""
     for kind in kinds[0]:
@@ -192,7 +192,7 @@ def test_what_is_no_file_is_refused(attack: Attack, kinds: tuple[list[Kind], Pat
     assert attack.faults == []
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_known_attacks_are_refused(
     attack: Attack, kinds: tuple[list[Kind], Path], figure: Callable[[str], None]
 ) -> None:

@@ -258,7 +258,7 @@ def started(summary: dict[str, Any], capsys: pytest.CaptureFixture[str], browser
 
 
 @pytest.mark.process
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_daemons_start_on_the_files(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], browser: Any
 ) -> None:
@@ -287,7 +287,7 @@ def extract() -> str:
 
 
 @pytest.mark.process
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_from_an_extract_to_a_plan(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],

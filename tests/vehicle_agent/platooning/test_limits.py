@@ -214,7 +214,7 @@ def least_gap_m(
     return float(gap_m + moved.min())
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @given(data=st.data(), interval_s=st.sampled_from([0.1, 0.5]), pace=st.sampled_from([0.5, 1.0]))
 @settings(max_examples=100, deadline=None)
 def test_any_values_leave_commands_within_their_bounds(

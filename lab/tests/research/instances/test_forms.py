@@ -124,7 +124,7 @@ def test_missed_windows_and_overloads_are_refused() -> None:
     assert any("6" in fault and "5" in fault for fault in refused.faults)
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_route_form_evaluates_the_greedy_plan_as_it_is() -> None:
     """First options are the greedy plan: their exact objective is its own, from nothing."""
     _, form = options()

@@ -158,7 +158,7 @@ def test_the_checker_agrees_with_the_proof(name: str) -> None:
     agree(name)
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.parametrize("name", list(CATALOGUE))
 def test_the_checker_agrees_with_the_proof_on_each_published_instance(name: str) -> None:
     """And rejects a thousand wrong answers to each."""

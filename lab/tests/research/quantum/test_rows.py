@@ -98,7 +98,7 @@ def test_simulated_rows_are_measured_with_their_controls(case: Case) -> None:
         assert record["seed"] == SETTINGS.seed + case.number
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_device_leaves_less_of_dense_qaoa(case: Case) -> None:
     """The estimate lies between uniform bits and the circuit without noise."""
     record = dense.estimate(case, QaoaSettings(layers=1), NoisyBackend("FakeBoston"))
@@ -152,7 +152,7 @@ def test_decoupling_and_twirling_are_rows_of_a_noisy_device() -> None:
     assert all(row.measure is None and "--noise" in (row.reason or "") for row in none)
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_twirling_is_measured_with_idle_errors(case: Case) -> None:
     """The samples come from the device's noise with all four errors, and have their controls."""
     record = measured(mitigation_rows(SETTINGS)[3], case)

@@ -16,7 +16,7 @@ from slipstream_lab.simulation.evaluation.measures.figures import measure
 from slipstream_lab.simulation.scenarios.scenario import load_scenario, prepare
 from storage import open_reader
 
-pytestmark = pytest.mark.slow(long=True)
+pytestmark = pytest.mark.long
 
 BEGIN_S, END_S = 36000.0, 37800.0
 

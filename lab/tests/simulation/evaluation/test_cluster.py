@@ -50,7 +50,7 @@ def two_workers(tmp_path: Path) -> Iterator[Members]:
 
 
 @pytest.mark.process
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_killed_worker_costs_time_and_changes_no_result(
     order: ArmSpec, two_workers: Members
 ) -> None:
@@ -66,7 +66,7 @@ def test_a_killed_worker_costs_time_and_changes_no_result(
 
 
 @pytest.mark.process
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_file_that_sumo_refuses_is_bad_input(
     order: ArmSpec, two_workers: Members, tmp_path: Path
 ) -> None:
@@ -84,7 +84,7 @@ def test_a_worker_with_other_sources_refuses(order: ArmSpec) -> None:
 
 
 @pytest.mark.process
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_what_was_stopped_stops_waiting(order: ArmSpec, two_workers: Members) -> None:
     """What the progress callback raises ends the wait for an arm."""
 

@@ -65,7 +65,7 @@ def row(text: str, title: str, first: str) -> list[str]:
     return [cell.strip() for cell in line.strip("|").split("|")]
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_the_papers_tables_stand_beside_ours(whole: Path) -> None:
     """Its figures as published, ours as summed from the files."""
     text = (whole / "report.md").read_text()

@@ -277,7 +277,7 @@ def calm_day(network: RoadNetwork) -> RecordedTraffic:
     return a_day(network, dict.fromkeys(network.segments, CALM), hours=4.0, every_s=300.0)
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_fleets_day_is_the_same_again_and_saves_by_platoons(
     scenario: Scenario, calm_day: RecordedTraffic
 ) -> None:

@@ -24,7 +24,7 @@ from slipstream_lab.simulation.scenarios.scenario import Scenario, day_spec, loa
 RULE = StabilitySettings().bare()
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_part_of_the_day_runs_and_is_counted(morning: Morning) -> None:
     """All trips due in the ten minutes come onto the roads, and the tables agree."""
     day, trips = morning.day, morning.background.trips
@@ -43,7 +43,7 @@ def test_a_part_of_the_day_runs_and_is_counted(morning: Morning) -> None:
     assert np.isnan(speeds[day.traffic.present_s == 0]).all()
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_same_day_twice_is_the_same(morning: Morning) -> None:
     """Same files, same seed, same record, but for the time it took."""
     order = day_spec(
@@ -140,7 +140,7 @@ def test_gates_name_every_fault(morning: Morning) -> None:
         gates.check(sick, "troy")
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_gridlock_ends_the_run(corridor: Scenario, tmp_path: Path) -> None:
     """When most vehicles stand for long, the run stops and says when."""
     kind = '<vType id="car" carFollowModel="IDM"/>'

@@ -118,7 +118,7 @@ def test_rsus_of_a_town_of_others_stand_where_its_traffic_is(town: Path, tmp_pat
 
 
 @pytest.mark.process
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_town_of_others_is_evaluated_by_its_configuration(
     town: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -143,7 +143,7 @@ def test_a_town_of_others_is_evaluated_by_its_configuration(
 
 
 @pytest.mark.process
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_town_of_others_is_shown_by_the_rsu_file_of_the_evaluation(
     town: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -26,7 +26,7 @@ def test_points_fit_one_homography(mixed_clip):
     assert np.ptp(road[:, 0]) > 40
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_homography_from_the_file_finds_vehicles_on_the_road(mixed_clip):
     """The fitted homography maps truth's x and y to the renderer's own projection within 1 px."""
     points = mixed_clip.camera["points"]

@@ -28,7 +28,7 @@ def by_vehicle(rows: list[dict[str, Any]]) -> dict[float, list[dict[str, Any]]]:
     return tracks
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_same_seed_gives_the_same_bytes_on_any_thread_count(tmp_path, mixed_clip):
     """Video, truth and calibration are equal byte for byte when rendered again with one thread."""
     threads = cv2.getNumThreads()
@@ -42,7 +42,7 @@ def test_same_seed_gives_the_same_bytes_on_any_thread_count(tmp_path, mixed_clip
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted(FILES)
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_another_seed_gives_another_clip(tmp_path, mixed_clip):
     """All three files differ for another seed."""
     render_clip(ClipSettings(seconds=0.2, fps=15.0, scenario="mixed", seed=8), tmp_path)
@@ -73,7 +73,7 @@ def test_truth_has_the_promised_columns_and_classes(mixed_clip):
     assert len(classes) >= 2
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.parametrize("clip_name", ["mixed_clip", "paper_clip"])
 def test_truth_is_consistent_in_time(clip_name, request):
     """Speed is the change of x over time, and acceleration the change of speed."""
@@ -96,7 +96,7 @@ def test_truth_is_consistent_in_time(clip_name, request):
     assert np.quantile(np.abs(acceleration_errors), 0.98) < 0.5
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_boxes_lie_inside_the_picture_and_around_the_vehicle(mixed_clip):
     """The projected footprint lies in the box, but for what the picture's edge cuts off."""
     camera = ClipRenderer(ClipSettings(seconds=2.0, fps=15.0, scenario="mixed", seed=7)).camera
@@ -167,7 +167,7 @@ def test_unwritable_folder_is_refused(tmp_path: Path):
         render_clip(ClipSettings(seconds=0.2), blocker / "clip")
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_progress_reports_each_frame(tmp_path):
     """The progress call counts up to the number of frames."""
     calls: list[tuple[int, int]] = []

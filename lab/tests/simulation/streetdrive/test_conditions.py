@@ -212,7 +212,7 @@ def test_only_what_moves_blurs():
     assert np.abs(grey(fast) - grey(still))[y1 - 4 : y1 - 1, x1:x2].mean() > 1.5
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_truth_camera_and_traffic_do_not_depend_on_conditions():
     """Same seed, any weather: the same rows."""
     wild = Conditions(night=True, rain_mm_h=20.0, dirt=0.4, jpeg_quality=30, exposure_s=0.02)

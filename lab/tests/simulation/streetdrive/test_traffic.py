@@ -44,7 +44,7 @@ def windows(tracks: list[Track], direction: int) -> list[tuple[float, float, flo
     return found
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize(("scenario", "direction"), [("stable", -1), ("stable", 1), ("mixed", -1)])
 def test_stable_traffic_is_stable_in_every_window(scenario, direction, seed):
@@ -57,7 +57,7 @@ def test_stable_traffic_is_stable_in_every_window(scenario, direction, seed):
         assert 6 <= count <= 15
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize(
     ("scenario", "direction"), [("turbulent", -1), ("turbulent", 1), ("mixed", 1)]
@@ -70,7 +70,7 @@ def test_turbulent_traffic_is_turbulent_in_every_window(scenario, direction, see
         assert variance > 1.0
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.parametrize("scenario", ["stable", "turbulent", "paper"])
 def test_no_two_vehicles_of_a_lane_overlap(scenario):
     """Bumper to bumper there is always more than half a metre."""
@@ -87,7 +87,7 @@ def test_no_two_vehicles_of_a_lane_overlap(scenario):
                 assert x_b - x_a - (l_a + l_b) / 2 > 0.5
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(3))
 def test_paper_scenario_keeps_60_to_120_kmh(seed):
     """All speeds lie in 60 to 120 km/h and all vehicles accelerate."""

@@ -92,7 +92,7 @@ def plain_sumo(settings: SumoClipSettings) -> Iterator[None]:
         yield
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_same_seed_gives_the_same_bytes(tmp_path, straight):
     """Video, truth and calibration are equal byte for byte when rendered again."""
     render_sumo_clip(straight.settings, tmp_path)
@@ -101,7 +101,7 @@ def test_same_seed_gives_the_same_bytes(tmp_path, straight):
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted(FILES)
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_another_seed_gives_another_camera_traffic_and_light(tmp_path, straight):
     """All three files differ for another seed."""
     render_sumo_clip(replace(straight.settings, seed=5, seconds=0.2), tmp_path)
@@ -152,7 +152,7 @@ def test_truth_is_sumos(straight):
     assert len(set(names.values())) == len(names) > 20
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.parametrize("clip_name", ["straight", "bend"])
 def test_truth_is_consistent_in_time(clip_name, request):
     """Speed is the way over time, and acceleration the change of speed, in bends too."""

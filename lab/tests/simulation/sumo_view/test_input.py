@@ -31,7 +31,7 @@ def refused(capfd: pytest.CaptureFixture[str], *options: str) -> str:
     return err
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("option", "content", "told"),
     [

@@ -28,7 +28,7 @@ MAX_SPEED_CV, MAX_ACCELERATION_VARIANCE = 0.12, 0.5
 """The paper's rule (section V-A)."""
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("routes", "begin_s", "stable"), [("calm", 45.0, True), ("rough", 60.0, False)]
 )

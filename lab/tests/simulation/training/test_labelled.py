@@ -81,7 +81,7 @@ def test_a_faulty_label_is_named(tmp_path: Path, line: str) -> None:
         labelled.boxes(labelled.pictures[0], (200, 100))
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_the_shipped_model_does_well_on_held_out_pictures(rendered: Path) -> None:
     """Figures of its card cannot be told from six pictures, but nonsense can."""
     figures = evaluate_model(builtin_model(), read_labelled_set(rendered), (384, 640), (0.0, 12.0))
@@ -90,7 +90,7 @@ def test_the_shipped_model_does_well_on_held_out_pictures(rendered: Path) -> Non
     assert sum(figures[1].boxes) <= sum(figures[0].boxes)
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_sets_can_be_rendered_without_training(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

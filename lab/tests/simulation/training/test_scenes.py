@@ -43,7 +43,7 @@ def test_label_rule(height_px, fraction, kept):
     assert keeps_label(Seen(box, box, fraction), 0.5) is kept
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_scene_is_reproducible_and_labels_parse():
     """The same index gives the same picture and labels; YOLO lines hold relative numbers."""
     one_shot = replace(ROADSIDE, shots=1)

@@ -67,7 +67,7 @@ def test_paints_cover_the_hues_and_light_is_uneven():
     assert patched.mean() == pytest.approx(120, abs=15)
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.parametrize("limits", [BY_CONDITION[0], VARIED], ids=lambda limits: limits.name)
 def test_scenes_of_the_new_ranges_are_reproducible_and_labelled(limits):
     """Same index, same picture; the boxes of a range are there whatever the weather."""

@@ -53,7 +53,7 @@ SETTINGS = DispatcherSettings(
 SOLVE = solve_in_process([ExactSolver()])
 MANY_SEEDS = [
     *range(6),
-    *(pytest.param(n, marks=pytest.mark.slow(long=True)) for n in range(6, 24)),
+    *(pytest.param(n, marks=pytest.mark.long) for n in range(6, 24)),
 ]
 
 

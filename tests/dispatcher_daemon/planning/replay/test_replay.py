@@ -211,7 +211,7 @@ def test_a_city_s_cycle_is_made_again_the_same_whatever_time_has_ended(
     assert all(note is not None and note in line for line in found.notes)
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_city_of_forty_vehicles_is_made_again_the_same(tmp_path: Path, state: State) -> None:
     """With another synchronisation window it is not."""
     problem, states = city(3, 40, 160, 400, state)

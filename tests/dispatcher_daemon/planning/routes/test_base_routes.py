@@ -129,7 +129,7 @@ def best_by_trying_all(made: tuple[RoutingProblem, TrafficSnapshot]) -> float:
     return least
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_tiny_fleet_gets_its_optimum(town: Town, seed: int) -> None:
     """Five parcels, two vans of two depots that cannot take more than three, one window and one
@@ -353,7 +353,7 @@ def test_a_city_in_parts_is_searched_deeply_in_the_second_half() -> None:
     assert high == pytest.approx(10 * low)
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_few_large_parcels_need_a_penalty_above_a_detour() -> None:
     """Where a vehicle carries few units, routes that are too full cost less than a detour under
     small penalties, and the search finds nothing better than its first routes; larger ones help.

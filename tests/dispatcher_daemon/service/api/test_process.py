@@ -73,7 +73,7 @@ def _until(condition: Callable[[], bool], process: subprocess.Popen[str]) -> Non
 
 
 @pytest.mark.process
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_dispatcher_serves_its_cycle_and_ends_in_time(router: Router, tmp_path: Path) -> None:
     """Ready once it runs, with the first cycle's plans; SIGTERM ends open streams, with status 0.
 
@@ -110,7 +110,7 @@ def test_a_dispatcher_serves_its_cycle_and_ends_in_time(router: Router, tmp_path
 
 
 @pytest.mark.process
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_pause_and_alarms_outlive_the_process(router: Router, bus: Bus, tmp_path: Path) -> None:
     """An RSU without a picture and a pause are alarms on the bus and over HTTP; SIGKILL, and the
     next process is paused and has both, with who acknowledged what.

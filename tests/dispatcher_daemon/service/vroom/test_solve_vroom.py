@@ -351,7 +351,7 @@ def check_route(data: dict[str, Any], route: dict[str, Any]) -> list[tuple[str, 
     return tasks
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
 @given(requests())
 def test_routes_keep_every_rule_and_every_task_is_served_once_or_has_a_reason(

@@ -131,7 +131,7 @@ def test_two_workers_plan_as_this_machine_does(
         assert array.nbytes < sent_bytes() - before < 1.1 * array.nbytes
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.parametrize("workers", [1, 2])
 @pytest.mark.parametrize("number", [1, 6])
 def test_a_worker_killed_at_work_changes_no_plan(
@@ -153,7 +153,7 @@ def _lost(caplog: pytest.LogCaptureFixture) -> list[str]:
     return [line for line in caplog.messages if "this machine solves" in line]
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_killed_scheduler_changes_no_plan(
     members: Members, connected: Connect, expected: Any, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -178,7 +178,7 @@ def test_a_killed_scheduler_changes_no_plan(
         )
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_silent_worker_costs_its_share_of_the_time(members: Members, connected: Connect) -> None:
     """A worker that stands still is waited for no longer than the cluster's share; then this
     machine answers, and the worker gets no work before it answers again.
@@ -197,7 +197,7 @@ def test_a_silent_worker_costs_its_share_of_the_time(members: Members, connected
         assert cluster.wait_for(1, READY_S)
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_worker_of_another_build_gets_no_work(
     members: Members, connected: Connect, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -218,7 +218,7 @@ def test_a_worker_of_another_build_gets_no_work(
         assert "it is slipstream 9.9.9, this is slipstream" in lines()[0]
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_cluster_in_this_process_plans_the_same(connected: Connect, expected: Any) -> None:
     """The address local: nothing but loopback, and the same plan."""
     with (
@@ -231,7 +231,7 @@ def test_a_cluster_in_this_process_plans_the_same(connected: Connect, expected: 
     assert {place.ip for place in listening} == {"127.0.0.1"}
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.parametrize("address", ["local", "tcp://127.0.0.1:1"])
 def test_a_dispatcher_plans_by_its_setting(address: str, expected: Any) -> None:
     """By the settings' cluster if there is one; alone if nobody is at its address."""
@@ -247,7 +247,7 @@ def test_a_dispatcher_plans_by_its_setting(address: str, expected: Any) -> None:
     assert (answered() > before) == (address == "local")
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.attack
 def test_every_cycle_is_on_time_while_workers_are_killed(
     members: Members, connected: Connect, full_size: bool, figure: Callable[[str], None]

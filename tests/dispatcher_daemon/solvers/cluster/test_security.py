@@ -57,7 +57,7 @@ def closed_members(certificates: dict[str, Path], tmp_path: Path) -> Iterator[Me
 
 @pytest.mark.process
 @pytest.mark.attack
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_only_who_has_a_certificate_of_the_authority_is_let_in(
     closed_members: Members,
     certificates: dict[str, Path],

@@ -88,7 +88,7 @@ def test_dense_circuits_run_as_state_vectors_while_they_fit() -> None:
             open_backend(name).sample(dense_qaoa_circuit(wide, [(0.1, 0.1)]), 10, 1)
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_the_papers_chain_runs_under_bostons_noise() -> None:
     """25 qubits, p = 1: depth 4, 48 CZ, and samples that the noise has changed."""
     backend = open_backend("aer:FakeBoston")

@@ -209,7 +209,7 @@ def test_a_late_job_keeps_its_id_and_is_taken_up_later(problem: RouteProblem) ->
     assert len(service.asked) == 1
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.parametrize("hangs", ["run", "status", "result"])
 def test_a_service_that_hangs_does_not_hold_the_solver(problem: RouteProblem, hangs: str) -> None:
     """Whichever call never returns, the deadline is kept."""

@@ -286,7 +286,7 @@ def test_random_order_depends_on_the_seed_alone(demo_arcs: Demo) -> None:
     assert heavy != orders[0]
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.parametrize("variant", ["one-hot-multi-angle", "trained"])
 def test_a_wide_circuit_holds_its_deadline(variant: LcQaoaVariant) -> None:
     """By the processor's time: training, samples and their processing fit, with fewer samples.

@@ -48,7 +48,7 @@ class Odd:
         return Outcome(self.name, "feasible", frozenset(), 0.0, reason=f"{deadline_s} {seed}")
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 def test_blocks_are_solved_in_parallel_processes() -> None:
     """A process pool's answers are those of solving in place, in the jobs' order."""

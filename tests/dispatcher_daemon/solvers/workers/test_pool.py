@@ -93,7 +93,7 @@ def test_a_faulty_solver_costs_only_its_own_answer(
         assert pool.fault() is None
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 @pytest.mark.parametrize("fault", ["dies", "raises"])
 def test_a_pool_without_a_solver_that_works_says_so(
@@ -107,7 +107,7 @@ def test_a_pool_without_a_solver_that_works_says_so(
         assert pool.fault() == f"faulty: {outcome.reason}"
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 def test_a_hung_worker_is_killed_and_replaced(
     faulty: Callable[[str], Any], demo_arcs: Demo
@@ -124,7 +124,7 @@ def test_a_hung_worker_is_killed_and_replaced(
         assert not psutil.pid_exists(int(before.reason or ""))
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 def test_jobs_of_one_solver_share_its_time(faulty: Callable[[str], Any], demo_arcs: Demo) -> None:
     """A first job that hangs leaves the second one of the same solver its part of the deadline."""
@@ -135,7 +135,7 @@ def test_jobs_of_one_solver_share_its_time(faulty: Callable[[str], Any], demo_ar
         assert (hung.status, answered.status) == ("timeout", "feasible")
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 def test_workers_of_one_solver_work_side_by_side(
     faulty: Callable[[str], Any], demo_arcs: Demo
@@ -149,7 +149,7 @@ def test_workers_of_one_solver_work_side_by_side(
     assert len({o.reason for o in outcomes}) == 2
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 def test_a_worker_that_dies_idle_is_replaced(faulty: Callable[[str], Any], demo_arcs: Demo) -> None:
     """Killing the waiting worker (as the kernel does for memory) costs at most one request."""
@@ -173,7 +173,7 @@ def test_warming_up_ends_when_the_daemon_stops(faulty: Callable[[str], Any]) -> 
     assert time.monotonic() - began < 15
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 def test_a_cold_worker_is_reported(faulty: Callable[[str], Any]) -> None:
     """Warming up has its time limit too; who misses it is named."""
@@ -204,7 +204,7 @@ def test_closing_frees_a_waiting_caller(
     assert [a.status for a in pool([PoolJob("faulty", demo_arcs(), 1)], 5.0)] == ["failed"]
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 def test_workers_end_with_a_killed_parent(tmp_path: Path) -> None:
     """SIGKILL for the dispatcher leaves no worker behind, not even a busy one."""

@@ -71,7 +71,7 @@ def fault(do: Any) -> ServiceFault:
     return caught.value
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_job_goes_through_the_real_client(stand_in: IbmStandIn, service: IbmService) -> None:
     """Transpiled, twirled, submitted with its tags and limit, found, done: with the right bits."""
     assert service.name == DEVICE
@@ -117,7 +117,7 @@ def test_states_of_a_job(stand_in: IbmStandIn, service: IbmService) -> None:
     service.cancel("job-unknown")
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("status", "kind"),
     [(401, "refused"), (403, "refused"), (429, "limited"), (500, "broken"), (503, "broken")],
@@ -154,7 +154,7 @@ def test_what_is_no_json_is_garbage(stand_in: IbmStandIn, service: IbmService) -
         assert fault(call).kind == "garbage"
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_hung_answer_ends(
     stand_in: IbmStandIn, service: IbmService, monkeypatch: pytest.MonkeyPatch
 ) -> None:

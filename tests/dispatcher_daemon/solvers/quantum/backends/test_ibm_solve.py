@@ -48,7 +48,7 @@ def solve(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]
     return dict(trial)
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_device_that_answers_is_called_hardware(
     stand_in: IbmStandIn, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -61,7 +61,7 @@ def test_a_device_that_answers_is_called_hardware(
     assert trial["two_qubit_depth"] <= 4
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_job_that_fails_is_told_and_aer_answers(
     stand_in: IbmStandIn, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

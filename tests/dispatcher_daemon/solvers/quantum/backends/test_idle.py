@@ -56,7 +56,7 @@ def test_decoupling_undoes_a_detuning(noise: IdleNoise, monkeypatch: pytest.Monk
     assert pulses["x"] == 2
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_twirling_makes_rotations_add_up_as_errors(
     noise: IdleNoise, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -118,7 +118,7 @@ def the_read_job(database: Database) -> QuantumJob:
     return job
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 def test_hung_in_submit_and_found_by_its_tag(
     open_manager: Callable[..., JobManager],
@@ -152,7 +152,7 @@ def test_hung_in_submit_and_found_by_its_tag(
     assert not any(worker.is_running() for worker in workers)
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 @pytest.mark.process
 def test_a_hanging_poll_holds_no_cycle_up_and_a_restart_picks_the_job_up(
     open_manager: Callable[..., JobManager],
@@ -238,7 +238,7 @@ def test_blocks_of_a_cycle_share_its_wait(demo_arcs: Demo) -> None:
         assert 0.49 <= sum(waits) < 4
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_a_device_that_never_answers_makes_no_cycle_late(demo: RoutingProblem) -> None:
     """With the settings as they are, a long queue costs some seconds of the deadline, no more."""
     settings = DispatcherSettings(
@@ -255,7 +255,7 @@ def test_a_device_that_never_answers_makes_no_cycle_late(demo: RoutingProblem) -
     assert settings.hardware.wait_s <= took_s < 0.8 * settings.deadline_s
 
 
-@pytest.mark.slow(long=True)
+@pytest.mark.long
 def test_waiting_leaves_a_reserve_of_the_cycles_deadline(demo_arcs: Demo) -> None:
     """What a cycle has done before its solvers, and what they took, comes off the wait."""
     manager = JobManager(
