@@ -37,7 +37,7 @@ settings.load_profile("slipstream")
 
 
 def pytest_configure() -> None:
-    """Temporary files lie in memory where the machine has such a folder: `fsync` costs nothing there,
+    """Temporary files lie in memory where the machine has such a folder: `fsync` costs nothing,
     and a process that is killed loses no more there than on a disk.
     """
     if Path("/dev/shm").is_dir() and shutil.disk_usage("/dev/shm").free > 2**31:
