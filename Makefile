@@ -21,6 +21,9 @@ $(VENV)/.ready: pyproject.toml lab/pyproject.toml
 run: setup
 	$(BIN)/slipstream run --port $(PORT)
 
+# Each daemon that a test starts would compile the whole tree again.
+unexport PYTHONDONTWRITEBYTECODE
+
 # Workers of a test run. Real processes are started and timed: no more than there are cores.
 JOBS ?= 2
 PYTEST := -m pytest -n $(JOBS) --dist worksteal

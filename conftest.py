@@ -16,7 +16,6 @@ from hypothesis import HealthCheck, Phase, settings
 
 from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings
-from slipstream_lab.benchmarks.postgres_server import PostgresServer, find_pg_ctl
 
 # Shared machines are slow at times, and a suite has to say the same thing twice.
 settings.register_profile(
@@ -172,6 +171,8 @@ def tool() -> Callable[[str], str]:
     def find(name: str) -> str:
         path = shutil.which(name) or shutil.which(name, path="/usr/sbin:/sbin")
         if name == "postgresql":
+            from slipstream_lab.benchmarks.postgres_server import find_pg_ctl
+
             path = find_pg_ctl()
         if path is None and name in os.environ.get(REQUIRED, "").split():
             pytest.fail(f"{name} is not installed, but {REQUIRED} names it")
@@ -183,8 +184,10 @@ def tool() -> Callable[[str], str]:
 
 
 @pytest.fixture(scope="session")
-def postgres(tool: Callable[[str], str]) -> Iterator[PostgresServer]:
+def postgres(tool: Callable[[str], str]) -> Iterator[Any]:
     """A server for all tests of a session."""
+    from slipstream_lab.benchmarks.postgres_server import PostgresServer
+
     pg_ctl = tool("postgresql")
     pytest.importorskip("psycopg")
     server = PostgresServer(pg_ctl)
@@ -196,7 +199,7 @@ def postgres(tool: Callable[[str], str]) -> Iterator[PostgresServer]:
 
 
 @pytest.fixture
-def postgres_url(postgres: PostgresServer) -> str:
+def postgres_url(postgres: Any) -> str:
     """An empty database of the server."""
     return postgres.new_database()
 
