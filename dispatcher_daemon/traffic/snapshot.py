@@ -14,7 +14,6 @@ from typing import Literal
 
 from dispatcher_daemon.settings import DispatcherSettings
 from slipstream import freshness
-from slipstream.freshness import FUTURE_TOLERANCE_S
 from slipstream.messages import Gate, SegmentState
 from slipstream.roads import RoadNetwork, Segment
 
@@ -192,7 +191,6 @@ def take_snapshot(
     now_ns: int,
     *,
     stale_after_s: float,
-    future_tolerance_s: float = FUTURE_TOLERANCE_S,
     stops_at_signals: float = 0.0,
 ) -> TrafficSnapshot:
     """Judge the latest states at one moment; same input, same snapshot.
@@ -204,8 +202,6 @@ def take_snapshot(
         states: at most the latest state of each (segment, rsu).
         now_ns: UTC.
         stale_after_s: age limit.
-        future_tolerance_s: a state dated further ahead than this counts as little as a stale one:
-            one of the clocks is wrong.
         stops_at_signals: expected full stops of a passage of a segment that ends at traffic lights.
             States do not contain it.
     """
@@ -218,7 +214,7 @@ def take_snapshot(
     traffic = {}
     for name, segment in network.segments.items():
         seen = by_segment.get(name, [])
-        judged = judge(segment, seen, now_ns, stale_after_s, future_tolerance_s)
+        judged = judge(segment, seen, now_ns, stale_after_s)
         at_signals = segment.end in network.signals and stops_at_signals > 0
         traffic[name] = replace(judged, stops=stops_at_signals) if at_signals else judged
     return TrafficSnapshot(now_ns, MappingProxyType(traffic), tuple(known))
@@ -236,7 +232,6 @@ def traffic_by(
         states,
         now_ns,
         stale_after_s=settings.stale_after_s,
-        future_tolerance_s=settings.future_tolerance_s,
         stops_at_signals=settings.stops_at_signals,
     )
 
@@ -246,14 +241,11 @@ def judge(
     states: Sequence[SegmentState],
     now_ns: int,
     stale_after_s: float,
-    future_tolerance_s: float,
 ) -> SegmentTraffic:
     """One segment's traffic by the latest states of its RSUs, in the digits that are stored with a
     cycle; arguments as of `take_snapshot`.
     """
-    decisive = freshness.decisive(
-        states, now_ns, stale_after_s=stale_after_s, future_tolerance_s=future_tolerance_s
-    )
+    decisive = freshness.decisive(states, now_ns, stale_after_s=stale_after_s)
     if decisive is None:
         return SegmentTraffic(segment.id, segment.speed_limit_mps)
     age_s = round(max(0.0, decisive.age_s), _TO_MM)
