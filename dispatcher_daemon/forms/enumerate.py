@@ -79,7 +79,6 @@ class Exactness:
     """Result of the enumeration of a model.
 
     Attributes:
-        states: number of states.
         feasible_states: states with zero penalty.
         valid_selections: selections that the independent decoder accepts.
         mismatches: selections that the decoder and the penalty judge differently.

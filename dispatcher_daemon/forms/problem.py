@@ -34,7 +34,6 @@ class RoutingProblem:
             the departure windows limit the wait.
         standing_kw: cost of waiting for other vehicles at a stop, kWh an hour; None: as driving
             time costs, and no less than waiting at the depot.
-        advised_gap_m: that plans advise to followers.
         drafting: what platoons save. "ideal": each is close from where it forms. "expected": less
             what its vehicles need to close up, and by the chance that signals keep them together;
             see `dispatcher_daemon.planning.platooning.expected`. The objective "paper" counts the

@@ -120,9 +120,6 @@ def _believed_ns(time_ns: int, arrived_ns: int) -> int:
 class ReceptionTable:
     """Reception of each RSU; safe for threads.
 
-    Args:
-        clock: monotonic time, s.
-
     Attributes:
         stops: times that this process stood still, as its beats show.
         missed_here: states that were missed because of that.
@@ -143,10 +140,6 @@ class ReceptionTable:
         """Count a state that has come for the first time.
 
         Args:
-            rsu: its sender.
-            sequence: its number.
-            time_ns: its time, UTC.
-            delay_s: arrival less its time.
             out_of_order: a later one of its segment has come before.
         """
         with self._lock:

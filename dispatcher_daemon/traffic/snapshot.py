@@ -34,7 +34,6 @@ class GateForecast:
     """Whether a gate is open now, and what is expected of it later.
 
     Attributes:
-        open: now.
         usual_share: share of the RSUs' states at this hour of the day that opened it; None: not
             known, or nobody watches now: it is expected to stay as it is.
     """
@@ -140,7 +139,6 @@ class TrafficSnapshot:
     """The traffic on every segment of the network at one moment.
 
     Attributes:
-        now_ns: the moment, UTC.
         segments: traffic of each segment of the network, by id.
         states: the SegmentStates that it is based on, in (segment, rsu) order.
         expected: expected costs of movements at this hour; None: not known, the costs are those of
@@ -200,8 +198,6 @@ def take_snapshot(
 
     Args:
         states: at most the latest state of each (segment, rsu).
-        now_ns: UTC.
-        stale_after_s: age limit.
         stops_at_signals: expected full stops of a passage of a segment that ends at traffic lights.
             States do not contain it.
     """

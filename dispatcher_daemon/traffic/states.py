@@ -52,10 +52,6 @@ class LatestStates:
 
     Args:
         rsus: the segments that each RSU may report on; None: any RSU may report on any segment.
-        stale_after_s: age limit of a state.
-
-    Attributes:
-        reception: counts of each RSU's states.
     """
 
     def __init__(

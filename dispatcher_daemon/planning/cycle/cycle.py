@@ -26,8 +26,7 @@ from dispatcher_daemon.planning.plans import (
     summarise,
     vehicle_accounts,
 )
-from dispatcher_daemon.planning.platooning import JudgedPair, Place
-from dispatcher_daemon.planning.roads import RoutedArc
+from dispatcher_daemon.planning.platooning import Place
 from dispatcher_daemon.planning.route_form import route_cycle
 from dispatcher_daemon.planning.routes import servable_part
 from dispatcher_daemon.settings import DispatcherSettings
@@ -54,19 +53,14 @@ class CycleResult:
         report: for the dashboard and the database.
         plans: verified plans, one for each vehicle that drives, but for bound ones whose present
             plan says the same; none if the cycle failed.
-        arcs: the candidate arcs of the arc form.
-        judged: every pair of arcs that share a watched segment, and why it platoons or not.
         stops: by vehicle, of the route form's plan; the next cycle's search starts from them.
         joined: places of vehicles on the road in platoons with vehicles of these plans.
         accounts: what each vehicle does, alone and in the baseline too; none without a baseline.
-        refused: platoons that the plans do not have, and why not.
         energies: by vehicle, of all verified plans; for the energy ledger.
     """
 
     report: CycleReport
     plans: tuple[VehiclePlan, ...]
-    arcs: tuple[RoutedArc, ...] = ()
-    judged: tuple[JudgedPair, ...] = ()
     stops: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     joined: Mapping[Passage, Place] = field(default_factory=dict)
     accounts: tuple[VehicleAccount, ...] = ()
@@ -94,12 +88,9 @@ def run_cycle(
         of status "failed" without plans if there is no valid plan at all.
     """
     began = clock()
-    arcs: tuple[RoutedArc, ...] = ()
-    judged: tuple[JudgedPair, ...] = ()
     form = _in_arcs(cycle)
     if form is not None:
         found = arc_cycle(form, solve)
-        arcs, judged = form.arcs, form.judged
     elif executor is None:
         with ThreadPoolExecutor(max_workers=1) as thread:
             found = route_cycle(cycle, solve, thread, clock)
@@ -143,9 +134,7 @@ def run_cycle(
     )
     joined = {} if chosen is None else chosen.joined
     refused = _refused(cycle, chosen, found)
-    return CycleResult(
-        report, plans, arcs, judged, found.stops, joined, accounts, refused, energies
-    )
+    return CycleResult(report, plans, found.stops, joined, accounts, refused, energies)
 
 
 def _refused(
@@ -245,7 +234,6 @@ def cycle_of(
     Args:
         number: of the cycle; 0: it is none of the dispatcher's.
         seed: of everything random in it; None: by the settings' seed and the number.
-        reference_delay_s: as the others, see `Cycle`.
     """
     return Cycle(
         problem,

@@ -30,8 +30,6 @@ class Encounters:
         own_s: the vehicle's entry, shape (n,).
         other_s: the other's, likewise.
         shift_s: by which the vehicle would have to enter later, to enter with the other, likewise.
-        kwh: what the vehicle saves behind the other.
-        window_s: Δt_sync.
     """
 
     own_s: Floats
@@ -173,7 +171,6 @@ def _waiting(
     others, the most promising first; none under the paper's objective, which has no such waits.
 
     Args:
-        met: by shifts that waits bring about.
         only: number of the visit to wait at; None: any.
     """
     if itinerary.route is None or not planner.problem.waits_on_tours:

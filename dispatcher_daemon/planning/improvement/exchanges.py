@@ -34,8 +34,6 @@ def best_exchanges(
 
     Args:
         itineraries: of the block's vehicles, on ``meetings`` as they are.
-        max_exchanges: exchanges to return.
-        rng: draws which of the cheap exchanges are tried.
 
     Returns:
         Both vehicles' itineraries of each exchange, the best first.
@@ -71,7 +69,6 @@ def exchanged(
     """Smallest groups of vehicles among which other routes serve the same stops differently.
 
     Args:
-        itineraries: of all vehicles.
         stops: of the other routes, by vehicle number.
     """
     owner = {stop: i.number for i in itineraries for stop in i.stops}

@@ -57,8 +57,6 @@ def options_for(
     Args:
         partners: vehicles that may change at the same time.
         meetings: present passages of all vehicles, this one included.
-        max_options: options to return, ≥ 1.
-        rng: draws the good ones, so that each sweep has others.
     """
     if itinerary.route is None or max_options < 2:
         return [itinerary]

@@ -53,9 +53,6 @@ def refused_platoons(
     Looked at are pairs of vehicles that follow each other on a segment, at most `MAX_WAIT_S` apart;
     where a gate is closed, only those that would be a platoon. For the most promising pairs that
     are apart, each way in which one of them could wait for the other is tried exactly.
-
-    Args:
-        declined: by other ways or departures, what solvers could have chosen.
     """
     found: dict[tuple[str, str, str, str | None], list[_Miss]] = {}
     for miss, reason, detail in _misses(cycle, chosen):

@@ -67,13 +67,8 @@ class Sweep:
     """One sweep.
 
     Attributes:
-        blocks: number of blocks.
-        variables: of all blocks.
         largest: variables of the largest one.
         accepted: number of answers that improved the plan, by solver.
-        outcomes: of all solvers.
-        objective_kwh: after it.
-        wall_s: its time.
     """
 
     blocks: int
@@ -119,7 +114,6 @@ class BlockDescent:
     """The present choice of all vehicles, improved block by block.
 
     Attributes:
-        present: itineraries by vehicle number.
         declined: by pair of vehicles, the meeting of the last sweep that would have cost least.
     """
 

@@ -47,9 +47,6 @@ def vehicle_plans(
         reference_s: on the routes' clock, the moment that the fleet's times count from.
         interval_s: between cycles; a plan may be followed for `VALID_INTERVALS` of them without a
             newer one, that of a bound vehicle for `BOUND_VALID_INTERVALS`.
-        gap_m: gap advised to followers, m.
-        advice: given to every vehicle.
-        commitments: of bound vehicles.
     """
     bound = {own.vehicle: own for own in commitments}
 

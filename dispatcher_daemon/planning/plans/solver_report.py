@@ -23,8 +23,6 @@ def solver_report(
     hidden by a simulator's for others.
 
     Args:
-        outcomes: at least one, all of one solver.
-        objective_kwh: of the plan that they led to; None if there is none.
         fault: why an answer to the whole problem led to no plan.
         optimum_kwh: proven for the whole problem by any of the solvers.
         blocks: the outcomes are answers to parts of the problem, so that proven ones prove nothing

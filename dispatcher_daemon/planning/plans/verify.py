@@ -44,12 +44,8 @@ def verify_plans(
     of a bound vehicle is no fault: it is loaded.
 
     Args:
-        open_segments: segments whose gate was open in the cycle.
-        sync_window_s: largest difference of entry times within a platoon.
-        unserved: stops that are reported as unserved.
         reference_s: from the issue of the plans to the moment that the fleet's times count from.
         joined: segments that vehicles on the road pass in platoons with those of the plans.
-        commitments: of the bound vehicles.
 
     Returns:
         Faults, one line each; empty if the plans may be published.

@@ -24,7 +24,6 @@ class MeetingBook:
             segment.
         shares_by_profile: those of all its profiles.
         expected: of platoons; None: they are close everywhere.
-        sync_window_s: Δt_sync.
         on_road: passages of open segments by vehicles that earlier cycles sent; they stay as they
             are.
     """
@@ -63,11 +62,7 @@ class MeetingBook:
         return meetings
 
     def traversals(self, number: int, route: Route) -> Traversals:
-        """A route's passages of open segments.
-
-        Args:
-            number: of its vehicle.
-        """
+        """A route's passages of open segments."""
         return self._passages.of(number, route)
 
     def followed_kwh(self, traversals: Traversals, from_s: float) -> float:

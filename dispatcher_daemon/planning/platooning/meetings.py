@@ -35,22 +35,13 @@ class OpenPassages:
     def __init__(
         self, shares: Mapping[str, Shares], expected: ExpectedDrafting | None = None
     ) -> None:
-        """Start with no drive known.
-
-        Args:
-            shares: by open segment.
-            expected: of platoons; None: they are close everywhere.
-        """
+        """Start with no drive known."""
         self._shares, self._expected = shares, expected
         # By the drive's identity, which lasts as the leg is kept with it.
         self._known: dict[tuple[int, Approach], tuple[RoadLeg, list[_OpenPassage]]] = {}
 
     def of(self, number: int, route: Route) -> dict[str, tuple[Traversal, ...]]:
-        """A route's passages of open segments.
-
-        Args:
-            number: of its vehicle.
-        """
+        """A route's passages of open segments."""
         found: dict[str, tuple[Traversal, ...]] = {}
         for at, (leg, visit) in enumerate(zip(route.legs, route.visits, strict=False)):
             leaves_s = visit.departure_s
@@ -88,8 +79,6 @@ def saving_kwh(
 
     Args:
         passages: in the order of entry.
-        own: shares of vehicles that have others, by their number.
-        expected: of platoons; None: they are close everywhere.
     """
     return _platoons_kwh(platoons_of(passages, sync_window_s), shares, own, expected)
 
@@ -133,10 +122,7 @@ class Meetings:
         """Start with empty roads.
 
         Args:
-            shares: by segment.
             own_shares: of vehicles that have others, by their number; of the same segments.
-            expected: of platoons, by the approaches of the passages; None: they are close
-                everywhere.
         """
         self.shares, self.sync_window_s = shares, sync_window_s
         self._expected = expected

@@ -21,11 +21,8 @@ class JudgedPair:
     """The reward of two arcs of two vehicles on one segment, and the reason where it is 0.
 
     Attributes:
-        segment: e.
         first: index of the arc of vehicle k.
         second: index of the arc of vehicle l.
-        first_entry_s: predicted entry of k.
-        second_entry_s: predicted entry of l.
         saving_kwh: s_{e,k,l}; 0 with a reason.
         reason: why it is 0; None where it is not.
     """
@@ -85,7 +82,6 @@ def judge_pairs(
     "expected", it counts the share of the segment on which the two are expected to be close.
 
     Args:
-        sync_window_s: Δt_sync; the largest difference of entry times that still counts.
         watched_only: leave out segments that no RSU has reported on, where every reward is 0.
     """
     expected = counted_drafting(problem, snapshot)
@@ -145,7 +141,6 @@ def apart_at_the_end(entries_s: float, leavings_s: float, sync_window_s: float) 
 
     Args:
         entries_s: difference of their entries.
-        leavings_s: likewise, in the same order.
     """
     if entries_s * leavings_s < 0:
         return (

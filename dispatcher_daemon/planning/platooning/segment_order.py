@@ -56,7 +56,6 @@ class SegmentOrder:
         """Start without passages.
 
         Args:
-            window_s: Δt_sync.
             kwh: what a platoon saves.
         """
         self.passages: list[Traversal] = []

@@ -21,9 +21,7 @@ class Stretch:
 
     Attributes:
         platoons: in the order of their leaders, at least one.
-        saved_kwh: of each platoon.
         vehicles: that pass; None: one of them passes twice, which has rules of its own.
-        total_kwh: what all its platoons save.
     """
 
     platoons: Sequence[Sequence[Traversal]]

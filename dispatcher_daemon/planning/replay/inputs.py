@@ -67,10 +67,8 @@ class CycleRecord:
     """What is one cycle's own, beside its report and what its words are made of.
 
     Attributes:
-        trace: see `Trace`.
         made: vehicles that it made plans for that were to be sent; some may have reported meanwhile
             so that theirs was not.
-        versions: of the software that made it.
         wanted: stops that were to be put into tours between cycles; None: it was a whole cycle.
     """
 
@@ -87,12 +85,7 @@ class InputEncoder:
         self._made: dict[str, tuple[object, Part]] = {}
 
     def encode(self, cycle: Cycle, trace: Trace, result: CycleResult) -> CycleInputs:
-        """The inputs of a cycle.
-
-        Args:
-            trace: of it.
-            result: of it.
-        """
+        """The inputs of a cycle."""
         made = tuple(plan.vehicle for plan in result.plans)
         return self._inputs(cycle, trace, CycleFacts(made, result.accounts, result.refused))
 
@@ -103,8 +96,6 @@ class InputEncoder:
 
         Args:
             cycle: its `start` has the tours that were offered.
-            wanted: stops that were to be put into them.
-            result: of it.
         """
         made = () if result.found is None else tuple(p.vehicle for p in result.found.plans)
         return self._inputs(cycle, Trace(), CycleFacts(made, inserted=result.tried), wanted)
@@ -166,9 +157,6 @@ def cycle_record(inputs: CycleInputs) -> CycleRecord:
 
 def restored_cycle(stored: StoredCycle, plan_of: PlanOf) -> Cycle:
     """The cycle as it was planned.
-
-    Args:
-        plan_of: for plans of earlier cycles that vehicles followed.
 
     Raises:
         ValueError: its inputs are not stored or cannot be read by this version, or a plan is gone.

@@ -105,9 +105,7 @@ class TraceRecorder:
     """Stands between a cycle and its clock, executor and solvers; a context manager.
 
     Args:
-        solve: that is asked.
         executor: of the searches; None: a thread of its own.
-        clock: seconds.
     """
 
     def __init__(
@@ -179,11 +177,7 @@ class Player:
     """Stands where the recorder stood, and has the same happen again.
 
     Attributes:
-        trace: that was recorded.
-        inner: solves what is solved again.
-        workers: searches again.
         differing: by solver, number of answers to be repeated that came out otherwise.
-        solved: number of answers that were solved again.
     """
 
     trace: Trace

@@ -41,7 +41,6 @@ class AllPairs:
 
         Args:
             searched: what paths minimise.
-            nodes: the junctions.
         """
         self._roads, self._searched, self._nodes = roads, searched, nodes
         m, n, count = len(roads.ids), len(nodes), roads.turn.shape[1]

@@ -25,9 +25,7 @@ class RoadLeg:
     """The path between two places (stops or the depot).
 
     Attributes:
-        path: segments.
         cost_kwh: expected energy and the price of its time, or what else the search minimises.
-        drive: speed profile and times.
         beyond_kwh: expected energy beyond that of the drive, because of traffic and signals.
         charging: at its end; None: none.
         pause: break that is taken at its end, which is the place of its begin; None: none.
@@ -123,9 +121,6 @@ def candidate_arcs(
     The departure from a stop depends on the stops before it, which are not chosen yet (FINDINGS,
     "The paper", 2). The earliest one is predicted; it is exact for arcs from the depot and wherever
     every stop before it has only one possible predecessor.
-
-    Args:
-        reference_s: when a vehicle that is ready at once leaves the depot.
     """
     arcs = []
     for vehicle in problem.fleet.vehicles:

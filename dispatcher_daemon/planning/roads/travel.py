@@ -52,7 +52,6 @@ class Travel:
             discount_kwh: taken off each segment's cost in the search, shape (m,); energies stay
                 those of the path that is found. At least 1 % of a cost is left.
             others: the same for vehicles of other profiles; see `of`.
-            may_go_on: asked now and then with the share of the search that is done.
 
         Raises:
             TimeoutError: the search may not go on.

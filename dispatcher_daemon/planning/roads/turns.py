@@ -48,8 +48,6 @@ class Basis:
         held_kwh: of segments at their planning speed, without stops, shape (m,).
         steady_kwh: the same in calm traffic, shape (m,).
         stops: expected at the end of each segment, shape (m,).
-        style: of driving.
-        vehicle: its data.
     """
 
     ids: tuple[str, ...]

@@ -32,12 +32,7 @@ def route_cycle(
     executor: Executor,
     clock: Callable[[], float] = time.monotonic,
 ) -> FormResult:
-    """Plan the fleet and verify the plans.
-
-    Args:
-        executor: for the search of base routes.
-        clock: seconds.
-    """
+    """Plan the fleet and verify the plans."""
     checked: list[Candidate | CandidateRefusal] = []
 
     def check(whole: Cycle, base: Choice, unserved: Mapping[str, str]) -> None:

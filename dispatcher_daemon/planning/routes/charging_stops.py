@@ -58,9 +58,6 @@ class Batteries:
         it does not last.
 
         Args:
-            travel: of the vehicle's profile.
-            legs: see `with_charging_stops`.
-            fixed: likewise.
             under_way: whether the vehicle goes on as it can.
         """
         battery = self.of[number]
@@ -116,10 +113,7 @@ def with_charging_stops(
     """The legs of a route, over charging stops where the battery needs them.
 
     Args:
-        travel: of the vehicle's profile.
         legs: from depot to depot, without charging stops.
-        departure_kwh: charge at the departure.
-        energy_kwh: what a leg takes out of the battery.
         fixed: number of legs at the beginning that stay as they are.
 
     Returns:

@@ -60,8 +60,6 @@ def insert_stops(
 
     Args:
         cycle: its fleet has the vehicles of the tours, their stops, and those that are wanted.
-        routes: stops in order by vehicle.
-        wanted: stops that are on no route.
     """
     fleet = cycle.problem.fleet
     late = f"more than {MAX_STOPS} came at once: {_WAITS}"

@@ -35,7 +35,6 @@ class Itinerary:
     """One vehicle's exact route, its cost without platooning, and its passages of open segments.
 
     Attributes:
-        number: of the vehicle in the fleet.
         stops: served in order; none: the vehicle stays idle.
         route: with its timetable; None for an idle vehicle.
         cost_kwh: Σ leg costs without platooning, and the cost of waiting for other vehicles.
@@ -71,10 +70,7 @@ class Planner:
 
     Attributes:
         travels: paths between places; the first are those of least energy, others alternatives.
-        book: of meetings.
-        windows: of departures.
         paths_per_leg: number of cheapest paths of each leg that options may contain.
-        batteries: what they allow.
     """
 
     def __init__(

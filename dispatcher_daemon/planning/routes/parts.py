@@ -74,9 +74,7 @@ def parts_of_routes(
     Idle vehicles and unassigned stops are distributed over the parts.
 
     Args:
-        routes: of all vehicles.
         max_stops: of the mean part.
-        number: of the round.
     """
     at = _positions(problem)
     unassigned = unserved(whole.stops, routes)

@@ -46,7 +46,6 @@ class SearchAttempt:
     """A search.
 
     Attributes:
-        iterations: at most.
         first: whether the first feasible routes end it.
         deep: whether it has the iterations for larger steps; it is long then.
         stop_after: iterations after which it ends, whatever else would end it; None: not given.
@@ -75,11 +74,7 @@ class Found:
 
 @dataclass(frozen=True)
 class SearchJob:
-    """Attempts at the routes of one part, in turn.
-
-    Attributes:
-        limit_s: of each attempt.
-    """
+    """Attempts at the routes of one part, in turn."""
 
     attempts: Sequence[SearchAttempt]
     start: Visits | None

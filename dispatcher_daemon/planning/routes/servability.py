@@ -70,9 +70,6 @@ def unservable(
     served, to the stop and back. A stop that is loaded on a vehicle is that
     vehicle's alone.
 
-    Args:
-        travel: those paths, where they are known already.
-
     Returns:
         Reason by stop, in the fleet's order: it cannot be reached or left again, its demand is
         above every capacity, no vehicle here may serve it, its window closes before anyone

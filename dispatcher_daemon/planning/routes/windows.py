@@ -19,8 +19,6 @@ class Windows:
     """When each vehicle of one fleet may leave.
 
     Args:
-        problem: with the fleet.
-        now_ns: that times count from, UTC.
         travels: the first has the ways that present plans were made with.
 
     Attributes:

@@ -15,7 +15,6 @@ from dispatcher_daemon.traffic.snapshot import (
     TrafficSnapshot,
     take_snapshot,
 )
-from dispatcher_daemon.traffic.states import LatestStates, Verdict
 from slipstream.messages import CAMERA_FAULTS, Gate, SegmentState
 
 State = Callable[..., SegmentState]
@@ -108,8 +107,8 @@ def test_a_gate_tells_how_old_its_state_is(
 def test_a_snapshot_takes_the_receivers_limits(
     demo: RoutingProblem, state: State, now_ns: int
 ) -> None:
-    """Dated 2 s ahead: too far; 20 s old: fresh where 30 s are allowed. States of roads that are not
-    on the map are left out.
+    """Dated 2 s ahead: too far; 20 s old: fresh where 30 s are allowed. States of roads that
+    are not on the map are left out.
     """
     ahead = [
         state("elsewhere", 1),

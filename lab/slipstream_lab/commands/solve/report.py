@@ -12,10 +12,11 @@ from slipstream_lab.commands.solve.quantum import lines_of
 
 if TYPE_CHECKING:
     from dispatcher_daemon.forms import Problem
-    from dispatcher_daemon.planning.plans import Attempt, Candidate
+    from dispatcher_daemon.planning.plans import Candidate
     from dispatcher_daemon.planning.platooning import JudgedPair
     from dispatcher_daemon.planning.roads import Route, RoutedArc
     from slipstream.energy.consumption import Saving
+    from slipstream_lab.research.instances.forms import Attempt
     from slipstream_lab.research.instances.instance import Optimum
 
 
