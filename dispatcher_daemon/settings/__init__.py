@@ -1,9 +1,6 @@
 """Settings of the dispatcher, and of the processes of its cluster."""
 
-from dispatcher_daemon.settings.city import (
-    CitySettings,
-    SearchSettings,
-)
+from dispatcher_daemon.settings.city import CitySettings, SearchSettings
 from dispatcher_daemon.settings.cluster import (
     LOCAL,
     ClusterSettings,
@@ -19,9 +16,7 @@ from dispatcher_daemon.settings.dispatcher import (
     Scope,
 )
 from dispatcher_daemon.settings.effort import Effort
-from dispatcher_daemon.settings.hardware import (
-    HardwareSettings,
-)
+from dispatcher_daemon.settings.hardware import HardwareSettings
 from dispatcher_daemon.settings.solvers import (
     BUILT_IN_SOLVERS,
     HARDWARE_SOLVER,

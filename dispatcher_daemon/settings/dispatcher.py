@@ -78,10 +78,7 @@ class ApiSettings(Settings):
     """The HTTP API on 127.0.0.1 (`[api]`), see docs/api.md."""
 
     port: int = Field(
-        default=0,
-        ge=0,
-        le=65535,
-        description="Port on 127.0.0.1; 0: the API is not served.",
+        default=0, ge=0, le=65535, description="Port on 127.0.0.1; 0: the API is not served."
     )
     tokens: Path | None = Field(
         default=None,

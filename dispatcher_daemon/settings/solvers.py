@@ -9,15 +9,7 @@ from pydantic import AfterValidator, Field
 from slipstream.config import Settings
 from slipstream.plugins import plugin_names
 
-BUILT_IN_SOLVERS: Final = (
-    "exact",
-    "cplex",
-    "tabu",
-    "annealing",
-    "insertion",
-    "lc-qaoa",
-    "qaoa",
-)
+BUILT_IN_SOLVERS: Final = ("exact", "cplex", "tabu", "annealing", "insertion", "lc-qaoa", "qaoa")
 SOLVER_ENTRY_POINTS: Final = "slipstream.solvers"
 """Group of entry points by which installed packages add solvers; see `solvers.registry`."""
 
@@ -41,13 +33,7 @@ HARDWARE_SOLVER: Final[SolverName] = "lc-qaoa"
 
 
 LcQaoaVariant = Literal[
-    "ramp",
-    "trained",
-    "multi-angle",
-    "product",
-    "one-hot",
-    "one-hot-multi-angle",
-    "one-hot-product",
+    "ramp", "trained", "multi-angle", "product", "one-hot", "one-hot-multi-angle", "one-hot-product"
 ]
 
 

@@ -151,9 +151,7 @@ class TrafficSnapshot:
     expected: Expectations | None = None
 
     def chance_of_stop(self, segment: str, onto: str) -> float:
-        """Chance that a vehicle comes to a stand before it goes from a segment onto the next one:
-        its expected stops there, 1 at most.
-        """
+        """Chance of a stand before the next segment: its expected stops there, 1 at most."""
         stops = self.segments[segment].stops
         if self.expected is not None:
             stops = self.expected.stops.get((segment, onto), stops)
@@ -217,10 +215,7 @@ def take_snapshot(
 
 
 def traffic_by(
-    settings: DispatcherSettings,
-    network: RoadNetwork,
-    states: Iterable[SegmentState],
-    now_ns: int,
+    settings: DispatcherSettings, network: RoadNetwork, states: Iterable[SegmentState], now_ns: int
 ) -> TrafficSnapshot:
     """The traffic at one moment as a dispatcher's settings judge it."""
     return take_snapshot(
@@ -233,14 +228,9 @@ def traffic_by(
 
 
 def judge(
-    segment: Segment,
-    states: Sequence[SegmentState],
-    now_ns: int,
-    stale_after_s: float,
+    segment: Segment, states: Sequence[SegmentState], now_ns: int, stale_after_s: float
 ) -> SegmentTraffic:
-    """One segment's traffic by the latest states of its RSUs, in the digits that are stored with a
-    cycle; arguments as of `take_snapshot`.
-    """
+    """One segment's traffic by its latest states, in the digits that are stored with a cycle."""
     decisive = freshness.decisive(states, now_ns, stale_after_s=stale_after_s)
     if decisive is None:
         return SegmentTraffic(segment.id, segment.speed_limit_mps)

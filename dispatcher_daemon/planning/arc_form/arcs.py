@@ -16,9 +16,7 @@ def arc_parts(
 ) -> tuple[
     dict[tuple[str, str], RoadLeg], tuple[RoutedArc, ...], tuple[JudgedPair, ...], ArcProblem
 ]:
-    """(least-energy paths by (from, to), candidate arcs, every pair of them that share a watched
-    segment, what solvers get).
-    """
+    """(least-energy paths by (from, to), candidate arcs, judged pairs, what solvers get)."""
     legs = least_energy_legs(problem, snapshot)
     arcs = candidate_arcs(problem, legs, reference_s)
     judged = tuple(judge_pairs(problem, arcs, snapshot, sync_window_s))

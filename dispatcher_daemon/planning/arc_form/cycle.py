@@ -4,12 +4,7 @@ from __future__ import annotations
 
 from dispatcher_daemon.forms import build_model
 from dispatcher_daemon.planning.arc_form.form import ArcForm
-from dispatcher_daemon.planning.plans import (
-    Candidate,
-    CandidateRefusal,
-    FormResult,
-    solver_report,
-)
+from dispatcher_daemon.planning.plans import Candidate, CandidateRefusal, FormResult, solver_report
 from dispatcher_daemon.solvers import Outcome
 from dispatcher_daemon.solvers.workers import PoolJob, Solve, solving_s
 from slipstream.messages import SolverReport

@@ -66,9 +66,7 @@ class ArcForm:
         return cycle.candidate(solver, choice.routes, choice.objective_kwh)
 
     def _scheduled(self, routes: Sequence[Route]) -> Choice | None:
-        """The better of earliest departures and departures at which platoons meet; None where a
-        vehicle misses a window in any case.
-        """
+        """Departures as early as can be, or at which platoons meet; None: a window is missed."""
         cycle = self.cycle
         window_s = cycle.settings.sync_window_s
         planner = Planner(cycle.problem, cycle.snapshot, [], window_s, cycle.reference_s)
@@ -88,9 +86,7 @@ class ArcForm:
         return PoolJob(BASELINE_SOLVER, self.problem.without_platooning(), self.cycle.seed)
 
     def baseline_answer(self, outcome: Outcome) -> tuple[str, frozenset[int] | None]:
-        """Solver of the plan without platooning, and its arcs; the insertion plan if the solver has
-        no answer.
-        """
+        """Solver and arcs of the plan without platooning; by insertion if it has no answer."""
         if outcome.selected is not None:
             return outcome.solver, outcome.selected
         return "insertion", cheapest_insertion(self.problem)

@@ -185,9 +185,7 @@ def form_of(settings: DispatcherSettings, fleet: Fleet) -> Literal["arc", "route
 
 
 def _in_arcs(cycle: Cycle) -> ArcForm | None:
-    """The arc form of a cycle, without stops that no vehicle can serve; None for the route form,
-    as for vehicles on their way, which the arc form cannot express.
-    """
+    """The arc form of a cycle, without stops that no vehicle can serve; None: the route form."""
     if cycle.commitments or form_of(cycle.settings, cycle.problem.fleet) == "route":
         return None
     smaller, missing = servable_part(cycle.problem, cycle.snapshot)

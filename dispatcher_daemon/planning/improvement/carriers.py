@@ -110,9 +110,7 @@ class Accounts:
         return [number for number, own in enumerate(self._carrier) if own == carrier]
 
     def worst(self, carrier: str | None) -> list[int]:
-        """Of the smallest groups of a carrier's vehicles that can go back to the base plan, the one
-        that loses most.
-        """
+        """A carrier's vehicles that go back to the base plan: the group that loses most."""
         stops = {itinerary.number: itinerary.stops for itinerary in self.present}
         groups = exchanged(self._base, stops)
         joined = {number for group in groups for number in group}

@@ -41,8 +41,7 @@ class Encounters:
     def shifts(
         self, earliest_s: float, latest_s: float, from_s: float = -math.inf
     ) -> list[tuple[float, float]]:
-        """(score in kWh, shift in s) of shifts of the passages from a moment on by which they meet
-        others, best first.
+        """(score in kWh, shift in s) of shifts by which passages meet others, best first.
 
         Each encounter names the shift at which both enter a segment at once. A shift's score is the
         sum of follower savings over those within the synchronisation window around it. Of shifts
@@ -92,11 +91,7 @@ def encounters(planner: Planner, itinerary: Itinerary, meetings: Meetings) -> En
     shift_s = other_s - own_s
     order = shift_s.argsort(kind="stable")
     return Encounters(
-        own_s[order],
-        other_s[order],
-        shift_s[order],
-        np.array(kwh)[order],
-        meetings.sync_window_s,
+        own_s[order], other_s[order], shift_s[order], np.array(kwh)[order], meetings.sync_window_s
     )
 
 
@@ -116,9 +111,7 @@ def meeting_departures(
 def alternatives(
     planner: Planner, itinerary: Itinerary, meetings: Meetings, max_departures: int = MAX_DEPARTURES
 ) -> Iterable[Itinerary]:
-    """The same route at other departures, or with another wait at one of its stops, that keep its
-    windows.
-    """
+    """The same route at other departures, or with another wait at a stop, within its windows."""
     if itinerary.route is None:
         return
     number, stops, legs = itinerary.number, itinerary.stops, itinerary.route.legs
@@ -161,11 +154,7 @@ def longest_wait_s(planner: Planner, itinerary: Itinerary) -> float:
 
 
 def _waiting(
-    planner: Planner,
-    itinerary: Itinerary,
-    met: Encounters,
-    max_waits: int,
-    only: int | None = None,
+    planner: Planner, itinerary: Itinerary, met: Encounters, max_waits: int, only: int | None = None
 ) -> Iterable[Itinerary]:
     """The same route with another wait at the end of one leg, so that the rest of it meets many
     others, the most promising first; none under the paper's objective, which has no such waits.

@@ -81,9 +81,7 @@ def exchanged(
 
 
 class _Vehicles:
-    """What moves of stops between some vehicles cost, and which of them are allowed: tables of
-    their places alone, as a block has thousands of moves.
-    """
+    """What moves of stops between some vehicles cost, and which are allowed, as tables."""
 
     def __init__(self, planner: Planner, itineraries: Sequence[Itinerary]) -> None:
         fleet = planner.problem.fleet

@@ -8,11 +8,7 @@ from itertools import islice
 from typing import Final, NamedTuple
 
 from dispatcher_daemon.planning.plans import Candidate, Cycle, DeclinedMeeting
-from dispatcher_daemon.planning.platooning import (
-    Meetings,
-    apart_at_the_end,
-    pair_saving_kwh,
-)
+from dispatcher_daemon.planning.platooning import Meetings, apart_at_the_end, pair_saving_kwh
 from dispatcher_daemon.planning.roads import Route
 from dispatcher_daemon.planning.routes.itineraries import Itinerary, Planner
 from dispatcher_daemon.planning.routes.windows import MAX_WAIT_S
@@ -190,10 +186,7 @@ class _Meeting:
         closest = min(misses, key=lambda miss: miss.first.entry_s)
         apart_s = closest.second.entry_s - closest.first.entry_s
         best: tuple[float, float] | None = None
-        moves = (
-            (closest.first, apart_s),
-            (closest.second, -apart_s),
-        )
+        moves = ((closest.first, apart_s), (closest.second, -apart_s))
         for passage, shift_s in moves:
             for cost_kwh, saving_kwh in self._changes(passage, shift_s):
                 if best is None or saving_kwh - cost_kwh > best[1] - best[0]:
@@ -205,9 +198,7 @@ class _Meeting:
         return replace(one, reason=reason, cost_kwh=cost_kwh, saving_kwh=saving_kwh)
 
     def _changes(self, passage: _Passage, shift_s: float) -> Iterator[tuple[float, float]]:
-        """(cost, what all its platoons save more), kWh, of each way to shift a vehicle's passage;
-        none of one on its way, which has its plan.
-        """
+        """(cost, savings), kWh, of each way to shift a free vehicle's passage."""
         number, route = self._routes.get(passage.vehicle, (-1, None))
         if route is None or number in self._planner.windows.bound:
             return

@@ -240,9 +240,7 @@ class BlockDescent:
         return adopted
 
     def _exchanges(self, stops: StopsByVehicle) -> list[list[int]]:
-        """Smallest groups of vehicles of one carrier among which other routes serve the same stops
-        differently.
-        """
+        """Groups of one carrier's vehicles among which other routes serve the same stops."""
         others = {number: stops[name] for number, name in self._names.items()}
         vehicles = self.planner.problem.fleet.vehicles
         return [
@@ -252,9 +250,7 @@ class BlockDescent:
         ]
 
     def _itinerary_by(self, number: int, stops: StopsByVehicle) -> Itinerary | None:
-        """A vehicle's itinerary by other routes, with the paths and the departure that save most
-        with the others; its passages are added to the meetings.
-        """
+        """A vehicle's best itinerary by other routes; its passages are added to the meetings."""
         visits = stops[self._names[number]]
         candidates = []
         for travel in range(len(self.planner.travels)):

@@ -107,9 +107,7 @@ class Cycle:
 
     @property
     def reference_s(self) -> float:
-        """From its start to the moment that the fleet's times count from, s: when a vehicle that
-        is ready at once leaves.
-        """
+        """From its start to when a vehicle that is ready at once leaves, s."""
         delay_s = self.reference_delay_s
         return self.settings.deadline_s if delay_s is None else delay_s
 

@@ -88,10 +88,7 @@ def _commitment_faults(plan: VehiclePlan, own: Commitment | None) -> Iterator[st
 
 
 def _fleet_faults(
-    plans: Sequence[VehiclePlan],
-    fleet: Fleet,
-    unserved: Collection[str],
-    bound: Collection[str],
+    plans: Sequence[VehiclePlan], fleet: Fleet, unserved: Collection[str], bound: Collection[str]
 ) -> Iterator[str]:
     count = Counter(plan.vehicle for plan in plans)
     yield from (f"{vehicle}: is bound and has no plan" for vehicle in bound if not count[vehicle])

@@ -1,16 +1,10 @@
-"""Platooning: rewards of shared segments, savings of meetings, platoons by exact times, and
-vehicles of earlier cycles that are still on the road."""
+"""Platooning: rewards, savings of meetings, platoons by exact times, vehicles on the road."""
 
 from __future__ import annotations
 
 from dispatcher_daemon.planning.platooning.book import MeetingBook
 from dispatcher_daemon.planning.platooning.expected import Approach, ExpectedDrafting
-from dispatcher_daemon.planning.platooning.meetings import (
-    Meetings,
-    OpenPassages,
-    Traversals,
-    saving_kwh,
-)
+from dispatcher_daemon.planning.platooning.meetings import Meetings, OpenPassages, Traversals
 from dispatcher_daemon.planning.platooning.platoons import (
     Place,
     TimedPassage,
@@ -59,6 +53,5 @@ __all__ = [
     "pair_saving_kwh",
     "platoons_of",
     "rewards",
-    "saving_kwh",
     "traversals_on_road",
 ]

@@ -93,9 +93,7 @@ class ExpectedDrafting:
         return self._of_legs[start, leg.path]
 
     def start_of(self, vehicle: str, number: int) -> Approach:
-        """What lies behind a vehicle where a leg of its route begins; all else of the leg's
-        approaches is in its path.
-        """
+        """What lies behind a vehicle where a leg of its route begins."""
         return self._begins.get(vehicle, _FROM_REST) if number == 0 else _FROM_REST
 
     def of_routes(self, routes: Iterable[Route]) -> dict[tuple[str, int, int], Approach]:

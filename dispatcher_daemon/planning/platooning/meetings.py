@@ -15,7 +15,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 from dispatcher_daemon.planning.platooning.expected import Approach, ExpectedDrafting
-from dispatcher_daemon.planning.platooning.platoons import platoons_of
 from dispatcher_daemon.planning.platooning.segment_order import Change, SegmentOrder
 from dispatcher_daemon.planning.platooning.shares import Shares
 from dispatcher_daemon.planning.platooning.stretches import Traversal
@@ -28,9 +27,7 @@ _OpenPassage = tuple[str, float, float, tuple[Approach, ...]]
 
 
 class OpenPassages:
-    """Passages of open segments by routes. What legs say of them is looked up once for each drive,
-    as options of a route have most legs in common.
-    """
+    """Passages of open segments by routes; legs are looked up once for each drive."""
 
     def __init__(
         self, shares: Mapping[str, Shares], expected: ExpectedDrafting | None = None
@@ -68,45 +65,32 @@ class OpenPassages:
         return found
 
 
-def saving_kwh(
-    passages: Sequence[Traversal],
+def platoon_kwh(
+    platoon: Sequence[Traversal],
     shares: Shares,
-    sync_window_s: float,
-    own: Mapping[int, Shares] | None = None,
-    expected: ExpectedDrafting | None = None,
-) -> float:
-    """Saving of all platoons on one segment, kWh.
-
-    Args:
-        passages: in the order of entry.
-    """
-    return _platoons_kwh(platoons_of(passages, sync_window_s), shares, own, expected)
-
-
-def _platoons_kwh(
-    platoons: Iterable[Sequence[Traversal]],
-    shares: Shares,
-    own: Mapping[int, Shares] | None,
+    own: Mapping[int, Shares],
     expected: ExpectedDrafting | None,
 ) -> float:
-    total = 0.0
-    for group in platoons:
-        members = len(group)
-        if members < 2:
-            continue
-        if own or expected is not None:
-            close = (1.0,) * members
-            if expected is not None:
-                close = expected.shares(tuple(key[1] for _, _, key in group))
-            leader, *followers = (
-                share * (own.get(key[0], shares) if own else shares).at(place, members)
-                for place, (share, (_, _, key)) in enumerate(zip(close, group, strict=True))
-            )
-            saved = leader + sum(followers)
-        else:
-            saved = shares.platoon_kwh(len(group))
-        total += saved * shares.gate.chance(group[0][0])
-    return total
+    """Saving of one platoon on a segment, kWh.
+
+    Args:
+        own: shares of vehicles that have others, by their number.
+    """
+    members = len(platoon)
+    if members < 2:
+        return 0.0
+    if own or expected is not None:
+        close = (1.0,) * members
+        if expected is not None:
+            close = expected.shares(tuple(key[1] for _, _, key in platoon))
+        leader, *followers = (
+            share * own.get(key[0], shares).at(place, members)
+            for place, (share, (_, _, key)) in enumerate(zip(close, platoon, strict=True))
+        )
+        saved = leader + sum(followers)
+    else:
+        saved = shares.platoon_kwh(members)
+    return saved * shares.gate.chance(platoon[0][0])
 
 
 class Meetings:
@@ -198,8 +182,7 @@ class Meetings:
         return array("d", [s for s, n in zip(entries, numbers, strict=True) if n != but])
 
     def change(self, segment: str, off: Sequence[Traversal], on: Sequence[Traversal]) -> Change:
-        """What passages of a segment that go, and others that come, at least one of both, would
-        change.
+        """What passages of a segment that go, and others that come, would change.
 
         Raises:
             ValueError: one that goes is not there.
@@ -218,11 +201,7 @@ class Meetings:
         if segment not in self._orders:
             shares = self.shares[segment]
             own = {n: of[segment] for n, of in self._own_shares.items()}
-
-            def kwh(platoon: Sequence[Traversal]) -> float:
-                if len(platoon) < 2:
-                    return 0.0
-                return _platoons_kwh((platoon,), shares, own, self._expected)
-
-            self._orders[segment] = SegmentOrder(self.sync_window_s, kwh)
+            self._orders[segment] = SegmentOrder(
+                self.sync_window_s, lambda one: platoon_kwh(one, shares, own, self._expected)
+            )
         return self._orders[segment]

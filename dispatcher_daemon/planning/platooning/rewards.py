@@ -72,23 +72,18 @@ def judge_pairs(
     arcs: Sequence[RoutedArc],
     snapshot: TrafficSnapshot,
     sync_window_s: float,
-    *,
-    watched_only: bool = True,
 ) -> Iterator[JudgedPair]:
-    """Judge every pair of arcs of two vehicles that share a segment (paper section III-A).
+    """Judge every pair of arcs of two vehicles that share a watched segment (paper section III-A).
 
     Under the objective "energy" a reward also needs certain departures, and the two must be due to
     leave the segment as a platoon: what it counts comes about. Where the problem's drafting is
     "expected", it counts the share of the segment on which the two are expected to be close.
-
-    Args:
-        watched_only: leave out segments that no RSU has reported on, where every reward is 0.
     """
     expected = counted_drafting(problem, snapshot)
     users: dict[str, list[tuple[int, float]]] = {}
     for index, arc in enumerate(arcs):
         for name, entry in arc.entries_s().items():
-            if not watched_only or snapshot.segments[name].reason != "unwatched":
+            if snapshot.segments[name].reason != "unwatched":
                 users.setdefault(name, []).append((index, entry))
     for name in sorted(users):
         segment, traffic = problem.network.segments[name], snapshot.segments[name]
@@ -136,8 +131,7 @@ def _doubt(segment: str, first: RoutedArc, second: RoutedArc, sync_window_s: flo
 
 
 def apart_at_the_end(entries_s: float, leavings_s: float, sync_window_s: float) -> str | None:
-    """Why two that enter a segment together do not leave it as a platoon; None: they do. See
-    `dispatcher_daemon.planning.platooning.form_platoons`.
+    """Why two that enter a segment together do not leave it as a platoon; None: they do.
 
     Args:
         entries_s: difference of their entries.

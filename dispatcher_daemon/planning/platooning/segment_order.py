@@ -97,9 +97,7 @@ class SegmentOrder:
         )
 
     def gain_kwh(self, passage: Traversal) -> float:
-        """By how much more is saved with one passage that comes: what `change` tells of it, without
-        the stretches, as most of what is asked is never done.
-        """
+        """By how much more is saved with one passage that comes: `change` without the stretches."""
         begins, stretches, window_s = self._begins, self._stretches, self._window_s
         at = bisect_right(begins, passage) - 1
         if at >= 0 and not stretches[at].ends_before(passage, window_s):
@@ -146,11 +144,7 @@ class SegmentOrder:
         return other
 
     def _formed(
-        self,
-        replaced: slice,
-        begin: Traversal,
-        off: Sequence[Traversal],
-        on: Sequence[Traversal],
+        self, replaced: slice, begin: Traversal, off: Sequence[Traversal], on: Sequence[Traversal]
     ) -> tuple[slice, _Stretches]:
         """(stretches that are replaced, those in their place), formed anew from a passage on."""
         begins, there = self._begins, self.passages
@@ -179,14 +173,9 @@ class SegmentOrder:
         return slice(replaced.start, end), (new_begins, stretches)
 
     def _adjusted(
-        self,
-        replaced: slice,
-        off: Sequence[Traversal],
-        on: Sequence[Traversal],
+        self, replaced: slice, off: Sequence[Traversal], on: Sequence[Traversal]
     ) -> tuple[slice, _Stretches] | None:
-        """The same where passages that go and come leave all others as they are; None: they have to
-        be formed anew.
-        """
+        """The same where all others stay as they are; None: they have to be formed anew."""
         window_s, stop = self._window_s, replaced.stop
         begins, stretches = self._begins[replaced], self._stretches[replaced]
         for passage in off:
@@ -232,11 +221,7 @@ class SegmentOrder:
         return slice(replaced.start, stop), (begins, stretches)
 
     def _with_platoon(
-        self,
-        stretch: Stretch,
-        passage: Traversal,
-        number: int,
-        platoon: Sequence[Traversal],
+        self, stretch: Stretch, passage: Traversal, number: int, platoon: Sequence[Traversal]
     ) -> Stretch:
         """The stretch with a platoon that a passage has joined or left."""
         saved_kwh = self._kwh(platoon)

@@ -44,9 +44,7 @@ class Stretch:
     def platoon_with(
         self, passage: Traversal, window_s: float
     ) -> tuple[int, list[Traversal]] | None:
-        """(number of the platoon that another passage joins, that platoon with it), where all other
-        passages stay in their places.
-        """
+        """(number of the platoon that a passage joins, that platoon with it)."""
         if self.vehicles is None or passage[2][0] in self.vehicles:
             return None
         entry, leaving, _ = passage
@@ -103,11 +101,7 @@ class Stretch:
         return sum(every_kwh)
 
     def replaced(
-        self,
-        number: int,
-        platoon: Sequence[Traversal],
-        saved_kwh: float,
-        passage: Traversal,
+        self, number: int, platoon: Sequence[Traversal], saved_kwh: float, passage: Traversal
     ) -> Stretch:
         """The stretch with another platoon in the place of one, which a passage joined or left."""
         platoons, every_kwh = list(self.platoons), list(self.saved_kwh)

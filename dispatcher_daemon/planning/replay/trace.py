@@ -184,7 +184,6 @@ class Player:
     inner: Solve
     workers: Executor
     differing: Counter[str] = field(default_factory=Counter)
-    solved: int = 0
     _looked: int = 0
     _now_ms: int = 0
     _searched: int = 0
@@ -222,7 +221,6 @@ class Player:
                 yield answer.outcome()
                 continue
             outcome = next(outcomes)
-            self.solved += 1
             if answer is not None and _answer(outcome, _NO_DEADLINE_S).selected != answer.selected:
                 self.differing[job.solver] += 1
             yield outcome

@@ -26,9 +26,7 @@ def expected_traction_n(mean_n: float, std_n: float) -> float:
 
 
 def planning_speed_mps(segment: Segment, traffic: SegmentTraffic, profile: RoutingProfile) -> float:
-    """Speed that a vehicle is expected to hold on a segment, m/s: the traffic's, or its own top
-    speed or the limit for its class where that is lower.
-    """
+    """Speed that a vehicle is expected to hold: the traffic's, its top speed or its limit."""
     limit_mps = segment.access.speed_limit_mps(segment.speed_limit_mps, profile)
     top_mps = math.inf if profile.max_speed_mps is None else profile.max_speed_mps
     return min(traffic.speed_mps, limit_mps, top_mps)

@@ -102,13 +102,7 @@ class Route:
             for position, segment in enumerate(leg.path):
                 begin, end = times[position], times[position + 1]
                 entries.append(
-                    (
-                        number,
-                        position,
-                        segment,
-                        visit.departure_s + begin,
-                        visit.departure_s + end,
-                    )
+                    (number, position, segment, visit.departure_s + begin, visit.departure_s + end)
                 )
         return entries
 
@@ -247,8 +241,7 @@ def lateness_by_window_s(
     *,
     under_way: bool = False,
 ) -> list[float]:
-    """By how much a route misses each of its windows, less than 0 where it keeps it: those of
-    departure and return, then those of its stops.
+    """By how much a route misses its windows: departure, return, stops; < 0: it keeps one.
 
     Args:
         under_way: its departure lies behind it.
@@ -268,9 +261,7 @@ def lateness_by_window_s(
 
 
 def _late_for_breaks_s(vehicle: Vehicle, route: Route, reference_s: float) -> Iterator[float]:
-    """By how much each break of a vehicle begins too late on its route: those that it has none for,
-    and that the time at the depot does not take, by the whole tour.
-    """
+    """By how much each break begins too late; by the whole tour where there is none for it."""
     legs = zip(route.legs, route.visits[1:], strict=True)
     taken = {leg.end: visit for leg, visit in legs if leg.pause is not None}
     leaves_s = route.visits[0].departure_s - reference_s

@@ -166,9 +166,7 @@ class Basis:
         )
 
     def _stop(self) -> tuple[Floats, Floats]:
-        """(energy, kWh; time, s) of the stops expected before each turn: braking to a stand and
-        gaining speed again, instead of changing from one speed to the other.
-        """
+        """(kWh, s) of the expected stops before each turn, beyond changing speed without one."""
         origin, onto = self.turn
         before, after = self.speed_mps[origin], self.speed_mps[onto]
         rate, rest = self._rate, np.zeros(len(origin))
@@ -190,9 +188,7 @@ class Basis:
         before_rate: Floats | None = None,
         after_rate: Floats | None = None,
     ) -> Floats:
-        """Energy of changes of speed beyond that of holding the higher speed meanwhile, kWh; < 0
-        where speed is lost. Rates: those of the segments, where None.
-        """
+        """Energy of changing speed beyond holding the higher one, kWh; < 0 where it is lost."""
         gains = after_mps > before_mps
         rates = self.style.acceleration_mps2, self.style.braking_mps2
         rate_mps2 = np.where(gains, *rates)

@@ -27,10 +27,7 @@ GREEDY = "greedy"
 
 
 def route_cycle(
-    cycle: Cycle,
-    solve: Solve,
-    executor: Executor,
-    clock: Callable[[], float] = time.monotonic,
+    cycle: Cycle, solve: Solve, executor: Executor, clock: Callable[[], float] = time.monotonic
 ) -> FormResult:
     """Plan the fleet and verify the plans."""
     checked: list[Candidate | CandidateRefusal] = []

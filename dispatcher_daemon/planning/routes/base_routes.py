@@ -198,11 +198,7 @@ class _Search:
         return self._side_by_side(jobs, limit_s, make_up=len(models) == 1)
 
     def _first_job(
-        self,
-        model: VrpModel,
-        start: Mapping[str, Sequence[str]] | None,
-        limit_s: float,
-        seed: int,
+        self, model: VrpModel, start: Mapping[str, Sequence[str]] | None, limit_s: float, seed: int
     ) -> SearchJob:
         """All stops by low penalties, then by high ones; at last as many stops as possible."""
         most = self._settings.iterations_to_feasible

@@ -54,8 +54,7 @@ class Batteries:
     def with_stops(
         self, number: int, travel: Travel, legs: Sequence[RoadLeg], fixed: int, *, under_way: bool
     ) -> list[RoadLeg] | None:
-        """The legs of a vehicle's route, over charging stops where its battery needs them; None if
-        it does not last.
+        """The legs of a route, over charging stops where they are needed; None: it does not last.
 
         Args:
             under_way: whether the vehicle goes on as it can.

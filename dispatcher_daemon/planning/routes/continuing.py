@@ -24,9 +24,7 @@ it knew all the fleet."""
 
 
 def departure_s(own: Commitment, roads: Roads, now_ns: int) -> float:
-    """When the committed part of a route begins, s after the cycle's start: one that moves entered
-    its segment then, if nothing hindered it.
-    """
+    """When the committed part of a route begins, s after the cycle's start."""
     if own.moving is None:
         return 1e-9 * (own.departs_ns - now_ns)
     measured_s = 1e-9 * (own.moving.time_ns - now_ns)

@@ -167,9 +167,7 @@ def _offer(planner: Planner, old: Itinerary, stop: str) -> tuple[OfferedTour, It
 
 
 def _no_time(planner: Planner, old: Itinerary, stop: str) -> tuple[TourObstacle, str]:
-    """Why no place of a tour has way, charge or time for a stop: of the place that is nearest to
-    it.
-    """
+    """Why no place of a tour has way, charge or time for a stop: of the nearest place."""
     problem, number = planner.problem, old.number
     vehicle = problem.fleet.vehicles[number]
     own = planner.travels[0].of(vehicle)

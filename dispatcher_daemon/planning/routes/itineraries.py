@@ -94,9 +94,7 @@ class Planner:
         self._committed: dict[tuple[int, int], list[RoadLeg] | None] = {}
 
     def legs(self, number: int, stops: Sequence[str], travel: int = 0) -> list[RoadLeg] | None:
-        """Legs of a route, over charging stops where the battery needs them, with the breaks of a
-        vehicle that is free; None if one of them has no path or the battery does not last.
-        """
+        """Legs of a route with charging stops and breaks; None: no path, or too little charge."""
         fleet = self.problem.fleet
         vehicle = fleet.vehicles[number]
         depot, own = fleet.depot_of(vehicle).id, self.travels[travel].of(vehicle)
@@ -124,9 +122,7 @@ class Planner:
         return self.windows.of(number)[0] + S_PER_H * self.batteries.needed_h(number, legs)
 
     def fixed_legs(self, number: int, travel: int = 0) -> list[RoadLeg] | None:
-        """The first legs of a bound vehicle, which are the same whatever it does; of any other
-        vehicle there are none. None: no way leads on.
-        """
+        """The first legs of a bound vehicle, none of any other one; None: no way leads on."""
         own = self.windows.bound.get(number)
         if own is None:
             return []

@@ -1,6 +1,4 @@
-"""Cuts of a fleet and its stops, by carrier and by location, into parts that are searched side by
-side.
-"""
+"""Cuts of a fleet and its stops, by carrier and location, into parts searched side by side."""
 
 from __future__ import annotations
 
@@ -62,11 +60,7 @@ def are_full(fleet: Fleet, stops: Sequence[str]) -> bool:
 
 
 def parts_of_routes(
-    problem: RoutingProblem,
-    whole: FleetPart,
-    routes: StopsByVehicle,
-    max_stops: int,
-    number: int,
+    problem: RoutingProblem, whole: FleetPart, routes: StopsByVehicle, max_stops: int, number: int
 ) -> list[FleetPart]:
     """A part's routes cut at the median of where their stops lie, again and again, across a
     direction that turns from cut to cut and from round to round.

@@ -10,12 +10,7 @@ from typing import Final
 import pyvrp
 from pyvrp.exceptions import PenaltyBoundWarning
 from pyvrp.search import NeighbourhoodParams, PerturbationParams
-from pyvrp.stop import (
-    MaxIterations,
-    MaxRuntime,
-    MultipleCriteria,
-    StoppingCriterion,
-)
+from pyvrp.stop import MaxIterations, MaxRuntime, MultipleCriteria, StoppingCriterion
 
 from dispatcher_daemon.planning.routes.pyvrp_model import MWH_PER_KWH, NO_PATH_MWH, Visits
 from dispatcher_daemon.settings import SearchSettings

@@ -47,9 +47,7 @@ def servable_part(
 
 
 def without(problem: RoutingProblem, stops: Collection[str]) -> RoutingProblem:
-    """The problem without some, but not all of its stops; a vehicle that has one of them as first
-    stop has none.
-    """
+    """The problem without some, but not all stops; who has one as first stop has none."""
     fleet = problem.fleet
     vehicles = tuple(
         v.model_copy(update={"first_stop": None}) if v.first_stop in stops else v

@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dispatcher_daemon.forms.arc import build_arc_model
-from dispatcher_daemon.forms.enumerate import all_energies, enumerate_model
 from dispatcher_daemon.forms.milp import solve_milp
 from dispatcher_daemon.forms.problem import ArcProblem, CandidateArc
 from dispatcher_daemon.forms.subtours import order_rows
+from slipstream_lab.research.proofs.enumeration import all_energies, enumerate_model
 
 Demo = Callable[..., ArcProblem]
 

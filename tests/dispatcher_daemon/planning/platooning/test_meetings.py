@@ -11,10 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dispatcher_daemon.forms.problem import RoutingProblem
-from dispatcher_daemon.planning.platooning.meetings import (
-    Meetings,
-    saving_kwh,
-)
+from dispatcher_daemon.planning.platooning.meetings import Meetings, platoon_kwh
 from dispatcher_daemon.planning.platooning.platoons import independent_platoons, platoons_of
 from dispatcher_daemon.planning.platooning.segment_order import SegmentOrder
 from dispatcher_daemon.planning.platooning.shares import Shares, open_shares
@@ -29,6 +26,11 @@ SHARES = {"e": Shares(1.0, 4.0), "f": Shares(0.5, 2.0, (2.5, 2.25))}
 OTHERS = {"e": Shares(3.0, 5.0, (7.0, 6.0)), "f": Shares(0.25, 1.0)}
 WINDOW_S = 3.0
 VehicleTraversals = dict[str, list[Traversal]]
+
+
+def saving_kwh(passages: Sequence[Traversal], shares: Shares) -> float:
+    """Of all platoons on one segment, formed anew."""
+    return sum(platoon_kwh(one, shares, {}, None) for one in platoons_of(passages, WINDOW_S))
 
 
 @st.composite
@@ -132,10 +134,8 @@ def test_changes_that_touch_nothing_in_common_add_up(data: st.DataObject) -> Non
     both = meetings.change("e", (), passages[:2])
     if not one.touches(other):
         assert both.saving_kwh == pytest.approx(one.saving_kwh + other.saving_kwh)
-    kept = saving_kwh(sorted(passages[2:]), SHARES["e"], WINDOW_S)
-    assert both.saving_kwh == pytest.approx(
-        saving_kwh(sorted(passages), SHARES["e"], WINDOW_S) - kept
-    )
+    kept = saving_kwh(sorted(passages[2:]), SHARES["e"])
+    assert both.saving_kwh == pytest.approx(saving_kwh(sorted(passages), SHARES["e"]) - kept)
 
 
 @pytest.mark.slow
@@ -144,7 +144,7 @@ def test_what_neighbours_tell_is_what_forming_anew_finds(data: st.DataObject) ->
     """Exactly: a plan does not depend on which of the two found a change."""
     seconds = st.tuples(st.integers(0, 40), st.integers(16, 20), st.integers(0, 19))
     shares = SHARES["f"]
-    order = SegmentOrder(WINDOW_S, lambda platoon: saving_kwh(platoon, shares, WINDOW_S))
+    order = SegmentOrder(WINDOW_S, lambda platoon: saving_kwh(platoon, shares))
     present: list[Traversal] = []
     for _ in range(data.draw(st.integers(1, 30))):
         off = [p for p in present if data.draw(st.integers(0, 9)) == 0][:2]
@@ -157,11 +157,11 @@ def test_what_neighbours_tell_is_what_forming_anew_finds(data: st.DataObject) ->
             assert order.change(off, sorted(on)) == change
         for passage in on:
             assert order.gain_kwh(passage) == order.change((), [passage]).saving_kwh
-        before = saving_kwh(present, shares, WINDOW_S)
+        before = saving_kwh(present, shares)
         present = sorted({*present, *on} - {*off})
         assert order.apply(off, sorted(on)) == change.saving_kwh
         assert order.passages == present
-        after = saving_kwh(present, shares, WINDOW_S)
+        after = saving_kwh(present, shares)
         assert change.saving_kwh == pytest.approx(after - before, abs=1e-9)
 
 
@@ -194,7 +194,7 @@ def test_a_platoon_has_one_leader_and_the_rest_follow(members: int) -> None:
     """m ≥ 2 vehicles within the window save L + (m − 1) F; one alone saves nothing."""
     passages = [(0.5 * n, 10.0 + 0.5 * n, (n,)) for n in range(members)]
     expected = 1.0 + 4.0 * (members - 1) if members > 1 else 0.0
-    assert saving_kwh(passages, SHARES["e"], WINDOW_S) == pytest.approx(expected)
+    assert saving_kwh(passages, SHARES["e"]) == pytest.approx(expected)
 
 
 @given(
@@ -220,15 +220,15 @@ def test_who_leaves_first_cannot_follow() -> None:
     one that falls back by more than the window.
     """
     leader = (0.0, 10.0, (0,))
-    assert saving_kwh([leader, (1.0, 11.0, (1,))], SHARES["e"], WINDOW_S) == 5.0
-    assert saving_kwh([leader, (1.0, 9.9, (1,))], SHARES["e"], WINDOW_S) == 0.0
-    assert saving_kwh([leader, (1.0, 13.1, (1,))], SHARES["e"], WINDOW_S) == 0.0
+    assert saving_kwh([leader, (1.0, 11.0, (1,))], SHARES["e"]) == 5.0
+    assert saving_kwh([leader, (1.0, 9.9, (1,))], SHARES["e"]) == 0.0
+    assert saving_kwh([leader, (1.0, 13.1, (1,))], SHARES["e"]) == 0.0
 
 
 def test_the_window_counts_from_the_leader() -> None:
     """Vehicles 2 s apart each: the third is too far behind the first, and leads the fourth."""
     passages = [(2.0 * n, 10.0 + 2.0 * n, (n,)) for n in range(4)]
-    assert saving_kwh(passages, SHARES["e"], WINDOW_S) == pytest.approx(2 * 5.0)
+    assert saving_kwh(passages, SHARES["e"]) == pytest.approx(2 * 5.0)
 
 
 def test_only_open_segments_have_shares(
@@ -266,7 +266,7 @@ def test_by_the_papers_law_platoons_save_what_they_did(
     problem, snapshot = town(["33"], [{}], open_share=0.5)
     passages = [(0.1 * n, 30.0 + 0.1 * n, (n,)) for n in range(members)]
     shares = open_shares(problem, snapshot).values()
-    assert sum(saving_kwh(passages, s, WINDOW_S) for s in shares) == expected_kwh
+    assert sum(saving_kwh(passages, s) for s in shares) == expected_kwh
 
 
 def test_measured_shares_count_the_gap_at_the_planning_speed(
