@@ -174,18 +174,6 @@ def test_planning_speed_is_measured_but_legal_and_moving(
     assert snapshot.segments["avenue_east"].speed_mps == planned
 
 
-def test_stale_and_unknown_states_give_free_flow_speed(
-    demo: RoutingProblem, state: State, now_ns: int
-) -> None:
-    """An old measurement, or a state without features, says nothing about speed."""
-    for seen in (
-        state("avenue_east", 1, speed_mps=5.0, time_ns=now_ns - 60 * SECOND),
-        state("avenue_east", None, features=False),
-    ):
-        snapshot = take_snapshot(demo.network, [seen], now_ns, stale_after_s=5.0)
-        assert snapshot.segments["avenue_east"].speed_mps == 16.67
-
-
 @pytest.mark.parametrize(
     ("flags", "is_open"),
     [((1, 0), False), ((0, 1), False), ((1, None), True), ((None, None), False), ((1, 1), True)],

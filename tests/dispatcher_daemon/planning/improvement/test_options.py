@@ -104,12 +104,3 @@ def test_vehicles_that_can_only_meet_if_both_move_get_the_departure_for_it(town:
     own, other = (options_for(planner, p, present, meetings, 5, rng) for p in present)
     assert any(option.depart_s == pytest.approx(30.0) for option in own)
     assert any(option.depart_s == pytest.approx(30.0) for option in other)
-
-
-def test_an_idle_vehicle_has_nothing_to_choose(town: Town) -> None:
-    """Idle, or asked for one option only: the present one."""
-    planner, present, meetings = present_plan(town)
-    rng = np.random.default_rng(1)
-    idle = planner.idle(0)
-    assert options_for(planner, idle, present, meetings, 5, rng) == [idle]
-    assert options_for(planner, present[0], present, meetings, 1, rng) == [present[0]]

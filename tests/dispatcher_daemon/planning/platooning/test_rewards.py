@@ -12,7 +12,6 @@ from dispatcher_daemon.planning.platooning.rewards import JudgedPair, judge_pair
 from dispatcher_daemon.planning.roads.routes import RoutedArc, candidate_arcs
 from dispatcher_daemon.planning.roads.travel import least_energy_legs
 from dispatcher_daemon.traffic.snapshot import TrafficSnapshot, take_snapshot
-from slipstream.energy.consumption import VehicleParameters
 from slipstream.messages import SegmentState
 
 Traffic = Callable[..., TrafficSnapshot]
@@ -63,16 +62,6 @@ def test_every_zero_has_its_reason(
     line = pair.explain(arcs)
     assert "van-a (depot→c1, enters at 90.0 s)" in line
     assert reason in line
-
-
-def test_a_reward_is_that_of_the_fleets_own_vehicles(
-    demo: RoutingProblem, traffic: Traffic
-) -> None:
-    """Twice the frontal area, twice the drag that is saved."""
-    van = VehicleParameters(frontal_area_m2=4.8)
-    (car,) = rewards(judge(demo, traffic(avenue_east=1))[1])
-    (wide,) = rewards(judge(replace(demo, vehicle=van), traffic(avenue_east=1))[1])
-    assert wide.saving_kwh == pytest.approx(2 * car.saving_kwh)
 
 
 def test_an_explanation_tells_who_where_when_and_what(
