@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dispatcher_daemon.planning.platooning.book import MeetingBook
 from dispatcher_daemon.planning.platooning.expected import Approach, ExpectedDrafting
-from dispatcher_daemon.planning.platooning.meetings import Meetings, OpenPassages, Traversals
+from dispatcher_daemon.planning.platooning.meetings import Meetings, Traversals
 from dispatcher_daemon.planning.platooning.platoons import (
     Place,
     TimedPassage,
@@ -26,7 +26,6 @@ from dispatcher_daemon.planning.platooning.vehicles_on_road import (
     counted_drafting,
     expected_drafting,
     joined_segments,
-    traversals_on_road,
 )
 
 __all__ = [
@@ -36,7 +35,6 @@ __all__ = [
     "JudgedPair",
     "MeetingBook",
     "Meetings",
-    "OpenPassages",
     "Place",
     "Shares",
     "TimedPassage",
@@ -53,5 +51,4 @@ __all__ = [
     "pair_saving_kwh",
     "platoons_of",
     "rewards",
-    "traversals_on_road",
 ]

@@ -235,7 +235,7 @@ def _run_solvers(
 
 
 def _write(model: QuboModel, path: Path) -> None:
-    from dispatcher_daemon.forms.files import WRITERS
+    from slipstream_lab.research.models.write import WRITERS
 
     try:
         WRITERS[ending_of(path)](model, path)

@@ -102,7 +102,8 @@ def test_a_cycle_reports_gates_variables_and_energy(demo: RoutingProblem, traffi
 @pytest.mark.slow
 def test_both_solvers_are_reported_side_by_side(demo: RoutingProblem, traffic: Traffic) -> None:
     """LC-QAOA stands beside the exact answer with its raw and repaired shares."""
-    result = cycle(demo, traffic(avenue_east=1, avenue_west=1), BOTH)
+    patient = BOTH.model_copy(update={"deadline_s": 250.0, "interval_s": 251.0})
+    result = cycle(demo, traffic(avenue_east=1, avenue_west=1), patient)
     exact, lc_qaoa = result.report.solvers
     assert (exact.solver, exact.status) == ("exact", "optimal")
     assert (lc_qaoa.solver, lc_qaoa.qubits, lc_qaoa.shots) == ("lc-qaoa", 25, 512)

@@ -13,7 +13,7 @@ from dispatcher_daemon.planning.cycle.cycle import run_cycle
 from dispatcher_daemon.planning.plans.candidates import Cycle
 from dispatcher_daemon.planning.roads.arrays import Roads, roads_of
 from dispatcher_daemon.planning.roads.charge import leg_energy_kwh
-from dispatcher_daemon.planning.roads.costs import segment_cost_kwh
+from dispatcher_daemon.planning.roads.costs import held_cost_kwh
 from dispatcher_daemon.planning.roads.routes import RoadLeg
 from dispatcher_daemon.planning.roads.travel import Travel, leg_along
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
@@ -60,7 +60,9 @@ def test_ways_are_those_of_least_expected_losses(town: Town, share: float) -> No
     expected = expected_of(problem, 1, share)
     snapshot = replace(snapshot, expected=expected)
     network, traffic = problem.network, snapshot.segments
-    cost = {n: segment_cost_kwh(s, traffic[n]) for n, s in network.segments.items()}
+    cost = {
+        n: held_cost_kwh(s, traffic[n], problem.profiles[0]) for n, s in network.segments.items()
+    }
     graph = nx.DiGraph()
     for name, segment in network.segments.items():
         for after in network.turns(name):
