@@ -162,15 +162,7 @@ class _Meeting:
     """Tries whether vehicles of a plan that are apart could meet, and what that would cost."""
 
     def __init__(self, cycle: Cycle, chosen: Candidate) -> None:
-        self._planner = planner = Planner(
-            cycle.problem,
-            cycle.snapshot,
-            (),
-            cycle.settings.sync_window_s,
-            cycle.reference_s,
-            on_road=cycle.on_road,
-            commitments=cycle.commitments,
-        )
+        self._planner = planner = Planner.of(cycle, ())
         numbers = {vehicle.id: n for n, vehicle in enumerate(cycle.problem.fleet.vehicles)}
         self._routes: Mapping[str, tuple[int, Route]] = {
             route.vehicle: (numbers[route.vehicle], route) for route in chosen.routes

@@ -139,15 +139,13 @@ class Cycle:
         plans = vehicle_plans(
             self.problem,
             self.snapshot,
+            settings,
             routes,
             places,
             energies,
             cycle=self.number,
             issued_ns=self.now_ns,
             reference_s=self.reference_s,
-            interval_s=settings.interval_s,
-            gap_m=settings.gap_m,
-            advice=settings.priced_advice,
             commitments=self.commitments,
         )
         faults = verify_plans(

@@ -267,16 +267,7 @@ def initial_plans(
     Args:
         has_time: whether another vehicle's departure may be chosen; the others leave when ready.
     """
-    problem, city = cycle.problem, cycle.settings.city
-    planner = Planner(
-        problem,
-        cycle.snapshot,
-        [travel],
-        cycle.settings.sync_window_s,
-        cycle.reference_s,
-        on_road=cycle.on_road,
-        commitments=cycle.commitments,
-    )
+    city, planner = cycle.settings.city, Planner.of(cycle, [travel])
     base = choice_of(planner, departing_when_ready(planner, routes, missing))
     base_is_known(base)
     if sum(len(i.route.legs) for i in base.itineraries if i.route is not None) <= city.ways_legs:

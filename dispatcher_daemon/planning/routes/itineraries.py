@@ -11,6 +11,7 @@ from typing import Final
 
 from dispatcher_daemon.fleet import Commitment, RoadUser
 from dispatcher_daemon.forms import RoutingProblem
+from dispatcher_daemon.planning.plans import Cycle
 from dispatcher_daemon.planning.platooning import MeetingBook, Traversals
 from dispatcher_daemon.planning.roads import (
     RoadLeg,
@@ -92,6 +93,19 @@ class Planner:
         self.windows = Windows(problem, now_ns, self.travels, reference_s, commitments)
         self.batteries = Batteries(problem)
         self._committed: dict[tuple[int, int], list[RoadLeg] | None] = {}
+
+    @classmethod
+    def of(cls, cycle: Cycle, travels: Sequence[Travel]) -> Planner:
+        """For a cycle, with its vehicles on the road."""
+        return cls(
+            cycle.problem,
+            cycle.snapshot,
+            travels,
+            cycle.settings.sync_window_s,
+            cycle.reference_s,
+            on_road=cycle.on_road,
+            commitments=cycle.commitments,
+        )
 
     def legs(self, number: int, stops: Sequence[str], travel: int = 0) -> list[RoadLeg] | None:
         """Legs of a route with charging stops and breaks; None: no path, or too little charge."""
