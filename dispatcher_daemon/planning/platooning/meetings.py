@@ -14,55 +14,13 @@ from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
-from dispatcher_daemon.planning.platooning.expected import Approach, ExpectedDrafting
+from dispatcher_daemon.planning.platooning.expected import ExpectedDrafting
 from dispatcher_daemon.planning.platooning.segment_order import Change, SegmentOrder
 from dispatcher_daemon.planning.platooning.shares import Shares
 from dispatcher_daemon.planning.platooning.stretches import Traversal
-from dispatcher_daemon.planning.roads import RoadLeg, Route
 
 Traversals = Mapping[str, Sequence[Traversal]]
 """One vehicle's passages of segments whose gate is open, or may be then, by segment."""
-_OpenPassage = tuple[str, float, float, tuple[Approach, ...]]
-"""(segment, entry and leaving in s after the leg's departure, approach if one counts)."""
-
-
-class OpenPassages:
-    """Passages of open segments by routes; legs are looked up once for each drive."""
-
-    def __init__(
-        self, shares: Mapping[str, Shares], expected: ExpectedDrafting | None = None
-    ) -> None:
-        """Start with no drive known."""
-        self._shares, self._expected = shares, expected
-        # By the drive's identity, which lasts as the leg is kept with it.
-        self._known: dict[tuple[int, Approach], tuple[RoadLeg, list[_OpenPassage]]] = {}
-
-    def of(self, number: int, route: Route) -> dict[str, tuple[Traversal, ...]]:
-        """A route's passages of open segments."""
-        found: dict[str, tuple[Traversal, ...]] = {}
-        for at, (leg, visit) in enumerate(zip(route.legs, route.visits, strict=False)):
-            leaves_s = visit.departure_s
-            for segment, entry, leaving, approach in self._of_leg(route.vehicle, at, leg):
-                passage = (leaves_s + entry, leaves_s + leaving, (number, *approach))
-                known = found.get(segment)
-                found[segment] = (passage,) if known is None else (*known, passage)
-        return found
-
-    def _of_leg(self, vehicle: str, at: int, leg: RoadLeg) -> list[_OpenPassage]:
-        expected = self._expected
-        key = id(leg.drive), -1 if expected is None else expected.start_of(vehicle, at)
-        known = self._known.get(key)
-        if known is not None and known[0].path is leg.path:
-            return known[1]
-        times = (*leg.drive.entry_s, leg.drive.duration_s)
-        approaches = () if expected is None else expected.of_leg(vehicle, at, leg)
-        found = [
-            (segment, times[n], times[n + 1], approaches[n : n + 1])
-            for n, segment in enumerate(leg.path)
-            if segment in self._shares
-        ]
-        self._known[key] = leg, found
-        return found
 
 
 def platoon_kwh(

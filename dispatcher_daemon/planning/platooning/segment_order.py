@@ -182,7 +182,7 @@ class SegmentOrder:
             at = bisect_right(begins, passage) - 1
             if at < 0:
                 return None
-            if begins[at] == passage and stretches[at].is_one_alone:
+            if begins[at] == passage and stretches[at].platoons == [[passage]]:
                 del begins[at], stretches[at]
                 continue
             found = stretches[at].platoon_without(passage)
@@ -194,14 +194,15 @@ class SegmentOrder:
                 if later and later[0][0] - platoon[0][0] <= window_s:
                     return None
                 begins[at] = platoon[0]
-            stretches[at] = self._with_platoon(stretches[at], passage, number, platoon)
+            stretches[at] = stretches[at].replaced(number, platoon, self._kwh(platoon), passage)
         for passage in on:
             at = bisect_right(begins, passage) - 1
             if at >= 0 and not stretches[at].ends_before(passage, window_s):
                 found = stretches[at].platoon_with(passage, window_s)
                 if found is None:
                     return None
-                stretches[at] = self._with_platoon(stretches[at], passage, *found)
+                number, platoon = found
+                stretches[at] = stretches[at].replaced(number, platoon, self._kwh(platoon), passage)
                 continue
             at += 1
             later = self._begins[stop : stop + 1]
@@ -217,15 +218,8 @@ class SegmentOrder:
             if led is None:
                 return None
             begins[at] = passage
-            stretches[at] = self._with_platoon(stretches[at], passage, 0, led)
+            stretches[at] = stretches[at].replaced(0, led, self._kwh(led), passage)
         return slice(replaced.start, stop), (begins, stretches)
-
-    def _with_platoon(
-        self, stretch: Stretch, passage: Traversal, number: int, platoon: Sequence[Traversal]
-    ) -> Stretch:
-        """The stretch with a platoon that a passage has joined or left."""
-        saved_kwh = self._kwh(platoon)
-        return stretch.replaced(number, platoon, saved_kwh, passage)
 
 
 def _total_kwh(stretches: Sequence[Stretch]) -> float:

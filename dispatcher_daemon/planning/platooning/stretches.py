@@ -32,11 +32,6 @@ class Stretch:
     def __post_init__(self) -> None:
         self.total_kwh = sum(self.saved_kwh)
 
-    @property
-    def is_one_alone(self) -> bool:
-        """Whether it is a single passage."""
-        return len(self.platoons) == 1 and len(self.platoons[0]) == 1
-
     def ends_before(self, passage: Traversal, window_s: float) -> bool:
         """Whether a later passage is out of reach of all its platoons."""
         return passage[0] - self.platoons[-1][0][0] > window_s

@@ -187,8 +187,9 @@ def timetable(
             from it.
         depart_s: when this one leaves; None: as soon as it is ready.
     """
-    places = _places(problem, vehicle, stops)
-    return timed(problem, [legs[pair] for pair in pairwise(places)], vehicle, reference_s, depart_s)
+    depot = problem.fleet.depot_of(vehicle).id
+    own = [legs[pair] for pair in pairwise((depot, *stops, depot))]
+    return timed(problem, own, vehicle, reference_s, depart_s)
 
 
 def timed(
@@ -276,8 +277,3 @@ def _late_for_breaks_s(vehicle: Vehicle, route: Route, reference_s: float) -> It
             # It ends its window late by the whole of what it lacks, even where only a part of it
             # has no room beside the other breaks.
             yield max(back_s - own.latest_s, own.duration_s)
-
-
-def _places(problem: RoutingProblem, vehicle: Vehicle, stops: Sequence[str]) -> list[str]:
-    depot = problem.fleet.depot_of(vehicle).id
-    return [depot, *stops, depot]

@@ -121,6 +121,29 @@ def with_charging_stops(
     needs = [energy_kwh(leg) for leg in legs]
     if departure_kwh - sum(needs) >= battery.reserve_kwh - TOLERANCE_KWH:
         return list(legs)
+
+    def over_charging_stops(leg: RoadLeg, label: _Label, after_kwh: float) -> Iterator[_Label]:
+        for place in fleet.charging_stops:
+            there, on = travel.leg(leg.start, place.id), travel.leg(place.id, leg.end)
+            if there is None or on is None:
+                continue
+            arrival_kwh = label.charge_kwh - energy_kwh(there)
+            on_kwh = energy_kwh(on)
+            # The exact need of the rest, unless the battery does not hold it.
+            target_kwh = min(battery.capacity_kwh, after_kwh + on_kwh)
+            taken_kwh = target_kwh - arrival_kwh
+            if arrival_kwh < battery.reserve_kwh - TOLERANCE_KWH or taken_kwh <= 0:
+                continue
+            if target_kwh - on_kwh < battery.reserve_kwh - TOLERANCE_KWH:
+                continue
+            charging = Charging(taken_kwh, battery.charging_s(taken_kwh, place.power_kw))
+            detour_s = there.drive.duration_s + on.drive.duration_s - leg.drive.duration_s
+            yield _Label(
+                label.extra_s + detour_s + charging.duration_s,
+                target_kwh - on_kwh,
+                (*label.legs, replace(there, charging=charging), on),
+            )
+
     labels = [_Label(0.0, departure_kwh, ())]
     for number, (leg, need) in enumerate(zip(legs, needs, strict=True)):
         after_kwh = battery.reserve_kwh + sum(needs[number + 1 :])
@@ -131,43 +154,11 @@ def with_charging_stops(
                 found.append(_Label(label.extra_s, charge, (*label.legs, leg)))
             if number < fixed:
                 continue
-            found += _over_charging_stops(battery, fleet, travel, leg, label, after_kwh, energy_kwh)
+            found += over_charging_stops(leg, label, after_kwh)
         labels = _undominated(found)
         if not labels:
             return None
     return list(labels[0].legs)
-
-
-def _over_charging_stops(
-    battery: Battery,
-    fleet: Fleet,
-    travel: Travel,
-    leg: RoadLeg,
-    label: _Label,
-    after_kwh: float,
-    energy_kwh: Callable[[RoadLeg], float],
-) -> Iterator[_Label]:
-    """The leg over each charging stop within reach."""
-    for place in fleet.charging_stops:
-        there, on = travel.leg(leg.start, place.id), travel.leg(place.id, leg.end)
-        if there is None or on is None:
-            continue
-        arrival_kwh = label.charge_kwh - energy_kwh(there)
-        on_kwh = energy_kwh(on)
-        # The exact need of the rest, unless the battery does not hold it.
-        target_kwh = min(battery.capacity_kwh, after_kwh + on_kwh)
-        taken_kwh = target_kwh - arrival_kwh
-        if arrival_kwh < battery.reserve_kwh - TOLERANCE_KWH or taken_kwh <= 0:
-            continue
-        if target_kwh - on_kwh < battery.reserve_kwh - TOLERANCE_KWH:
-            continue
-        charging = Charging(taken_kwh, battery.charging_s(taken_kwh, place.power_kw))
-        detour_s = there.drive.duration_s + on.drive.duration_s - leg.drive.duration_s
-        yield _Label(
-            label.extra_s + detour_s + charging.duration_s,
-            target_kwh - on_kwh,
-            (*label.legs, replace(there, charging=charging), on),
-        )
 
 
 def _undominated(labels: Sequence[_Label]) -> list[_Label]:

@@ -199,6 +199,7 @@ def test_metrics_carry_the_name_of_the_rsu() -> None:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.attack
 def test_made_up_rsus_are_bounded() -> None:
     """The one that has been silent for longest is forgotten first."""

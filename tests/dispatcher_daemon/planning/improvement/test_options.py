@@ -57,6 +57,7 @@ def test_options_are_few_distinct_and_feasible(town: Town, seed: int) -> None:
     assert {s: list(meetings.on(s)) for s in planner.book.shares} == before
 
 
+@pytest.mark.slow
 def test_the_best_answer_to_the_others_is_among_the_options(town: Town) -> None:
     """Two options hold one that is as good as the best of all orders, ways and many departures."""
     planner, present, meetings = present_plan(town)

@@ -189,7 +189,7 @@ def with_search(**changes: object) -> DispatcherSettings:
 @pytest.mark.parametrize(
     ("settings", "solver", "note"),
     [
-        (CITY, ExactSolver(), None),
+        pytest.param(CITY, ExactSolver(), None, marks=pytest.mark.long),
         (with_search(time_limit_s=0.1, iterations_per_stop=5000), ExactSolver(), "were ended by"),
         (CITY, Hasty(), "taken as recorded"),
     ],

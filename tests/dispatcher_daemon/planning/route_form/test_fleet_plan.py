@@ -112,7 +112,7 @@ def test_plans_are_sound_and_never_worse_than_their_rivals(seed: int) -> None:
         assert made.sweeps[-1].objective_kwh == pytest.approx(best, abs=1e-9)
 
 
-@pytest.mark.parametrize("calls", [3, 6, 9, 12])
+@pytest.mark.parametrize("calls", [3, 9])
 def test_a_clock_that_runs_out_in_any_stage_leaves_a_sound_plan(calls: int) -> None:
     """After so many looks at the clock the deadline has passed: what was known then is the plan,
     and it says that time ended it.
