@@ -140,11 +140,7 @@ class Meetings:
         return array("d", [s for s, n in zip(entries, numbers, strict=True) if n != but])
 
     def change(self, segment: str, off: Sequence[Traversal], on: Sequence[Traversal]) -> Change:
-        """What passages of a segment that go, and others that come, would change.
-
-        Raises:
-            ValueError: one that goes is not there.
-        """
+        """What passages of a segment that go, and others that come, would change."""
         return self._order(segment).change(off, on)
 
     def _apply(self, segment: str, off: Sequence[Traversal], on: Sequence[Traversal]) -> float:

@@ -74,9 +74,6 @@ class SegmentOrder:
         """What passages of a segment that go, and others that come, at least one of both, would
         change. Platoons are formed anew from the stretch that the first one lies in until a stretch
         behind the last one begins where one has begun before.
-
-        Raises:
-            ValueError: one that goes is not there.
         """
         changed = sorted((*off, *on))
         first, last = changed[0], changed[-1]
@@ -117,11 +114,7 @@ class SegmentOrder:
         return total_kwh - (before_kwh + stretches[at + 1].total_kwh)
 
     def apply(self, off: Sequence[Traversal], on: Sequence[Traversal]) -> float:
-        """Make a change; by how much more is saved.
-
-        Raises:
-            ValueError: a passage that goes is not there.
-        """
+        """Make a change; by how much more is saved."""
         change = self.change(off, on)
         for passage in off:
             at = bisect_left(self.passages, passage)

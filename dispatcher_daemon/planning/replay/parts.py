@@ -107,11 +107,7 @@ def traffic_data(
 def traffic_from(
     network: RoadNetwork, columns: Mapping[str, Sequence[Any]]
 ) -> Mapping[str, SegmentTraffic]:
-    """The traffic of `traffic_data`.
-
-    Raises:
-        ValueError: it is that of another network.
-    """
+    """The traffic of `traffic_data`."""
     if any(len(values) != len(network.segments) for values in columns.values()):
         raise ValueError("its traffic is not that of its roads")
     found = {}
@@ -136,11 +132,7 @@ def commitment_from(data: dict[str, Any], plan_of: PlanOf) -> Commitment:
 
 
 def plan_from(plan_of: PlanOf, cycle: int, vehicle: str) -> VehiclePlan:
-    """A plan that is stored.
-
-    Raises:
-        ValueError: it is not.
-    """
+    """A plan that is stored."""
     plan = plan_of(cycle, vehicle)
     if plan is None:
         raise ValueError(f"the plan that {vehicle} followed, of cycle {cycle}, is not stored")

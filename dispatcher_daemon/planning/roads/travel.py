@@ -109,11 +109,7 @@ class Travel:
         return csr_array((self.searched.turn, (turn[0], turn[1])), shape=(m, m))
 
     def of(self, vehicle: Vehicle) -> Travel:
-        """The paths of a vehicle's profile.
-
-        Raises:
-            KeyError: it is not among those that were searched.
-        """
+        """The paths of a vehicle's profile."""
         return self.by_profile[self._problem.profile_of(vehicle)]
 
     def leg(self, start: str, end: str) -> RoadLeg | None:
