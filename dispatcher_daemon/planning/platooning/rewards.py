@@ -35,17 +35,6 @@ class JudgedPair:
     saving_kwh: float
     reason: str | None
 
-    def explain(self, arcs: Sequence[RoutedArc]) -> str:
-        """One line of text."""
-        a, b = arcs[self.first], arcs[self.second]
-        who = " and ".join(
-            f"{arc.vehicle} ({arc.leg.start}→{arc.leg.end}, enters at {entry:.1f} s"
-            f"{'' if arc.exact else ' at the earliest'})"
-            for arc, entry in ((a, self.first_entry_s), (b, self.second_entry_s))
-        )
-        what = f"saves {self.saving_kwh:.5f} kWh" if self.reason is None else f"0: {self.reason}"
-        return f"{self.segment}: {who}: {what}"
-
 
 def pair_saving_kwh(
     problem: RoutingProblem,

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import pytest
 
 from dispatcher_daemon.forms.problem import ArcProblem, RoutingProblem
-from dispatcher_daemon.planning.arc_form import arc_form
 from dispatcher_daemon.planning.cycle.cycle import CycleResult, run_cycle
 from dispatcher_daemon.planning.plans.candidates import Cycle
 from dispatcher_daemon.planning.plans.verify import verify_plans
@@ -203,12 +202,3 @@ def test_plans_are_out_before_anyone_leaves(demo: RoutingProblem, traffic: Traff
     result = cycle(demo, snapshot)
     leaves = [(p.depart_ns - snapshot.now_ns) * 1e-9 for p in result.plans]
     assert leaves == pytest.approx([EXACT.deadline_s, EXACT.deadline_s + 2.0])
-
-
-def test_every_judged_pair_can_be_explained(demo: RoutingProblem, traffic: Traffic) -> None:
-    """The form says for each possible platoon why it pays or not."""
-    snapshot = traffic(avenue_east=1, avenue_west=0)
-    form = arc_form(Cycle(demo, snapshot, EXACT, 1, snapshot.now_ns, 1))
-    lines = [pair.explain(form.arcs) for pair in form.judged]
-    assert any("avenue_east" in line and "saves 0.01930 kWh" in line for line in lines)
-    assert all("gate closed (turbulent)" in line for line in lines if "avenue_west" in line)
