@@ -101,15 +101,15 @@ def run_cycle(
     carriers: tuple[CarrierSummary, ...] = ()
     accounts: tuple[VehicleAccount, ...] = ()
     energies: dict[str, PlanEnergy] = {}
+    baseline = found.baseline if isinstance(found.baseline, Candidate) else None
     if chosen is not None:
-        baseline = found.baseline if isinstance(found.baseline, Candidate) else None
         energies = plan_energies(cycle.problem, chosen, baseline, cycle.commitments)
-    if chosen is not None and isinstance(found.baseline, Candidate):
+    if chosen is not None and baseline is not None:
         name = f"{found.baseline_solver}, without platooning"
         price_kw = cycle.problem.price_of_time_kw
-        energy = summarise(name, found.baseline.energies, chosen.energies, price_kw)
-        carriers = _by_carrier(cycle.problem.fleet, found.baseline, chosen)
-        accounts = vehicle_accounts(cycle.problem, chosen, found.baseline)
+        energy = summarise(name, baseline.energies, chosen.energies, price_kw)
+        carriers = _by_carrier(cycle.problem.fleet, baseline, chosen)
+        accounts = vehicle_accounts(cycle.problem, chosen, baseline)
     plans = () if chosen is None else chosen.plans
     if cycle.commitments:
         settings = cycle.settings
@@ -198,17 +198,11 @@ def _choose(found: FormResult) -> tuple[Candidate | None, str, str | None]:
     """(the best plan, status, reason)."""
     chosen = min(found.candidates, key=lambda c: c.objective_kwh, default=None)
     fallback = found.fallback if isinstance(found.fallback, Candidate) else None
-    if chosen is not None and fallback is not None:
-        # In the arc form, platoons that a solver assumes may not form.
-        if fallback.objective_kwh < chosen.objective_kwh - 1e-9:
-            return (
-                fallback,
-                "baseline",
-                f"no solver's plan is better than {found.baseline_solver}'s",
-            )
-        return chosen, "ok", None
     if chosen is not None:
-        return chosen, "ok", None
+        # In the arc form, platoons that a solver assumes may not form.
+        if fallback is None or fallback.objective_kwh >= chosen.objective_kwh - 1e-9:
+            return chosen, "ok", None
+        return fallback, "baseline", f"no solver's plan is better than {found.baseline_solver}'s"
     answers = "; ".join(f"{r.solver}: {r.reason or r.status}" for r in found.reports)
     if isinstance(found.fallback, CandidateRefusal):
         return None, "failed", f"no valid plan ({answers}; baseline: {found.fallback.reason})"
