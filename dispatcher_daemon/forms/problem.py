@@ -28,10 +28,8 @@ class RoutingProblem:
         objective: with search "energy", what a path costs. "energy": its exact drive, with all
             changes of speed, and what traffic and signals are expected to add. "paper": the sum of
             its segments at their planning speeds (section III-C).
-        price_of_time_kw: with search "energy", cost of travel time, kWh an hour. With "time" an
-            hour costs 1 kWh and energy nothing.
-        price_of_waiting_kw: cost of waiting at the depot for other vehicles, kWh an hour; 0: only
-            the departure windows limit the wait.
+        price_of_time_kw: with search "energy", cost of travel time, kWh an hour.
+        price_of_waiting_kw: of waiting at the depot for others, kWh an hour; 0: nothing.
         standing_kw: cost of waiting for other vehicles at a stop, kWh an hour; None: as driving
             time costs, and no less than waiting at the depot.
         drafting: what platoons save. "ideal": each is close from where it forms. "expected": less

@@ -141,8 +141,7 @@ class TrafficSnapshot:
     Attributes:
         segments: traffic of each segment of the network, by id.
         states: the SegmentStates that it is based on, in (segment, rsu) order.
-        expected: expected costs of movements at this hour; None: not known, the costs are those of
-            segments.
+        expected: expected costs of movements at this hour; None: not known.
     """
 
     now_ns: int
@@ -197,7 +196,6 @@ def take_snapshot(
     Args:
         states: at most the latest state of each (segment, rsu).
         stops_at_signals: expected full stops of a passage of a segment that ends at traffic lights.
-            States do not contain it.
     """
     known = sorted(
         (s for s in states if s.segment in network.segments), key=attrgetter("segment", "rsu")

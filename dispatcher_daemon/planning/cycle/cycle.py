@@ -51,8 +51,7 @@ class CycleResult:
 
     Attributes:
         report: for the dashboard and the database.
-        plans: verified plans, one for each vehicle that drives, but for bound ones whose present
-            plan says the same; none if the cycle failed.
+        plans: verified plans that go out; none if the cycle failed.
         stops: by vehicle, of the route form's plan; the next cycle's search starts from them.
         joined: places of vehicles on the road in platoons with vehicles of these plans.
         accounts: what each vehicle does, alone and in the baseline too; none without a baseline.

@@ -20,8 +20,7 @@ class Solving:
     """What cycles solve with; a context manager.
 
     Args:
-        in_routes: blocks of a city are solved in parallel; the arc form gives each solver one
-            problem.
+        in_routes: whether blocks of a city are solved in parallel.
 
     Attributes:
         slots: processes of the cluster that are ready; None: there is no cluster.

@@ -182,8 +182,7 @@ def nobody_worse_off(
 
     Args:
         present: of the plan, in which every stop is with the carrier that the base plan gave it.
-        has_time: whether another group may be looked for; without it all of a carrier's vehicles go
-            back at once.
+        has_time: whether one group after another goes back; else all of a carrier's do.
     """
     if len(planner.problem.fleet.carriers) < 2:
         return None

@@ -85,8 +85,7 @@ class Cycle:
 
     Attributes:
         now_ns: UTC at its start.
-        reference_delay_s: see `reference_s`; None: the deadline, so that plans are out before
-            anybody leaves.
+        reference_delay_s: see `reference_s`; None: the deadline, so that plans are out before.
         on_road: vehicles that earlier cycles sent. The route form plans to meet them; they stay as
             they are, but for their places in platoons.
         start: stops by vehicle that the search for routes starts from, as of the last cycle.
@@ -191,8 +190,7 @@ class FormResult:
         candidates: verified plan sets, without the baseline's.
         baseline_solver: name of the solver of the plan without platooning.
         baseline: that plan, or what is wrong with it.
-        fallback: the same routes with the platoons that form by chance; where another plan is at
-            least as good, it may be the baseline.
+        fallback: the same routes with the platoons that form by chance.
         variables: of the largest QUBO.
         stops: by vehicle, of the best routes; the next cycle's search starts from them.
         declined: meetings that were on offer in the last sweep.

@@ -28,8 +28,7 @@ class RouteEnergy:
     Attributes:
         driven: with the drag reductions that are expected of its platoons.
         undrafted: the same drive without any.
-        platooned_m: distance on which it is expected to drive in a close platoon, as leader or
-            follower.
+        platooned_m: distance on which it is expected to drive in a close platoon.
         driving_s: time on the road, without stands at stops.
         driven_kwh: on each segment, with the drag reductions.
         undrafted_kwh: likewise without.

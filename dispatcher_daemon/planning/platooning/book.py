@@ -25,12 +25,10 @@ class MeetingBook:
     """Open segments of one fleet under one traffic snapshot.
 
     Attributes:
-        shares: saving of a leader and of a follower of the fleet's first profile on each open
-            segment.
+        shares: savings of the fleet's first profile by place, on each open segment.
         shares_by_profile: those of all its profiles.
         expected: of platoons; None: they are close everywhere.
-        on_road: passages of open segments by vehicles that earlier cycles sent; they stay as they
-            are.
+        on_road: passages of open segments by vehicles that earlier cycles sent.
     """
 
     def __init__(

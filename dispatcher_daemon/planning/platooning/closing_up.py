@@ -173,8 +173,7 @@ class SegmentGaps(NamedTuple):
         """Share of the segment on which each place of a platoon saves, in [0, 1].
 
         Args:
-            pairs: of each follower and the vehicle ahead of it, the first follower's first: the way
-                that they have come together, m, and its courses.
+            pairs: of each follower and who is ahead: their way together, m, and its courses.
         """
         followers = []
         for number, (way_m, (unstopped, *stopped)) in enumerate(pairs, 1):

@@ -52,8 +52,7 @@ def form_platoons(
     the window and in that order: a vehicle that starts from a stop at its beginning falls behind.
 
     Args:
-        on_road: passages of vehicles on the road, each with its segment. Platoons of theirs alone
-            are left as they are.
+        on_road: passages of vehicles on the road, each with its segment.
 
     Returns:
         Places of all passages in a platoon; vehicles alone are left out. A platoon keeps its name

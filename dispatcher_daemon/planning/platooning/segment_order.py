@@ -25,8 +25,7 @@ class Change:
     Attributes:
         saving_kwh: by how much more is saved.
         begin: first passage of the part of the segment's order that is formed anew.
-        end: first passage behind it, None: it reaches to the last one. Changes with parts of their
-            own add up.
+        end: first passage behind it; None: it reaches to the last one.
     """
 
     saving_kwh: float

@@ -66,8 +66,7 @@ class CycleRecord:
     """What is one cycle's own, beside its report and what its words are made of.
 
     Attributes:
-        made: vehicles that it made plans for that were to be sent; some may have reported meanwhile
-            so that theirs was not.
+        made: vehicles that it made plans for.
         wanted: stops that were to be put into tours between cycles; None: it was a whole cycle.
     """
 

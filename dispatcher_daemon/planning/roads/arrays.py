@@ -35,8 +35,7 @@ class Roads:
         costs: of paths; durations to about a second.
         objective: cost that the search minimises, kWh.
         index: position by id.
-        leaving: positions of the segments that leave a junction and that the vehicles may use, by
-            junction; so `entering`.
+        leaving: positions of usable segments that leave a junction, by junction; so `entering`.
     """
 
     profile: RoutingProfile

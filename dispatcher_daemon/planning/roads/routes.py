@@ -183,8 +183,7 @@ def timetable(
     that are missed.
 
     Args:
-        reference_s: when a vehicle that is ready at once leaves; all times of the fleet count
-            from it.
+        reference_s: when a vehicle that is ready at once leaves.
         depart_s: when this one leaves; None: as soon as it is ready.
     """
     depot = problem.fleet.depot_of(vehicle).id

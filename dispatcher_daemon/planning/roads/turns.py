@@ -108,10 +108,8 @@ class Basis:
         """Losses of movements and their times, as observed; see `Expectations`.
 
         Args:
-            loss_factor: by which the vehicle's losses differ from the observed vehicles', of each
-                segment, shape (m,).
-            exact: whether movements that are not known cost what their drive does, with its changes
-                of speed, or what their segment does.
+            loss_factor: losses by those of the observed vehicles, of each segment, shape (m,).
+            exact: whether unknown movements cost what their drive does, or what their segment does.
         """
         origin, speed = self.turn[0], self.speed_mps
         drive = self.drive_costs()

@@ -60,8 +60,7 @@ class FleetPlan:
     """The plan of a fleet.
 
     Attributes:
-        cycle: as it was planned, without bound vehicles that no way leads on for: they keep the
-            plans that they have.
+        cycle: as it was planned, without bound vehicles that no way leads on for.
         choice: the plan; no carrier has less than by `base`.
         base: the same fleet routed without platooning, all vehicles leaving when ready.
         greedy: base routes, departures chosen one vehicle after the other.

@@ -66,8 +66,7 @@ class BaseRoutes:
 
     Attributes:
         stops: by vehicle, those it serves in order; none for a vehicle that stays idle.
-        timed_out: True if the time limit ended the search, so that a repetition may
-            give other routes.
+        timed_out: whether time ended the search, so that a repetition may give other routes.
     """
 
     stops: StopsByVehicle

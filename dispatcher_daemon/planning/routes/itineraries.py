@@ -163,8 +163,7 @@ class Planner:
         charge falls below the reserve.
 
         Args:
-            depart_s: None: as soon as it is ready, and charged as far as it needs. A bound vehicle
-                goes on as it can.
+            depart_s: None: as soon as it is ready and charged. A bound vehicle goes on as it can.
             waits_s: for other vehicles, at the end of each leg but the last; none: nowhere.
         """
         bound = number in self.windows.bound
