@@ -148,7 +148,6 @@ def _refused(
 
 
 def _by_carrier(fleet: Fleet, baseline: Candidate, chosen: Candidate) -> tuple[CarrierSummary, ...]:
-    """What each of several carriers has from the chosen plan."""
 
     def own(plan: Candidate, carrier: str | None) -> list[RouteEnergy]:
         of_routes = zip(plan.routes, plan.energies, strict=True)

@@ -118,7 +118,6 @@ class _Vehicles:
         return total + cost_kwh[at][depot]
 
     def fits(self, number: int, stops: Sequence[str]) -> bool:
-        """Whether a vehicle may serve some stops and has room for them."""
         units, kg = self._limits[number]
         return (
             self._served[number].issuperset(stops)

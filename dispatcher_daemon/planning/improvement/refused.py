@@ -141,7 +141,6 @@ def _parting(first: _Passage, second: _Passage, window_s: float) -> str:
 
 
 def _passages(cycle: Cycle, chosen: Candidate) -> dict[str, list[_Passage]]:
-    """Passages of each segment in the order of entry, vehicles on the road included."""
     found: dict[str, list[_Passage]] = {}
     for route, plan in zip(chosen.routes, chosen.plans, strict=True):
         for (leg, _, segment, entry, leaving), planned in zip(
@@ -159,8 +158,6 @@ def _passages(cycle: Cycle, chosen: Candidate) -> dict[str, list[_Passage]]:
 
 
 class _Meeting:
-    """Tries whether vehicles of a plan that are apart could meet, and what that would cost."""
-
     def __init__(self, cycle: Cycle, chosen: Candidate) -> None:
         self._planner = planner = Planner.of(cycle, ())
         numbers = {vehicle.id: n for n, vehicle in enumerate(cycle.problem.fleet.vehicles)}

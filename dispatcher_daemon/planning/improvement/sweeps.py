@@ -124,7 +124,6 @@ class BlockDescent:
         solve: Solve,
         itineraries: Sequence[Itinerary],
     ) -> None:
-        """Start from the given itineraries."""
         self.planner, self.settings = planner, settings
         self.present = list(itineraries)
         self.declined: dict[tuple[str, str], DeclinedMeeting] = {}

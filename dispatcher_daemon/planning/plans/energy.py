@@ -80,7 +80,6 @@ def route_energy(
 
 
 def _spread_beyond(problem: RoutingProblem, leg: RoadLeg) -> list[float]:
-    """The energy of a leg beyond its drive's, by segment."""
     lengths_m = [problem.network.segments[segment].length_m for segment in leg.path]
     whole_m = sum(lengths_m)
     return [leg.beyond_kwh * length_m / whole_m for length_m in lengths_m]

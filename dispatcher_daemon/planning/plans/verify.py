@@ -73,7 +73,6 @@ def verify_plans(
 
 
 def _commitment_faults(plan: VehiclePlan, own: Commitment | None) -> Iterator[str]:
-    """What a bound vehicle is bound to."""
     if plan.continues != (None if own is None else own.continues):
         yield f"continues the plan of cycle {plan.continues}"
     if own is None:

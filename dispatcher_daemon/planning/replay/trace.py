@@ -81,7 +81,6 @@ class _Submitted(Executor):
         self._submit = submit
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
-        """Run a call."""
         return self._submit(fn, *args, **kwargs)
 
 
@@ -97,7 +96,6 @@ class _TimedSubmitted(_Submitted, TimedExecutor):
     def submit_within(
         self, within_s: float, limit_s: float, function: Callable[[A, float], T], argument: A
     ) -> Future[T]:
-        """Run a call."""
         return self._submit_within(within_s, limit_s, function, argument)
 
 

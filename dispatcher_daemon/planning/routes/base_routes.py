@@ -249,7 +249,6 @@ class _Search:
         return self._side_by_side(jobs, limit_s)
 
     def _each(self, limit_s: float, parts: int) -> float:
-        """Time of each part, if all have a limit together, s."""
         return limit_s / math.ceil(parts / self._settings.workers)
 
     def _side_by_side(

@@ -87,7 +87,6 @@ class Batteries:
         return short_kwh / battery.depot_power_kw
 
     def _energy_kwh(self, number: int) -> Callable[[RoadLeg], float]:
-        """What a leg takes out of a vehicle's battery."""
         physics = self._problem.profile_of(self._problem.fleet.vehicles[number]).physics
 
         def energy_kwh(leg: RoadLeg) -> float:

@@ -236,7 +236,6 @@ def _obstacle(
 def _unfit(
     fleet: Fleet, routes: Mapping[str, Sequence[str]], wanted: Stop
 ) -> dict[str, tuple[TourObstacle, str]]:
-    """Why vehicles may not serve a stop, or not carry it, by vehicle."""
     found = {}
     for vehicle in fleet.vehicles:
         served = [fleet.stop_by_id[name] for name in routes[vehicle.id]]
@@ -247,7 +246,6 @@ def _unfit(
 
 
 def _nowhere(offers: Sequence[OfferedTour]) -> str:
-    """Why no tour takes a stop, in words."""
     counts = Counter(offer.obstacle for offer in offers if offer.obstacle is not None)
     some = ", ".join(f"{n} {_COUNTED[obstacle]}" for obstacle, n in counts.most_common())
     reason = "no tour that has not begun may take it, or has room and time for it"

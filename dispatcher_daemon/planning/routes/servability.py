@@ -109,7 +109,6 @@ def unservable(
 
 
 def _whom_it_needs(stop: Stop) -> str:
-    """Why there is no vehicle for a stop."""
     if stop.vehicle is not None:
         return f"it is kept for {stop.vehicle!r}, which is not free or may not serve it"
     if stop.skills:
