@@ -11,15 +11,8 @@ from dispatcher_daemon.forms.arc import (
     build_arc_model,
     constraint_rows,
 )
-from dispatcher_daemon.forms.decode import decode, valid_selections, violations
-from dispatcher_daemon.forms.enumerate import (
-    BLOCK_BITS,
-    MAX_VARIABLES,
-    Exactness,
-    all_energies,
-    energies_of,
-    enumerate_model,
-)
+from dispatcher_daemon.forms.decode import decode, violations
+from dispatcher_daemon.forms.enumerate import BLOCK_BITS, MAX_VARIABLES, energies_of
 from dispatcher_daemon.forms.model import build_model
 from dispatcher_daemon.forms.problem import (
     ArcProblem,
@@ -43,7 +36,6 @@ __all__ = [
     "BinaryProblem",
     "CandidateArc",
     "Encoding",
-    "Exactness",
     "OrderBit",
     "PenaltyRow",
     "Problem",
@@ -53,14 +45,11 @@ __all__ = [
     "RoutingProblem",
     "SlackBit",
     "Variable",
-    "all_energies",
     "build_arc_model",
     "build_model",
     "constraint_rows",
     "decode",
     "energies_of",
-    "enumerate_model",
     "routing_problem",
-    "valid_selections",
     "violations",
 ]

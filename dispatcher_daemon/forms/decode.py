@@ -6,11 +6,8 @@ It is independent of penalties, QUBOs and MILPs: it follows each vehicle's arcs.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from dataclasses import dataclass
-
-import numpy as np
-import numpy.typing as npt
 
 from dispatcher_daemon.forms.problem import ArcProblem, BinaryProblem, Problem, RouteProblem
 
@@ -48,59 +45,6 @@ def decode(problem: Problem, selected: Collection[int]) -> Decoded:
 def violations(problem: Problem, selected: Collection[int]) -> tuple[str, ...]:
     """The rules that a selection breaks, in words; empty if it is valid."""
     return decode(problem, selected).violations
-
-
-def valid_selections(problem: Problem) -> npt.NDArray[np.bool_]:
-    """Whether each of the 2^choices selections is valid, shape (2^choices,).
-
-    Selection s holds choice i if bit i of s is set. Options are judged by counting bits. Of arcs,
-    selections by which a vehicle leaves a place twice or stays at its depot are found so; the
-    routes of all others are followed one selection at a time.
-    """
-    exactly_one: list[np.uint32]
-    at_most_one: list[np.uint32]
-    if isinstance(problem, ArcProblem):
-        exactly_one, at_most_one = _arc_masks(problem)
-    elif isinstance(problem, BinaryProblem):
-        exactly_one, at_most_one = [], []
-    else:
-        exactly_one, at_most_one = _option_masks(problem), []
-    valid = np.ones(1 << problem.choices, dtype=bool)
-    size = 1 << min(16, problem.choices)  # blocks that fit a cache
-    for first in range(0, len(valid), size):
-        block = valid[first : first + size]
-        states = np.arange(first, first + size, dtype=np.uint32)
-        for mask in exactly_one:
-            block &= np.bitwise_count(states & mask) == 1
-        for mask in at_most_one:
-            block &= np.bitwise_count(states & mask) <= 1
-    if isinstance(problem, ArcProblem):
-        indices = range(problem.choices)
-        for s in np.flatnonzero(valid).tolist():
-            valid[s] = not violations(problem, [i for i in indices if s >> i & 1])
-    return valid
-
-
-def _arc_masks(problem: ArcProblem) -> tuple[list[np.uint32], list[np.uint32]]:
-    """Arcs of which a valid selection has exactly one, and those of which it has at most one."""
-    exactly_one: list[np.uint32] = []
-    at_most_one: list[np.uint32] = []
-    for vehicle in problem.vehicles:
-        for place in (problem.depot, *problem.customers):
-            mask = _mask((a.vehicle, a.start) == (vehicle, place) for a in problem.arcs)
-            (exactly_one if place == problem.depot else at_most_one).append(mask)
-    return exactly_one, at_most_one
-
-
-def _option_masks(problem: RouteProblem) -> list[np.uint32]:
-    return [
-        *(_mask(o.vehicle == vehicle for o in problem.options) for vehicle in problem.vehicles),
-        *(_mask(stop in o.stops for o in problem.options) for stop in problem.stops),
-    ]
-
-
-def _mask(members: Iterable[bool]) -> np.uint32:
-    return np.uint32(sum(1 << i for i, member in enumerate(members) if member))
 
 
 def _arc_routes(

@@ -81,9 +81,7 @@ class _Rows:
 
 
 class QuietHighs(highspy.Highs):
-    """HiGHS without output: also without the two lines that 1.16 prints when callbacks are set up,
-    before it can be told not to.
-    """
+    """HiGHS without output, also before it can be told not to."""
 
     def __init__(self) -> None:
         """Set up without callbacks."""

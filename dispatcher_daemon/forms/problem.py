@@ -28,13 +28,10 @@ class RoutingProblem:
         objective: with search "energy", what a path costs. "energy": its exact drive, with all
             changes of speed, and what traffic and signals are expected to add. "paper": the sum of
             its segments at their planning speeds (section III-C).
-        price_of_time_kw: with search "energy", cost of travel time, kWh an hour. With "time" an
-            hour costs 1 kWh and energy nothing.
-        price_of_waiting_kw: cost of waiting at the depot for other vehicles, kWh an hour; 0: only
-            the departure windows limit the wait.
+        price_of_time_kw: with search "energy", cost of travel time, kWh an hour.
+        price_of_waiting_kw: of waiting at the depot for others, kWh an hour; 0: nothing.
         standing_kw: cost of waiting for other vehicles at a stop, kWh an hour; None: as driving
             time costs, and no less than waiting at the depot.
-        advised_gap_m: that plans advise to followers.
         drafting: what platoons save. "ideal": each is close from where it forms. "expected": less
             what its vehicles need to close up, and by the chance that signals keep them together;
             see `dispatcher_daemon.planning.platooning.expected`. The objective "paper" counts the
@@ -73,9 +70,7 @@ class RoutingProblem:
 
     @property
     def waits_on_tours(self) -> bool:
-        """Whether vehicles may wait for each other at stops and hubs; by the paper's objective at
-        depots only.
-        """
+        """Whether vehicles may wait for each other at stops and hubs too."""
         return self.objective == "energy"
 
     @cached_property
@@ -163,32 +158,12 @@ class ArcProblem:
     arcs: tuple[CandidateArc, ...]
     rewards: tuple[ArcReward, ...] = ()
 
-    def __post_init__(self) -> None:
-        places = {self.depot, *self.customers}
-        if len(places) != len(self.customers) + 1 or len(set(self.vehicles)) != len(self.vehicles):
-            raise ValueError("depot, customers and vehicles need names of their own")
-        keys = {(a.vehicle, a.start, a.end) for a in self.arcs}
-        if len(keys) < len(self.arcs):
-            raise ValueError("an arc is listed twice")
-        for arc in self.arcs:
-            if arc.vehicle not in self.vehicles or not {arc.start, arc.end} <= places:
-                raise ValueError(f"arc of an unknown vehicle or place: {arc}")
-            if arc.start == arc.end or not math.isfinite(arc.cost_kwh):
-                raise ValueError(f"arc without a finite cost, or from a place to itself: {arc}")
-        for reward in self.rewards:
-            if not 0 <= reward.first < reward.second < len(self.arcs):
-                raise ValueError(f"reward for unknown arcs: {reward}")
-            if self.arcs[reward.first].vehicle == self.arcs[reward.second].vehicle:
-                raise ValueError(f"reward for a vehicle with itself: {reward}")
-            if not (math.isfinite(reward.saving_kwh) and reward.saving_kwh > 0):
-                raise ValueError(f"reward must be positive: {reward}")
-
     @property
     def choices(self) -> int:
         """Number of binary decision variables x."""
         return len(self.arcs)
 
-    @property
+    @cached_property
     def costs_kwh(self) -> tuple[float, ...]:
         """Cost of each arc."""
         return tuple(arc.cost_kwh for arc in self.arcs)
@@ -204,12 +179,7 @@ class ArcProblem:
 
     def objective_kwh(self, selected: Collection[int]) -> float:
         """H_cost − H_platoon of a selection of arcs (paper section III-B)."""
-        chosen = set(selected)
-        cost = sum(self.arcs[i].cost_kwh for i in sorted(chosen))
-        saving = sum(
-            value for (a, b), value in self.pair_savings.items() if a in chosen and b in chosen
-        )
-        return cost - saving
+        return _objective_kwh(self, selected)
 
     def selection(self, routes: Mapping[str, Sequence[str]]) -> frozenset[int] | None:
         """Arcs of given routes (stops in order, without the depot); None if one does not exist."""
@@ -262,31 +232,12 @@ class RouteProblem:
     options: tuple[RouteOption, ...]
     savings: Mapping[tuple[int, int], float] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        vehicles, stops = set(self.vehicles), set(self.stops)
-        if len(vehicles) < len(self.vehicles) or len(stops) < len(self.stops):
-            raise ValueError("vehicles and stops need names of their own")
-        for option in self.options:
-            if option.vehicle not in vehicles or not stops.issuperset(option.stops):
-                raise ValueError(f"option of an unknown vehicle or stop: {option}")
-            if len(set(option.stops)) < len(option.stops):
-                raise ValueError(f"option serves a stop twice: {option}")
-            if not math.isfinite(option.cost_kwh):
-                raise ValueError(f"option without a finite cost: {option}")
-        for (first, second), saving in self.savings.items():
-            if not 0 <= first < second < len(self.options):
-                raise ValueError(f"saving for unknown options: {(first, second)}")
-            if self.options[first].vehicle == self.options[second].vehicle:
-                raise ValueError(f"saving for a vehicle with itself: {(first, second)}")
-            if not math.isfinite(saving):
-                raise ValueError(f"saving must be finite: {(first, second)}: {saving}")
-
     @property
     def choices(self) -> int:
         """Number of binary decision variables x."""
         return len(self.options)
 
-    @property
+    @cached_property
     def costs_kwh(self) -> tuple[float, ...]:
         """Cost of each option."""
         return tuple(option.cost_kwh for option in self.options)
@@ -306,10 +257,7 @@ class RouteProblem:
 
     def objective_kwh(self, selected: Collection[int]) -> float:
         """Σ c_{k,r} x_{k,r} − Σ s x x of a selection of options."""
-        chosen = set(selected)
-        cost = sum(self.options[i].cost_kwh for i in sorted(chosen))
-        saving = sum(value for (a, b), value in self.savings.items() if a in chosen and b in chosen)
-        return cost - saving
+        return _objective_kwh(self, selected)
 
     def without_platooning(self) -> RouteProblem:
         """The same options without savings between them."""
@@ -348,12 +296,16 @@ class BinaryProblem:
 
     def objective_kwh(self, selected: Collection[int]) -> float:
         """Σ c_i x_i − Σ s_ij x_i x_j."""
-        chosen = set(selected)
-        cost = sum(self.costs_kwh[i] for i in sorted(chosen))
-        return cost - sum(
-            value for (a, b), value in self.pair_savings.items() if a in chosen and b in chosen
-        )
+        return _objective_kwh(self, selected)
 
 
 Problem = ArcProblem | RouteProblem | BinaryProblem
 """What solvers take: `choices` binary x, `costs_kwh`, `pair_savings`, `objective_kwh`."""
+
+
+def _objective_kwh(problem: Problem, selected: Collection[int]) -> float:
+    chosen = set(selected)
+    cost = sum(problem.costs_kwh[i] for i in sorted(chosen))
+    return cost - sum(
+        value for (a, b), value in problem.pair_savings.items() if a in chosen and b in chosen
+    )

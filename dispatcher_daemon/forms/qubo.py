@@ -20,7 +20,6 @@ class QuboModel:
     """A QUBO of an arc or route problem.
 
     Attributes:
-        problem: what it models.
         variables: x of the problem in its order, then auxiliary bits.
         objective: H_cost − H_platoon, kWh, over all variables.
         penalty: H_constraints, an integer ≥ 0 in every state, over all variables.

@@ -25,7 +25,6 @@ class PrecedenceRow:
     """u_i − u_j + ``weight`` x_ij + ``constant`` + Σ_m slack_m w_m = 0 for the arc (i, j).
 
     Attributes:
-        slack: weight of each slack bit of the row.
         vehicle: whose u and x they are; None: u is shared and x_ij the sum over the vehicles.
     """
 

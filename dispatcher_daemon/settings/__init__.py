@@ -1,9 +1,6 @@
 """Settings of the dispatcher, and of the processes of its cluster."""
 
-from dispatcher_daemon.settings.city import (
-    CitySettings,
-    SearchSettings,
-)
+from dispatcher_daemon.settings.city import CitySettings, SearchSettings
 from dispatcher_daemon.settings.cluster import (
     LOCAL,
     ClusterSettings,
@@ -15,27 +12,20 @@ from dispatcher_daemon.settings.dispatcher import (
     ApiSettings,
     DispatcherSettings,
     FeedSettings,
-    OrderSettings,
     Scope,
 )
-from dispatcher_daemon.settings.effort import Effort
-from dispatcher_daemon.settings.hardware import (
-    HardwareSettings,
-)
+from dispatcher_daemon.settings.hardware import HardwareSettings
 from dispatcher_daemon.settings.solvers import (
     BUILT_IN_SOLVERS,
-    HARDWARE_SOLVER,
     SOLVER_ENTRY_POINTS,
     LcQaoaSettings,
     LcQaoaVariant,
     QaoaSettings,
-    SolverName,
     solver_names,
 )
 
 __all__ = [
     "BUILT_IN_SOLVERS",
-    "HARDWARE_SOLVER",
     "LOCAL",
     "SOLVER_ENTRY_POINTS",
     "AdviceSettings",
@@ -43,17 +33,14 @@ __all__ = [
     "CitySettings",
     "ClusterSettings",
     "DispatcherSettings",
-    "Effort",
     "FeedSettings",
     "HardwareSettings",
     "LcQaoaSettings",
     "LcQaoaVariant",
-    "OrderSettings",
     "QaoaSettings",
     "SchedulerSettings",
     "Scope",
     "SearchSettings",
-    "SolverName",
     "WorkerSettings",
     "solver_names",
 ]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 from pydantic import Field
 
 from dispatcher_daemon.settings.solvers import SolverName
@@ -13,45 +11,21 @@ from slipstream.config import Settings
 class SearchSettings(Settings):
     """Length of the search for base routes, in iterations, so that a result can be repeated."""
 
-    constants: ClassVar[frozenset[str]] = frozenset(
-        (
-            "rounds",
-            "iterations_per_stop",
-            "iterations_to_feasible",
-            "max_penalty_kwh",
-            "part_stops",
-        )
-    )
-
-    rounds: int = Field(
-        default=15, ge=0, le=10_000, description="Number of rounds after the first search."
-    )
-    iterations_per_stop: int = Field(
-        default=16,
-        ge=1,
-        le=100_000,
-        description="Iterations of iterated local search for each stop, in each round; 1.6 times "
-        "as many where all stops are searched as one part.",
-    )
-    iterations_to_feasible: int = Field(
-        default=20_000,
-        ge=1,
-        description="Maximum number of iterations of the first search, which ends with the first "
-        "feasible routes.",
-    )
-    max_penalty_kwh: float = Field(
-        default=0.1,
-        gt=0,
-        le=1000,
-        allow_inf_nan=False,
-        description="Maximum penalty of one unit of excess load, or of 0.1 s of lateness, "
-        "before the routes are feasible, kWh. Where vehicles carry few units, it has to reach the "
-        "energy of some detours. Ten times as much where the stops fill all vehicles, or are more "
-        "than a part has, but no more than 1,000.",
-    )
-    part_stops: int = Field(
-        default=250, ge=10, description="Maximum mean number of stops of a round's parts."
-    )
+    rounds: int = 15
+    """Number of rounds after the first search."""
+    iterations_per_stop: int = 16
+    """Iterations of iterated local search for each stop, in each round; 1.6 times as many
+    where all stops are searched as one part."""
+    iterations_to_feasible: int = 20_000
+    """Maximum number of iterations of the first search, which ends with the first feasible
+    routes."""
+    max_penalty_kwh: float = 0.1
+    """Maximum penalty of one unit of excess load, or of 0.1 s of lateness, before the routes
+    are feasible, kWh. Where vehicles carry few units, it has to reach the energy of some
+    detours. Ten times as much where the stops fill all vehicles, or are more than a part has,
+    but no more than 1,000."""
+    part_stops: int = 250
+    """Maximum mean number of stops of a round's parts."""
     workers: int = Field(
         default=2, ge=1, le=256, description="Number of parts searched in parallel."
     )
@@ -66,65 +40,31 @@ class SearchSettings(Settings):
 class CitySettings(Settings):
     """The route form: base routes, blocks and sweeps."""
 
-    constants: ClassVar[frozenset[str]] = frozenset(
-        (
-            "base_share",
-            "second_rounds",
-            "block_variables",
-            "options",
-            "ways",
-            "ways_legs",
-            "wave",
-            "max_sweeps",
-            "patience",
-            "block_deadline_s",
-        )
-    )
-
     search: SearchSettings = Field(
         default=SearchSettings(), description="The search of base routes."
     )
-    base_share: float = Field(
-        default=0.6, gt=0, lt=1, description="Share of a deadline that base routes may take."
-    )
-    second_rounds: int = Field(
-        default=2,
-        ge=0,
-        le=1000,
-        description="Rounds of a second search, in which open roads that others use cost less.",
-    )
-    block_variables: int = Field(
-        default=25, ge=4, le=200, description="Maximum number of variables of one block."
-    )
-    options: int = Field(
-        default=5, ge=2, le=50, description="Options of each vehicle of a full block."
-    )
-    ways: int = Field(
-        default=3,
-        ge=1,
-        le=20,
-        description="Number of cheapest paths of each leg that the options contain.",
-    )
-    ways_legs: int = Field(
-        default=100,
-        ge=0,
-        description="Maximum number of legs of a fleet whose options contain several paths of a "
-        "leg; finding them takes time.",
-    )
-    wave: int = Field(default=8, ge=1, description="Number of blocks that are solved in parallel.")
-    max_sweeps: int = Field(default=20, ge=0, description="Maximum number of sweeps.")
-    patience: int = Field(
-        default=3,
-        ge=1,
-        description="Number of sweeps in a row without improvement after which the search ends; "
-        "each has other blocks.",
-    )
-    block_deadline_s: float = Field(
-        default=5.0,
-        gt=0,
-        allow_inf_nan=False,
-        description="Deadline of the solvers of one batch of parallel blocks, s.",
-    )
+    base_share: float = 0.6
+    """Share of a deadline that base routes may take."""
+    second_rounds: int = 2
+    """Rounds of a second search, in which open roads that others use cost less."""
+    block_variables: int = 25
+    """Maximum number of variables of one block."""
+    options: int = Field(default=5, ge=2, le=50)
+    """Options of each vehicle of a full block."""
+    ways: int = 3
+    """Number of cheapest paths of each leg that the options contain."""
+    ways_legs: int = 100
+    """Maximum number of legs of a fleet whose options contain several paths of a leg; finding
+    them takes time."""
+    wave: int = 8
+    """Number of blocks that are solved in parallel."""
+    max_sweeps: int = 20
+    """Maximum number of sweeps."""
+    patience: int = 3
+    """Number of sweeps in a row without improvement after which the search ends; each has
+    other blocks."""
+    block_deadline_s: float = 5.0
+    """Deadline of the solvers of one batch of parallel blocks, s."""
     solvers: tuple[SolverName, ...] = Field(
         default=("exact",),
         min_length=1,

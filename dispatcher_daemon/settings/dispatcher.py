@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import ClassVar, Literal, Self
+from typing import Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
@@ -18,7 +18,7 @@ from dispatcher_daemon.settings.solvers import (
     SolverName,
 )
 from slipstream.config import BusSettings, ServiceSettings, Settings
-from slipstream.freshness import FUTURE_TOLERANCE_S, STALE_AFTER_S
+from slipstream.freshness import STALE_AFTER_S
 from slipstream.messages import DrivingAdvice, NonNegative
 from slipstream.prices import PriceSettings
 from slipstream.roads.admission import Rsus
@@ -78,10 +78,7 @@ class ApiSettings(Settings):
     """The HTTP API on 127.0.0.1 (`[api]`), see docs/api.md."""
 
     port: int = Field(
-        default=0,
-        ge=0,
-        le=65535,
-        description="Port on 127.0.0.1; 0: the API is not served.",
+        default=0, ge=0, le=65535, description="Port on 127.0.0.1; 0: the API is not served."
     )
     tokens: Path | None = Field(
         default=None,
@@ -93,13 +90,6 @@ class ApiSettings(Settings):
 
 class DispatcherSettings(Settings):
     """All settings of the dispatcher; the defaults run the built-in demo."""
-
-    constants: ClassVar[frozenset[str]] = frozenset(
-        (
-            "future_tolerance_s",
-            "gamma",
-        )
-    )
 
     bus: BusSettings = Field(default=BusSettings(), description="The zenoh bus.")
     service: ServiceSettings = Field(
@@ -160,12 +150,6 @@ class DispatcherSettings(Settings):
         allow_inf_nan=False,
         description="Age from which a SegmentState is ignored, s.",
     )
-    future_tolerance_s: float = Field(
-        default=FUTURE_TOLERANCE_S,
-        ge=0,
-        allow_inf_nan=False,
-        description="A SegmentState dated further ahead of this clock is refused, s.",
-    )
     stops_at_signals: float = Field(
         default=0.0,
         ge=0,
@@ -208,12 +192,8 @@ class DispatcherSettings(Settings):
         description="How much work search and circuits do; in any case the deadline ends it.",
     )
     city: CitySettings = Field(default=CitySettings(), description="The route form.")
-    gamma: float | None = Field(
-        default=None,
-        gt=0,
-        allow_inf_nan=False,
-        description="Penalty weight of the QUBO, kWh; None: computed per instance.",
-    )
+    gamma: float | None = None
+    """Penalty weight of the QUBO, kWh; None: computed per instance."""
     lc_qaoa: LcQaoaSettings = Field(default=LcQaoaSettings(), description="The solver lc-qaoa.")
     qaoa: QaoaSettings = Field(default=QaoaSettings(), description="The solver qaoa.")
     hardware: HardwareSettings = Field(

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import threading
 import time
-from bisect import bisect_left, insort
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from statistics import quantiles
 from typing import Final, NamedTuple
 
 from slipstream.freshness import FUTURE_TOLERANCE_S
@@ -61,8 +61,7 @@ class _ReceptionRecord:
     received_before: int = 0
     duplicates: int = 0
     out_of_order: int = 0
-    delays_s: deque[float] = field(default_factory=deque)
-    sorted_delays_s: list[float] = field(default_factory=list)
+    delays_s: deque[float] = field(default_factory=lambda: deque(maxlen=DELAYS))
     told: Reception | None = None
     """Its figures; None: something has been counted since they were asked for."""
 
@@ -75,13 +74,6 @@ class _ReceptionRecord:
         """With those that this process missed as it stood still."""
         return self.missed_before + max(0, self.highest - self.first + 1 - self.received)
 
-    def add_delay(self, delay_s: float) -> None:
-        """Take in a delay in place of the oldest one; they stay sorted."""
-        if len(self.delays_s) == DELAYS:
-            del self.sorted_delays_s[bisect_left(self.sorted_delays_s, self.delays_s.popleft())]
-        self.delays_s.append(delay_s)
-        insort(self.sorted_delays_s, delay_s)
-
     def figures(self) -> Reception:
         """What is told of it."""
         if self.told is None:
@@ -90,7 +82,7 @@ class _ReceptionRecord:
                 self.missed,
                 self.duplicates,
                 self.out_of_order,
-                *_median_and_spread(self.sorted_delays_s),
+                *_median_and_spread(self.delays_s),
             )
         return self.told
 
@@ -120,9 +112,6 @@ def _believed_ns(time_ns: int, arrived_ns: int) -> int:
 class ReceptionTable:
     """Reception of each RSU; safe for threads.
 
-    Args:
-        clock: monotonic time, s.
-
     Attributes:
         stops: times that this process stood still, as its beats show.
         missed_here: states that were missed because of that.
@@ -143,10 +132,6 @@ class ReceptionTable:
         """Count a state that has come for the first time.
 
         Args:
-            rsu: its sender.
-            sequence: its number.
-            time_ns: its time, UTC.
-            delay_s: arrival less its time.
             out_of_order: a later one of its segment has come before.
         """
         with self._lock:
@@ -163,7 +148,7 @@ class ReceptionTable:
             if out_of_order:
                 record.out_of_order += 1
             elif not settling:
-                record.add_delay(delay_s)
+                record.delays_s.append(delay_s)
 
     def count_duplicate(self, rsu: str, sequence: int, time_ns: int) -> None:
         """Count a state that has come before."""
@@ -211,14 +196,8 @@ class ReceptionTable:
 
 
 def _median_and_spread(delays_s: Sequence[float]) -> tuple[float | None, float | None]:
-    """Median and interquartile range of sorted delays, by linear interpolation (R-7)."""
-    if not delays_s:
-        return None, None
-    return _quantile(delays_s, 2), _quantile(delays_s, 3) - _quantile(delays_s, 1)
-
-
-def _quantile(values: Sequence[float], quarter: int) -> float:
-    below, rest = divmod(quarter * (len(values) - 1), 4)
-    if rest == 0:
-        return values[below]
-    return (values[below] * (4 - rest) + values[below + 1] * rest) / 4
+    """Median and interquartile range."""
+    if len(delays_s) < 2:
+        return (delays_s[0], 0.0) if delays_s else (None, None)
+    lower_s, median_s, upper_s = quantiles(delays_s, n=4, method="inclusive")
+    return median_s, upper_s - lower_s

@@ -14,7 +14,6 @@ from typing import Literal
 
 from dispatcher_daemon.settings import DispatcherSettings
 from slipstream import freshness
-from slipstream.freshness import FUTURE_TOLERANCE_S
 from slipstream.messages import Gate, SegmentState
 from slipstream.roads import RoadNetwork, Segment
 
@@ -35,7 +34,6 @@ class GateForecast:
     """Whether a gate is open now, and what is expected of it later.
 
     Attributes:
-        open: now.
         usual_share: share of the RSUs' states at this hour of the day that opened it; None: not
             known, or nobody watches now: it is expected to stay as it is.
     """
@@ -141,11 +139,9 @@ class TrafficSnapshot:
     """The traffic on every segment of the network at one moment.
 
     Attributes:
-        now_ns: the moment, UTC.
         segments: traffic of each segment of the network, by id.
         states: the SegmentStates that it is based on, in (segment, rsu) order.
-        expected: expected costs of movements at this hour; None: not known, the costs are those of
-            segments.
+        expected: expected costs of movements at this hour; None: not known.
     """
 
     now_ns: int
@@ -154,9 +150,7 @@ class TrafficSnapshot:
     expected: Expectations | None = None
 
     def chance_of_stop(self, segment: str, onto: str) -> float:
-        """Chance that a vehicle comes to a stand before it goes from a segment onto the next one:
-        its expected stops there, 1 at most.
-        """
+        """Chance of a stand before the next segment: its expected stops there, 1 at most."""
         stops = self.segments[segment].stops
         if self.expected is not None:
             stops = self.expected.stops.get((segment, onto), stops)
@@ -192,7 +186,6 @@ def take_snapshot(
     now_ns: int,
     *,
     stale_after_s: float,
-    future_tolerance_s: float = FUTURE_TOLERANCE_S,
     stops_at_signals: float = 0.0,
 ) -> TrafficSnapshot:
     """Judge the latest states at one moment; same input, same snapshot.
@@ -202,12 +195,7 @@ def take_snapshot(
 
     Args:
         states: at most the latest state of each (segment, rsu).
-        now_ns: UTC.
-        stale_after_s: age limit.
-        future_tolerance_s: a state dated further ahead than this counts as little as a stale one:
-            one of the clocks is wrong.
         stops_at_signals: expected full stops of a passage of a segment that ends at traffic lights.
-            States do not contain it.
     """
     known = sorted(
         (s for s in states if s.segment in network.segments), key=attrgetter("segment", "rsu")
@@ -218,17 +206,14 @@ def take_snapshot(
     traffic = {}
     for name, segment in network.segments.items():
         seen = by_segment.get(name, [])
-        judged = judge(segment, seen, now_ns, stale_after_s, future_tolerance_s)
+        judged = judge(segment, seen, now_ns, stale_after_s)
         at_signals = segment.end in network.signals and stops_at_signals > 0
         traffic[name] = replace(judged, stops=stops_at_signals) if at_signals else judged
     return TrafficSnapshot(now_ns, MappingProxyType(traffic), tuple(known))
 
 
 def traffic_by(
-    settings: DispatcherSettings,
-    network: RoadNetwork,
-    states: Iterable[SegmentState],
-    now_ns: int,
+    settings: DispatcherSettings, network: RoadNetwork, states: Iterable[SegmentState], now_ns: int
 ) -> TrafficSnapshot:
     """The traffic at one moment as a dispatcher's settings judge it."""
     return take_snapshot(
@@ -236,24 +221,15 @@ def traffic_by(
         states,
         now_ns,
         stale_after_s=settings.stale_after_s,
-        future_tolerance_s=settings.future_tolerance_s,
         stops_at_signals=settings.stops_at_signals,
     )
 
 
 def judge(
-    segment: Segment,
-    states: Sequence[SegmentState],
-    now_ns: int,
-    stale_after_s: float,
-    future_tolerance_s: float,
+    segment: Segment, states: Sequence[SegmentState], now_ns: int, stale_after_s: float
 ) -> SegmentTraffic:
-    """One segment's traffic by the latest states of its RSUs, in the digits that are stored with a
-    cycle; arguments as of `take_snapshot`.
-    """
-    decisive = freshness.decisive(
-        states, now_ns, stale_after_s=stale_after_s, future_tolerance_s=future_tolerance_s
-    )
+    """One segment's traffic by its latest states, in the digits that are stored with a cycle."""
+    decisive = freshness.decisive(states, now_ns, stale_after_s=stale_after_s)
     if decisive is None:
         return SegmentTraffic(segment.id, segment.speed_limit_mps)
     age_s = round(max(0.0, decisive.age_s), _TO_MM)

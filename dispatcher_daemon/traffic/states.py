@@ -9,7 +9,7 @@ from typing import Final
 
 from dispatcher_daemon.traffic.reception import ReceptionTable
 from slipstream import freshness
-from slipstream.freshness import FUTURE_TOLERANCE_S, STALE_AFTER_S
+from slipstream.freshness import STALE_AFTER_S
 from slipstream.messages import SegmentState
 from slipstream.roads import RoadNetwork
 from slipstream.roads.admission import refusal
@@ -52,11 +52,6 @@ class LatestStates:
 
     Args:
         rsus: the segments that each RSU may report on; None: any RSU may report on any segment.
-        stale_after_s: age limit of a state.
-        future_tolerance_s: see `slipstream.freshness.is_ahead`.
-
-    Attributes:
-        reception: counts of each RSU's states.
     """
 
     def __init__(
@@ -65,13 +60,11 @@ class LatestStates:
         *,
         rsus: Mapping[str, tuple[str, ...]] | None = None,
         stale_after_s: float = STALE_AFTER_S,
-        future_tolerance_s: float = FUTURE_TOLERANCE_S,
     ) -> None:
         self._network = network
         # RSUs may watch hundreds of segments.
         self._rsus = None if rsus is None else {k: frozenset(ids) for k, ids in rsus.items()}
         self._forgotten_after_s = FORGOTTEN_AFTER * stale_after_s
-        self._future_tolerance_s = future_tolerance_s
         self.reception = ReceptionTable()
         self._lock = threading.Lock()
         self._latest: dict[str, dict[str, SegmentState]] = {}
@@ -97,7 +90,7 @@ class LatestStates:
         refused = refusal(state, self._network, self._rsus)
         if refused is not None:
             return Verdict(refused.kind)
-        if self._is_ahead(state, now_ns):
+        if freshness.is_ahead(state.time_ns, now_ns):
             return Verdict.FUTURE
         with self._lock:
             rsus = self._latest.setdefault(state.segment, {})
@@ -107,7 +100,7 @@ class LatestStates:
                 if len(rsus) >= MAX_RSUS_PER_SEGMENT:
                     return Verdict.TOO_MANY_RSUS
             # A clock that was set back leaves a held state in the future; it must not block.
-            if held is not None and not self._is_ahead(held, now_ns):
+            if held is not None and not freshness.is_ahead(held.time_ns, now_ns):
                 if (state.time_ns, state.sequence) == (held.time_ns, held.sequence):
                     return Verdict.DUPLICATE
                 if state.time_ns <= held.time_ns:
@@ -118,11 +111,8 @@ class LatestStates:
     def _forget_silent(self, rsus: dict[str, SegmentState], now_ns: int) -> None:
         for rsu, held in list(rsus.items()):
             old = freshness.age_s(held.time_ns, now_ns) > self._forgotten_after_s
-            if old or self._is_ahead(held, now_ns):
+            if old or freshness.is_ahead(held.time_ns, now_ns):
                 del rsus[rsu]
-
-    def _is_ahead(self, state: SegmentState, now_ns: int) -> bool:
-        return freshness.is_ahead(state.time_ns, now_ns, self._future_tolerance_s)
 
     def latest(self) -> tuple[SegmentState, ...]:
         """All held states, for `dispatcher_daemon.traffic.snapshot.take_snapshot`."""

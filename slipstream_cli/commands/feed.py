@@ -56,12 +56,7 @@ def run(options: argparse.Namespace) -> int:
     now_ns, states = _last_cycle(options.database or settings.database_url)
     sites = feeds.find_sites(network, feeds.watched_pairs(settings.rsus, states, ()))
     measured = feeds.measurements(
-        sites,
-        states,
-        network,
-        now_ns,
-        stale_after_s=settings.stale_after_s,
-        future_tolerance_s=settings.future_tolerance_s,
+        sites, states, network, now_ns, stale_after_s=settings.stale_after_s
     )
     documents: dict[Path, bytes] = {}
     if options.form == "wzdx":

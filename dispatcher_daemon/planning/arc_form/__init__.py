@@ -6,10 +6,4 @@ from dispatcher_daemon.planning.arc_form.arcs import arc_problem_of
 from dispatcher_daemon.planning.arc_form.cycle import arc_cycle
 from dispatcher_daemon.planning.arc_form.form import ArcForm, arc_form, arc_form_obstacle
 
-__all__ = [
-    "ArcForm",
-    "arc_cycle",
-    "arc_form",
-    "arc_form_obstacle",
-    "arc_problem_of",
-]
+__all__ = ["ArcForm", "arc_cycle", "arc_form", "arc_form_obstacle", "arc_problem_of"]

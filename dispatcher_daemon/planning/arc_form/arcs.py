@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 from dispatcher_daemon.fleet import DEPOT
 from dispatcher_daemon.forms import ArcProblem, CandidateArc, RoutingProblem
@@ -12,10 +11,32 @@ from dispatcher_daemon.planning.roads import RoadLeg, RoutedArc, candidate_arcs,
 from dispatcher_daemon.traffic import TrafficSnapshot
 
 
+def arc_parts(
+    problem: RoutingProblem, snapshot: TrafficSnapshot, sync_window_s: float, reference_s: float
+) -> tuple[
+    dict[tuple[str, str], RoadLeg], tuple[RoutedArc, ...], tuple[JudgedPair, ...], ArcProblem
+]:
+    """(least-energy paths by (from, to), candidate arcs, judged pairs, what solvers get)."""
+    legs = least_energy_legs(problem, snapshot)
+    arcs = candidate_arcs(problem, legs, reference_s)
+    judged = tuple(judge_pairs(problem, arcs, snapshot, sync_window_s))
+    return legs, arcs, judged, arc_problem(problem, arcs, judged)
+
+
+def arc_problem_of(
+    problem: RoutingProblem,
+    snapshot: TrafficSnapshot,
+    sync_window_s: float,
+    reference_s: float = 0.0,
+) -> ArcProblem:
+    """The arc form of a routing problem under given traffic."""
+    return arc_parts(problem, snapshot, sync_window_s, reference_s)[-1]
+
+
 def arc_problem(
     problem: RoutingProblem, arcs: Sequence[RoutedArc], judged: Sequence[JudgedPair]
 ) -> ArcProblem:
-    """The arc form of one cycle."""
+    """The arc form of routed arcs and their judged rewards."""
     depots = problem.fleet.depot_by_id
 
     def place(name: str) -> str:
@@ -31,48 +52,3 @@ def arc_problem(
         ),
         rewards=rewards(judged),
     )
-
-
-@dataclass(frozen=True)
-class ArcParts:
-    """The arc form of a routing problem under given traffic, with its legs, arcs and rewards.
-
-    Attributes:
-        legs: least-energy paths by (from, to).
-        arcs: the candidate arcs.
-        judged: every pair of arcs that share a watched segment, and why it platoons or not.
-        problem: what solvers get.
-    """
-
-    legs: Mapping[tuple[str, str], RoadLeg]
-    arcs: tuple[RoutedArc, ...]
-    judged: tuple[JudgedPair, ...]
-    problem: ArcProblem
-
-
-def arc_parts_of(
-    problem: RoutingProblem,
-    snapshot: TrafficSnapshot,
-    sync_window_s: float,
-    reference_s: float = 0.0,
-) -> ArcParts:
-    """Build the arc form.
-
-    Args:
-        sync_window_s: Δt_sync.
-        reference_s: when a vehicle that is ready at once leaves.
-    """
-    legs = least_energy_legs(problem, snapshot)
-    arcs = candidate_arcs(problem, legs, reference_s)
-    judged = tuple(judge_pairs(problem, arcs, snapshot, sync_window_s))
-    return ArcParts(legs, arcs, judged, arc_problem(problem, arcs, judged))
-
-
-def arc_problem_of(
-    problem: RoutingProblem,
-    snapshot: TrafficSnapshot,
-    sync_window_s: float,
-    reference_s: float = 0.0,
-) -> ArcProblem:
-    """The problem of `arc_parts_of` alone."""
-    return arc_parts_of(problem, snapshot, sync_window_s, reference_s).problem

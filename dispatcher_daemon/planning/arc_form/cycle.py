@@ -2,18 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-from dispatcher_daemon.forms import ArcProblem, build_model
+from dispatcher_daemon.forms import build_model
 from dispatcher_daemon.planning.arc_form.form import ArcForm
-from dispatcher_daemon.planning.plans import (
-    Attempt,
-    Candidate,
-    CandidateRefusal,
-    FormResult,
-    attempt,
-    solver_report,
-)
+from dispatcher_daemon.planning.plans import Candidate, CandidateRefusal, FormResult, solver_report
+from dispatcher_daemon.solvers import Outcome
 from dispatcher_daemon.solvers.workers import PoolJob, Solve, solving_s
 from slipstream.messages import SolverReport
 
@@ -29,11 +21,22 @@ def arc_cycle(form: ArcForm, solve: Solve) -> FormResult:
     if selected is not None:
         baseline = form.candidate(name, selected, platooning=False)
         fallback = form.candidate(name, selected)
-    attempts = [attempt(form, outcome) for outcome in outcomes]
-    optimum = _proven_optimum(problem, attempts)
+    results = [
+        None if outcome.selected is None else form.candidate(outcome.solver, outcome.selected)
+        for outcome in outcomes
+    ]
+    proven_kwh = [
+        problem.objective_kwh(outcome.selected)
+        for outcome in outcomes
+        if outcome.status == "optimal" and outcome.selected is not None
+    ]
+    optimum_kwh = min(proven_kwh, default=None)
     return FormResult(
-        candidates=tuple(a.candidate for a in attempts if a.candidate is not None),
-        reports=tuple(_report(a, optimum) for a in attempts),
+        candidates=tuple(result for result in results if isinstance(result, Candidate)),
+        reports=tuple(
+            _report(outcome, result, optimum_kwh)
+            for outcome, result in zip(outcomes, results, strict=True)
+        ),
         baseline_solver=name,
         baseline=baseline,
         fallback=fallback,
@@ -42,19 +45,10 @@ def arc_cycle(form: ArcForm, solve: Solve) -> FormResult:
     )
 
 
-def _report(attempt: Attempt, optimum_kwh: float | None) -> SolverReport:
-    outcome, result = attempt.outcome, attempt.result
+def _report(
+    outcome: Outcome, result: Candidate | CandidateRefusal | None, optimum_kwh: float | None
+) -> SolverReport:
     if isinstance(result, Candidate):
         return solver_report([outcome], result.objective_kwh, optimum_kwh=optimum_kwh)
-    refused = outcome.selected is not None
-    fault = f"plan refused: {result.reason}" if refused else outcome.reason
+    fault = outcome.reason if result is None else f"plan refused: {result.reason}"
     return solver_report([outcome], None, fault=fault, optimum_kwh=optimum_kwh)
-
-
-def _proven_optimum(problem: ArcProblem, attempts: Sequence[Attempt]) -> float | None:
-    values = [
-        problem.objective_kwh(a.outcome.selected)
-        for a in attempts
-        if a.outcome.status == "optimal" and a.outcome.selected is not None
-    ]
-    return min(values, default=None)

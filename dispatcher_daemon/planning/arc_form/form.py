@@ -8,46 +8,36 @@ from typing import Literal
 
 from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.forms import ArcProblem, decode
-from dispatcher_daemon.planning.arc_form.arcs import ArcParts, arc_parts_of
+from dispatcher_daemon.planning.arc_form.arcs import arc_parts
 from dispatcher_daemon.planning.improvement import Choice, choice_of, scheduled
 from dispatcher_daemon.planning.plans import Candidate, CandidateRefusal, Cycle
 from dispatcher_daemon.planning.platooning import JudgedPair
-from dispatcher_daemon.planning.roads import Route, RoutedArc, timetable
+from dispatcher_daemon.planning.roads import RoadLeg, Route, RoutedArc, timetable
 from dispatcher_daemon.planning.routes import Planner
 from dispatcher_daemon.solvers import BASELINE_SOLVER, Outcome, cheapest_insertion
-from dispatcher_daemon.solvers.workers import PoolJob, Solve
+from dispatcher_daemon.solvers.workers import PoolJob
 from slipstream.vehicle_types import RoutingProfile
 
 
 @dataclass(frozen=True)
 class ArcForm:
-    """See `dispatcher_daemon.planning.plans.forms.Form`.
+    """A cycle's fleet as one problem for solvers, and the plans of their selections.
 
     Attributes:
         cycle: its problem has no stop that no vehicle can serve.
         unserved: these stops, with the reason.
-        parts: what the problem is made of.
+        legs: least-energy paths by (from, to).
+        arcs: the candidate arcs.
+        judged: every pair of arcs that share a watched segment, and why it platoons or not.
     """
 
     cycle: Cycle
     unserved: Mapping[str, str]
-    parts: ArcParts
+    legs: Mapping[tuple[str, str], RoadLeg]
+    arcs: tuple[RoutedArc, ...]
+    judged: tuple[JudgedPair, ...]
+    problem: ArcProblem
     name: Literal["arc"] = "arc"
-
-    @property
-    def problem(self) -> ArcProblem:
-        """What solvers get."""
-        return self.parts.problem
-
-    @property
-    def arcs(self) -> tuple[RoutedArc, ...]:
-        """The candidate arcs."""
-        return self.parts.arcs
-
-    @property
-    def judged(self) -> tuple[JudgedPair, ...]:
-        """Every pair of arcs that share a watched segment, and why it platoons or not."""
-        return self.parts.judged
 
     def candidate(
         self, solver: str, selected: frozenset[int], *, platooning: bool = True
@@ -64,7 +54,7 @@ class ArcForm:
         if decoded.routes is None:
             return CandidateRefusal(tuple(decoded.violations))
         routes = [
-            timetable(cycle.problem, self.parts.legs, v, decoded.routes[v.id], cycle.reference_s)
+            timetable(cycle.problem, self.legs, v, decoded.routes[v.id], cycle.reference_s)
             for v in cycle.problem.fleet.vehicles
         ]
         if not platooning:
@@ -76,9 +66,7 @@ class ArcForm:
         return cycle.candidate(solver, choice.routes, choice.objective_kwh)
 
     def _scheduled(self, routes: Sequence[Route]) -> Choice | None:
-        """The better of earliest departures and departures at which platoons meet; None where a
-        vehicle misses a window in any case.
-        """
+        """Departures as early as can be, or at which platoons meet; None: a window is missed."""
         cycle = self.cycle
         window_s = cycle.settings.sync_window_s
         planner = Planner(cycle.problem, cycle.snapshot, [], window_s, cycle.reference_s)
@@ -92,29 +80,13 @@ class ArcForm:
         base = choice_of(planner, itineraries)
         return min(base, scheduled(planner, base), key=lambda c: c.objective_kwh)
 
-    def references_kwh(self) -> dict[str, float]:
-        """Cheapest insertion."""
-        selected = cheapest_insertion(self.problem)
-        plan = None if selected is None else self.candidate("insertion", selected)
-        return {"insertion": plan.objective_kwh} if isinstance(plan, Candidate) else {}
-
-    def baseline(self, solve: Solve, deadline_s: float) -> tuple[str, Candidate | CandidateRefusal]:
-        """The plan without platooning: the exact one, or the best found in time."""
-        (outcome,) = solve([self.baseline_job], deadline_s)
-        name, selected = self.baseline_answer(outcome)
-        if selected is None:
-            return name, CandidateRefusal(("no plan found",))
-        return name, self.candidate(name, selected, platooning=False)
-
     @property
     def baseline_job(self) -> PoolJob:
         """The job for the plan without platooning."""
         return PoolJob(BASELINE_SOLVER, self.problem.without_platooning(), self.cycle.seed)
 
     def baseline_answer(self, outcome: Outcome) -> tuple[str, frozenset[int] | None]:
-        """Solver of the plan without platooning, and its arcs; the insertion plan if the solver has
-        no answer.
-        """
+        """Solver and arcs of the plan without platooning; by insertion if it has no answer."""
         if outcome.selected is not None:
             return outcome.solver, outcome.selected
         return "insertion", cheapest_insertion(self.problem)
@@ -132,9 +104,9 @@ def arc_form(cycle: Cycle, unserved: Mapping[str, str] | None = None) -> ArcForm
     obstacle = arc_form_obstacle(cycle.problem.fleet)
     if obstacle is not None:
         raise ValueError(obstacle)
-    settings = cycle.settings
-    parts = arc_parts_of(cycle.problem, cycle.snapshot, settings.sync_window_s, cycle.reference_s)
-    return ArcForm(cycle, unserved or {}, parts)
+    window_s = cycle.settings.sync_window_s
+    parts = arc_parts(cycle.problem, cycle.snapshot, window_s, cycle.reference_s)
+    return ArcForm(cycle, unserved or {}, *parts)
 
 
 def arc_form_obstacle(fleet: Fleet) -> str | None:

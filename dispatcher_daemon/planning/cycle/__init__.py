@@ -5,7 +5,6 @@ from __future__ import annotations
 from dispatcher_daemon.planning.cycle.cycle import (
     CycleResult,
     cycle_of,
-    cycle_seed,
     form_of,
     run_cycle,
 )

@@ -26,8 +26,7 @@ from dispatcher_daemon.planning.plans import (
     summarise,
     vehicle_accounts,
 )
-from dispatcher_daemon.planning.platooning import JudgedPair, Place
-from dispatcher_daemon.planning.roads import RoutedArc
+from dispatcher_daemon.planning.platooning import Place
 from dispatcher_daemon.planning.route_form import route_cycle
 from dispatcher_daemon.planning.routes import servable_part
 from dispatcher_daemon.settings import DispatcherSettings
@@ -52,21 +51,15 @@ class CycleResult:
 
     Attributes:
         report: for the dashboard and the database.
-        plans: verified plans, one for each vehicle that drives, but for bound ones whose present
-            plan says the same; none if the cycle failed.
-        arcs: the candidate arcs of the arc form.
-        judged: every pair of arcs that share a watched segment, and why it platoons or not.
+        plans: verified plans that go out; none if the cycle failed.
         stops: by vehicle, of the route form's plan; the next cycle's search starts from them.
         joined: places of vehicles on the road in platoons with vehicles of these plans.
         accounts: what each vehicle does, alone and in the baseline too; none without a baseline.
-        refused: platoons that the plans do not have, and why not.
         energies: by vehicle, of all verified plans; for the energy ledger.
     """
 
     report: CycleReport
     plans: tuple[VehiclePlan, ...]
-    arcs: tuple[RoutedArc, ...] = ()
-    judged: tuple[JudgedPair, ...] = ()
     stops: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     joined: Mapping[Passage, Place] = field(default_factory=dict)
     accounts: tuple[VehicleAccount, ...] = ()
@@ -94,12 +87,9 @@ def run_cycle(
         of status "failed" without plans if there is no valid plan at all.
     """
     began = clock()
-    arcs: tuple[RoutedArc, ...] = ()
-    judged: tuple[JudgedPair, ...] = ()
     form = _in_arcs(cycle)
     if form is not None:
         found = arc_cycle(form, solve)
-        arcs, judged = form.arcs, form.judged
     elif executor is None:
         with ThreadPoolExecutor(max_workers=1) as thread:
             found = route_cycle(cycle, solve, thread, clock)
@@ -110,15 +100,15 @@ def run_cycle(
     carriers: tuple[CarrierSummary, ...] = ()
     accounts: tuple[VehicleAccount, ...] = ()
     energies: dict[str, PlanEnergy] = {}
+    baseline = found.baseline if isinstance(found.baseline, Candidate) else None
     if chosen is not None:
-        baseline = found.baseline if isinstance(found.baseline, Candidate) else None
         energies = plan_energies(cycle.problem, chosen, baseline, cycle.commitments)
-    if chosen is not None and isinstance(found.baseline, Candidate):
+    if chosen is not None and baseline is not None:
         name = f"{found.baseline_solver}, without platooning"
         price_kw = cycle.problem.price_of_time_kw
-        energy = summarise(name, found.baseline.energies, chosen.energies, price_kw)
-        carriers = _by_carrier(cycle.problem.fleet, found.baseline, chosen)
-        accounts = vehicle_accounts(cycle.problem, chosen, found.baseline)
+        energy = summarise(name, baseline.energies, chosen.energies, price_kw)
+        carriers = _by_carrier(cycle.problem.fleet, baseline, chosen)
+        accounts = vehicle_accounts(cycle.problem, chosen, baseline)
     plans = () if chosen is None else chosen.plans
     if cycle.commitments:
         settings = cycle.settings
@@ -143,9 +133,7 @@ def run_cycle(
     )
     joined = {} if chosen is None else chosen.joined
     refused = _refused(cycle, chosen, found)
-    return CycleResult(
-        report, plans, arcs, judged, found.stops, joined, accounts, refused, energies
-    )
+    return CycleResult(report, plans, found.stops, joined, accounts, refused, energies)
 
 
 def _refused(
@@ -160,7 +148,6 @@ def _refused(
 
 
 def _by_carrier(fleet: Fleet, baseline: Candidate, chosen: Candidate) -> tuple[CarrierSummary, ...]:
-    """What each of several carriers has from the chosen plan."""
 
     def own(plan: Candidate, carrier: str | None) -> list[RouteEnergy]:
         of_routes = zip(plan.routes, plan.energies, strict=True)
@@ -196,9 +183,7 @@ def form_of(settings: DispatcherSettings, fleet: Fleet) -> Literal["arc", "route
 
 
 def _in_arcs(cycle: Cycle) -> ArcForm | None:
-    """The arc form of a cycle, without stops that no vehicle can serve; None for the route form,
-    as for vehicles on their way, which the arc form cannot express.
-    """
+    """The arc form of a cycle, without stops that no vehicle can serve; None: the route form."""
     if cycle.commitments or form_of(cycle.settings, cycle.problem.fleet) == "route":
         return None
     smaller, missing = servable_part(cycle.problem, cycle.snapshot)
@@ -211,17 +196,11 @@ def _choose(found: FormResult) -> tuple[Candidate | None, str, str | None]:
     """(the best plan, status, reason)."""
     chosen = min(found.candidates, key=lambda c: c.objective_kwh, default=None)
     fallback = found.fallback if isinstance(found.fallback, Candidate) else None
-    if chosen is not None and fallback is not None:
-        # In the arc form, platoons that a solver assumes may not form.
-        if fallback.objective_kwh < chosen.objective_kwh - 1e-9:
-            return (
-                fallback,
-                "baseline",
-                f"no solver's plan is better than {found.baseline_solver}'s",
-            )
-        return chosen, "ok", None
     if chosen is not None:
-        return chosen, "ok", None
+        # In the arc form, platoons that a solver assumes may not form.
+        if fallback is None or fallback.objective_kwh >= chosen.objective_kwh - 1e-9:
+            return chosen, "ok", None
+        return fallback, "baseline", f"no solver's plan is better than {found.baseline_solver}'s"
     answers = "; ".join(f"{r.solver}: {r.reason or r.status}" for r in found.reports)
     if isinstance(found.fallback, CandidateRefusal):
         return None, "failed", f"no valid plan ({answers}; baseline: {found.fallback.reason})"
@@ -245,7 +224,6 @@ def cycle_of(
     Args:
         number: of the cycle; 0: it is none of the dispatcher's.
         seed: of everything random in it; None: by the settings' seed and the number.
-        reference_delay_s: as the others, see `Cycle`.
     """
     return Cycle(
         problem,

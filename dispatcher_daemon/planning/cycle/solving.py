@@ -20,14 +20,9 @@ class Solving:
     """What cycles solve with; a context manager.
 
     Args:
-        settings: of the dispatcher.
-        solvers: by these settings.
-        in_routes: blocks of a city are solved in parallel; the arc form gives each solver one
-            problem.
+        in_routes: whether blocks of a city are solved in parallel.
 
     Attributes:
-        solve: runs solvers.
-        executor: searches for routes.
         slots: processes of the cluster that are ready; None: there is no cluster.
     """
 

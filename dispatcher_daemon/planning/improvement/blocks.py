@@ -47,7 +47,6 @@ def build_block(
     by their pairs, and are evaluated exactly before they are accepted.
 
     Args:
-        names: of the vehicles.
         options: by vehicle number, the present one first; all must be on `meetings` as they are.
     """
     lengths = [len(of_one) for of_one in options.values()]

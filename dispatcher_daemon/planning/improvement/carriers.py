@@ -34,9 +34,6 @@ class Accounts:
     Platoons are those of the published plans (`platooning.form_platoons`), who leads where two
     enter at once included; `Meetings` knows their sums only. What is expected of gates that are
     closed now is in no account.
-
-    Attributes:
-        present: itineraries by vehicle number.
     """
 
     def __init__(
@@ -49,8 +46,6 @@ class Accounts:
         """Begin with a plan.
 
         Args:
-            base: itineraries of the base plan, by vehicle number.
-            present: of the plan.
             on_road: vehicles that earlier cycles sent; what they save is in no account.
         """
         self.present = list(present)
@@ -115,9 +110,7 @@ class Accounts:
         return [number for number, own in enumerate(self._carrier) if own == carrier]
 
     def worst(self, carrier: str | None) -> list[int]:
-        """Of the smallest groups of a carrier's vehicles that can go back to the base plan, the one
-        that loses most.
-        """
+        """A carrier's vehicles that go back to the base plan: the group that loses most."""
         stops = {itinerary.number: itinerary.stops for itinerary in self.present}
         groups = exchanged(self._base, stops)
         joined = {number for group in groups for number in group}
@@ -188,11 +181,8 @@ def nobody_worse_off(
     with those that they have exchanged stops with. In the base plan nobody loses, so it ends.
 
     Args:
-        base: itineraries of the base plan, by vehicle number.
         present: of the plan, in which every stop is with the carrier that the base plan gave it.
-        on_road: vehicles that earlier cycles sent.
-        has_time: whether another group may be looked for; without it all of a carrier's vehicles go
-            back at once.
+        has_time: whether one group after another goes back; else all of a carrier's do.
     """
     if len(planner.problem.fleet.carriers) < 2:
         return None

@@ -30,8 +30,6 @@ class Encounters:
         own_s: the vehicle's entry, shape (n,).
         other_s: the other's, likewise.
         shift_s: by which the vehicle would have to enter later, to enter with the other, likewise.
-        kwh: what the vehicle saves behind the other.
-        window_s: Δt_sync.
     """
 
     own_s: Floats
@@ -43,8 +41,7 @@ class Encounters:
     def shifts(
         self, earliest_s: float, latest_s: float, from_s: float = -math.inf
     ) -> list[tuple[float, float]]:
-        """(score in kWh, shift in s) of shifts of the passages from a moment on by which they meet
-        others, best first.
+        """(score in kWh, shift in s) of shifts by which passages meet others, best first.
 
         Each encounter names the shift at which both enter a segment at once. A shift's score is the
         sum of follower savings over those within the synchronisation window around it. Of shifts
@@ -94,11 +91,7 @@ def encounters(planner: Planner, itinerary: Itinerary, meetings: Meetings) -> En
     shift_s = other_s - own_s
     order = shift_s.argsort(kind="stable")
     return Encounters(
-        own_s[order],
-        other_s[order],
-        shift_s[order],
-        np.array(kwh)[order],
-        meetings.sync_window_s,
+        own_s[order], other_s[order], shift_s[order], np.array(kwh)[order], meetings.sync_window_s
     )
 
 
@@ -118,9 +111,7 @@ def meeting_departures(
 def alternatives(
     planner: Planner, itinerary: Itinerary, meetings: Meetings, max_departures: int = MAX_DEPARTURES
 ) -> Iterable[Itinerary]:
-    """The same route at other departures, or with another wait at one of its stops, that keep its
-    windows.
-    """
+    """The same route at other departures, or with another wait at a stop, within its windows."""
     if itinerary.route is None:
         return
     number, stops, legs = itinerary.number, itinerary.stops, itinerary.route.legs
@@ -163,17 +154,12 @@ def longest_wait_s(planner: Planner, itinerary: Itinerary) -> float:
 
 
 def _waiting(
-    planner: Planner,
-    itinerary: Itinerary,
-    met: Encounters,
-    max_waits: int,
-    only: int | None = None,
+    planner: Planner, itinerary: Itinerary, met: Encounters, max_waits: int, only: int | None = None
 ) -> Iterable[Itinerary]:
     """The same route with another wait at the end of one leg, so that the rest of it meets many
     others, the most promising first; none under the paper's objective, which has no such waits.
 
     Args:
-        met: by shifts that waits bring about.
         only: number of the visit to wait at; None: any.
     """
     if itinerary.route is None or not planner.problem.waits_on_tours:

@@ -34,8 +34,6 @@ def best_exchanges(
 
     Args:
         itineraries: of the block's vehicles, on ``meetings`` as they are.
-        max_exchanges: exchanges to return.
-        rng: draws which of the cheap exchanges are tried.
 
     Returns:
         Both vehicles' itineraries of each exchange, the best first.
@@ -71,7 +69,6 @@ def exchanged(
     """Smallest groups of vehicles among which other routes serve the same stops differently.
 
     Args:
-        itineraries: of all vehicles.
         stops: of the other routes, by vehicle number.
     """
     owner = {stop: i.number for i in itineraries for stop in i.stops}
@@ -84,9 +81,7 @@ def exchanged(
 
 
 class _Vehicles:
-    """What moves of stops between some vehicles cost, and which of them are allowed: tables of
-    their places alone, as a block has thousands of moves.
-    """
+    """What moves of stops between some vehicles cost, and which are allowed, as tables."""
 
     def __init__(self, planner: Planner, itineraries: Sequence[Itinerary]) -> None:
         fleet = planner.problem.fleet
@@ -123,7 +118,6 @@ class _Vehicles:
         return total + cost_kwh[at][depot]
 
     def fits(self, number: int, stops: Sequence[str]) -> bool:
-        """Whether a vehicle may serve some stops and has room for them."""
         units, kg = self._limits[number]
         return (
             self._served[number].issuperset(stops)

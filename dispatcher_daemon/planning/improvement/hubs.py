@@ -14,9 +14,7 @@ MAX_HUBS: Final = 2
 
 
 def over_hubs(planner: Planner, itinerary: Itinerary) -> Iterator[tuple[int, Itinerary]]:
-    """The route with one of its legs over a hub, where what is saved behind it could pay for the
-    stop and the detour; of each with the number of the visit that the hub is.
-    """
+    """(number of the visit, the route with a leg over a hub) where savings could pay for it."""
     fleet = planner.problem.fleet
     if itinerary.route is None or not fleet.hubs or not planner.problem.waits_on_tours:
         return

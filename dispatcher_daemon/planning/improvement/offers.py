@@ -21,8 +21,6 @@ def declined_meetings(
 
     Args:
         present: itineraries by vehicle number, those that were taken among the block's.
-        names: of the vehicles.
-        window_s: Δt_sync.
     """
     every = [(number, option) for number, of_one in block.options.items() for option in of_one]
     problem, taken = block.problem, dict[int, int]()

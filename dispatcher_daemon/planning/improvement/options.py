@@ -17,8 +17,7 @@ from dispatcher_daemon.planning.routes.itineraries import Itinerary, Planner
 def add_discounted_ways(
     planner: Planner, may_go_on: Callable[[float], bool] = lambda _: True
 ) -> bool:
-    """Give a planner, as its second paths, those with each open segment cheaper by a follower's
-    saving.
+    """Give a planner second paths: open segments are cheaper by a follower's saving.
 
     Args:
         may_go_on: asked now and then with the share of the search that is done.
@@ -57,8 +56,6 @@ def options_for(
     Args:
         partners: vehicles that may change at the same time.
         meetings: present passages of all vehicles, this one included.
-        max_options: options to return, ≥ 1.
-        rng: draws the good ones, so that each sweep has others.
     """
     if itinerary.route is None or max_options < 2:
         return [itinerary]
@@ -150,11 +147,7 @@ def _joint(
     if begins <= ends:
         depart_s = itinerary.depart_s + begins - own
         moved = planner.itinerary(
-            itinerary.number,
-            itinerary.stops,
-            itinerary.route.legs,
-            depart_s,
-            itinerary.waits_s,
+            itinerary.number, itinerary.stops, itinerary.route.legs, depart_s, itinerary.waits_s
         )
         if moved is not None:
             yield moved

@@ -8,11 +8,7 @@ from itertools import islice
 from typing import Final, NamedTuple
 
 from dispatcher_daemon.planning.plans import Candidate, Cycle, DeclinedMeeting
-from dispatcher_daemon.planning.platooning import (
-    Meetings,
-    apart_at_the_end,
-    pair_saving_kwh,
-)
+from dispatcher_daemon.planning.platooning import Meetings, apart_at_the_end, pair_saving_kwh
 from dispatcher_daemon.planning.roads import Route
 from dispatcher_daemon.planning.routes.itineraries import Itinerary, Planner
 from dispatcher_daemon.planning.routes.windows import MAX_WAIT_S
@@ -53,9 +49,6 @@ def refused_platoons(
     Looked at are pairs of vehicles that follow each other on a segment, at most `MAX_WAIT_S` apart;
     where a gate is closed, only those that would be a platoon. For the most promising pairs that
     are apart, each way in which one of them could wait for the other is tried exactly.
-
-    Args:
-        declined: by other ways or departures, what solvers could have chosen.
     """
     found: dict[tuple[str, str, str, str | None], list[_Miss]] = {}
     for miss, reason, detail in _misses(cycle, chosen):
@@ -148,7 +141,6 @@ def _parting(first: _Passage, second: _Passage, window_s: float) -> str:
 
 
 def _passages(cycle: Cycle, chosen: Candidate) -> dict[str, list[_Passage]]:
-    """Passages of each segment in the order of entry, vehicles on the road included."""
     found: dict[str, list[_Passage]] = {}
     for route, plan in zip(chosen.routes, chosen.plans, strict=True):
         for (leg, _, segment, entry, leaving), planned in zip(
@@ -166,18 +158,8 @@ def _passages(cycle: Cycle, chosen: Candidate) -> dict[str, list[_Passage]]:
 
 
 class _Meeting:
-    """Tries whether vehicles of a plan that are apart could meet, and what that would cost."""
-
     def __init__(self, cycle: Cycle, chosen: Candidate) -> None:
-        self._planner = planner = Planner(
-            cycle.problem,
-            cycle.snapshot,
-            (),
-            cycle.settings.sync_window_s,
-            cycle.reference_s,
-            on_road=cycle.on_road,
-            commitments=cycle.commitments,
-        )
+        self._planner = planner = Planner.of(cycle, ())
         numbers = {vehicle.id: n for n, vehicle in enumerate(cycle.problem.fleet.vehicles)}
         self._routes: Mapping[str, tuple[int, Route]] = {
             route.vehicle: (numbers[route.vehicle], route) for route in chosen.routes
@@ -193,10 +175,7 @@ class _Meeting:
         closest = min(misses, key=lambda miss: miss.first.entry_s)
         apart_s = closest.second.entry_s - closest.first.entry_s
         best: tuple[float, float] | None = None
-        moves = (
-            (closest.first, apart_s),
-            (closest.second, -apart_s),
-        )
+        moves = ((closest.first, apart_s), (closest.second, -apart_s))
         for passage, shift_s in moves:
             for cost_kwh, saving_kwh in self._changes(passage, shift_s):
                 if best is None or saving_kwh - cost_kwh > best[1] - best[0]:
@@ -208,9 +187,7 @@ class _Meeting:
         return replace(one, reason=reason, cost_kwh=cost_kwh, saving_kwh=saving_kwh)
 
     def _changes(self, passage: _Passage, shift_s: float) -> Iterator[tuple[float, float]]:
-        """(cost, what all its platoons save more), kWh, of each way to shift a vehicle's passage;
-        none of one on its way, which has its plan.
-        """
+        """(cost, savings), kWh, of each way to shift a free vehicle's passage."""
         number, route = self._routes.get(passage.vehicle, (-1, None))
         if route is None or number in self._planner.windows.bound:
             return

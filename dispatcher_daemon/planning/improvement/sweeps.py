@@ -67,13 +67,8 @@ class Sweep:
     """One sweep.
 
     Attributes:
-        blocks: number of blocks.
-        variables: of all blocks.
         largest: variables of the largest one.
         accepted: number of answers that improved the plan, by solver.
-        outcomes: of all solvers.
-        objective_kwh: after it.
-        wall_s: its time.
     """
 
     blocks: int
@@ -119,7 +114,6 @@ class BlockDescent:
     """The present choice of all vehicles, improved block by block.
 
     Attributes:
-        present: itineraries by vehicle number.
         declined: by pair of vehicles, the meeting of the last sweep that would have cost least.
     """
 
@@ -130,7 +124,6 @@ class BlockDescent:
         solve: Solve,
         itineraries: Sequence[Itinerary],
     ) -> None:
-        """Start from the given itineraries."""
         self.planner, self.settings = planner, settings
         self.present = list(itineraries)
         self.declined: dict[tuple[str, str], DeclinedMeeting] = {}
@@ -246,9 +239,7 @@ class BlockDescent:
         return adopted
 
     def _exchanges(self, stops: StopsByVehicle) -> list[list[int]]:
-        """Smallest groups of vehicles of one carrier among which other routes serve the same stops
-        differently.
-        """
+        """Groups of one carrier's vehicles among which other routes serve the same stops."""
         others = {number: stops[name] for number, name in self._names.items()}
         vehicles = self.planner.problem.fleet.vehicles
         return [
@@ -258,9 +249,7 @@ class BlockDescent:
         ]
 
     def _itinerary_by(self, number: int, stops: StopsByVehicle) -> Itinerary | None:
-        """A vehicle's itinerary by other routes, with the paths and the departure that save most
-        with the others; its passages are added to the meetings.
-        """
+        """A vehicle's best itinerary by other routes; its passages are added to the meetings."""
         visits = stops[self._names[number]]
         candidates = []
         for travel in range(len(self.planner.travels)):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dispatcher_daemon.planning.plans.accounts import plan_energies, vehicle_accounts
 from dispatcher_daemon.planning.plans.candidates import (
-    Attempt,
     Candidate,
     CandidateRefusal,
     Cycle,
@@ -13,22 +12,18 @@ from dispatcher_daemon.planning.plans.candidates import (
     Gains,
 )
 from dispatcher_daemon.planning.plans.energy import RouteEnergy, route_energy, summarise
-from dispatcher_daemon.planning.plans.forms import Form, attempt
 from dispatcher_daemon.planning.plans.reissue import plans_to_send
 from dispatcher_daemon.planning.plans.solver_report import solver_report
 from dispatcher_daemon.planning.plans.verify import verify_plans
 
 __all__ = [
-    "Attempt",
     "Candidate",
     "CandidateRefusal",
     "Cycle",
     "DeclinedMeeting",
-    "Form",
     "FormResult",
     "Gains",
     "RouteEnergy",
-    "attempt",
     "plan_energies",
     "plans_to_send",
     "route_energy",

@@ -41,10 +41,7 @@ def plan_energies(
     all vehicles the parts add up to the cycle's `EnergySummary`.
 
     Args:
-        problem: of the cycle.
-        chosen: its plans.
         baseline: of the cycle; None: there is none, and each plan alone without drafting is it.
-        commitments: of bound vehicles.
     """
     ours = _by_vehicle(chosen)
     begins = {own.vehicle: own.moving.share for own in commitments if own.moving is not None}

@@ -18,7 +18,6 @@ from dispatcher_daemon.planning.platooning import (
 )
 from dispatcher_daemon.planning.roads import Route
 from dispatcher_daemon.settings import DispatcherSettings
-from dispatcher_daemon.solvers import Outcome
 from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.energy.consumption import Energy, total
 from slipstream.messages import SolverReport, VehiclePlan
@@ -32,7 +31,6 @@ class Candidate:
     """A verified plan set.
 
     Attributes:
-        solver: its name.
         objective_kwh: H_cost − H_platoon, re-evaluated.
         routes: timetables of the vehicles that drive.
         plans: of these routes, in their order.
@@ -82,33 +80,12 @@ class CandidateRefusal:
 
 
 @dataclass(frozen=True)
-class Attempt:
-    """One solver's outcome, and its verified plans or why there are none."""
-
-    outcome: Outcome
-    result: Candidate | CandidateRefusal
-
-    @property
-    def candidate(self) -> Candidate | None:
-        """The verified plans, if there are any."""
-        return self.result if isinstance(self.result, Candidate) else None
-
-    @property
-    def faults(self) -> tuple[str, ...]:
-        """Why there are none."""
-        return self.result.faults if isinstance(self.result, CandidateRefusal) else ()
-
-
-@dataclass(frozen=True)
 class Cycle:
     """What is fixed within one cycle.
 
     Attributes:
-        number: of the cycle.
         now_ns: UTC at its start.
-        seed: of everything random in it.
-        reference_delay_s: see `reference_s`; None: the deadline, so that plans are out before
-            anybody leaves.
+        reference_delay_s: see `reference_s`; None: the deadline, so that plans are out before.
         on_road: vehicles that earlier cycles sent. The route form plans to meet them; they stay as
             they are, but for their places in platoons.
         start: stops by vehicle that the search for routes starts from, as of the last cycle.
@@ -129,9 +106,7 @@ class Cycle:
 
     @property
     def reference_s(self) -> float:
-        """From its start to the moment that the fleet's times count from, s: when a vehicle that
-        is ready at once leaves.
-        """
+        """From its start to when a vehicle that is ready at once leaves, s."""
         delay_s = self.reference_delay_s
         return self.settings.deadline_s if delay_s is None else delay_s
 
@@ -149,7 +124,6 @@ class Cycle:
 
         Args:
             unserved: stops that no route has to serve.
-            gains_kwh: see `Candidate`.
         """
         settings = self.settings
         window = settings.sync_window_s
@@ -164,15 +138,13 @@ class Cycle:
         plans = vehicle_plans(
             self.problem,
             self.snapshot,
+            settings,
             routes,
             places,
             energies,
             cycle=self.number,
             issued_ns=self.now_ns,
             reference_s=self.reference_s,
-            interval_s=settings.interval_s,
-            gap_m=settings.gap_m,
-            advice=settings.priced_advice,
             commitments=self.commitments,
         )
         faults = verify_plans(
@@ -216,13 +188,10 @@ class FormResult:
 
     Attributes:
         candidates: verified plan sets, without the baseline's.
-        reports: of the solvers.
         baseline_solver: name of the solver of the plan without platooning.
         baseline: that plan, or what is wrong with it.
-        fallback: the same routes with the platoons that form by chance; where another plan is at
-            least as good, it may be the baseline.
+        fallback: the same routes with the platoons that form by chance.
         variables: of the largest QUBO.
-        unserved: reason by stop that no vehicle serves.
         stops: by vehicle, of the best routes; the next cycle's search starts from them.
         declined: meetings that were on offer in the last sweep.
     """

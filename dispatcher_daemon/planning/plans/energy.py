@@ -28,8 +28,7 @@ class RouteEnergy:
     Attributes:
         driven: with the drag reductions that are expected of its platoons.
         undrafted: the same drive without any.
-        platooned_m: distance on which it is expected to drive in a close platoon, as leader or
-            follower.
+        platooned_m: distance on which it is expected to drive in a close platoon.
         driving_s: time on the road, without stands at stops.
         driven_kwh: on each segment, with the drag reductions.
         undrafted_kwh: likewise without.
@@ -81,7 +80,6 @@ def route_energy(
 
 
 def _spread_beyond(problem: RoutingProblem, leg: RoadLeg) -> list[float]:
-    """The energy of a leg beyond its drive's, by segment."""
     lengths_m = [problem.network.segments[segment].length_m for segment in leg.path]
     whole_m = sum(lengths_m)
     return [leg.beyond_kwh * length_m / whole_m for length_m in lengths_m]

@@ -10,9 +10,9 @@ from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.plans.energy import RouteEnergy, planned_charges_kwh
 from dispatcher_daemon.planning.platooning import Place
 from dispatcher_daemon.planning.roads import Route, planning_speed_mps
+from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.messages import (
-    DrivingAdvice,
     PlannedCrossing,
     PlannedSegment,
     PlannedStop,
@@ -28,6 +28,7 @@ BOUND_VALID_INTERVALS: Final = 4
 def vehicle_plans(
     problem: RoutingProblem,
     snapshot: TrafficSnapshot,
+    settings: DispatcherSettings,
     routes: Sequence[Route],
     places: Mapping[Passage, Place],
     energies: Sequence[RouteEnergy],
@@ -35,22 +36,18 @@ def vehicle_plans(
     cycle: int,
     issued_ns: int,
     reference_s: float,
-    interval_s: float,
-    gap_m: float,
-    advice: DrivingAdvice,
-    commitments: Sequence[Commitment] = (),
+    commitments: Sequence[Commitment],
 ) -> tuple[VehiclePlan, ...]:
     """One plan a route; its stops begin and end with the depot, leg n joins stops n and n + 1.
+
+    It may be followed for `VALID_INTERVALS` cycles without a newer one, that of a bound vehicle for
+    `BOUND_VALID_INTERVALS`.
 
     Args:
         issued_ns: UTC that the routes' times count from.
         reference_s: on the routes' clock, the moment that the fleet's times count from.
-        interval_s: between cycles; a plan may be followed for `VALID_INTERVALS` of them without a
-            newer one, that of a bound vehicle for `BOUND_VALID_INTERVALS`.
-        gap_m: gap advised to followers, m.
-        advice: given to every vehicle.
-        commitments: of bound vehicles.
     """
+    advice = settings.priced_advice
     bound = {own.vehicle: own for own in commitments}
 
     def utc_ns(seconds: float) -> int:
@@ -95,7 +92,7 @@ def vehicle_plans(
                     speed_mps=planning_speed_mps(road, snapshot.segments[segment], profile),
                     platoon=None if place is None else place.platoon,
                     place=None if place is None else place.number,
-                    gap_m=gap_m if place is not None and place.number > 0 else None,
+                    gap_m=settings.gap_m if place is not None and place.number > 0 else None,
                     drafting_share=None if place is None else place.share,
                     leg=leg,
                     length_m=road.length_m,
@@ -131,7 +128,7 @@ def vehicle_plans(
 
     def valid_s(route: Route) -> float:
         intervals = BOUND_VALID_INTERVALS if route.vehicle in bound else VALID_INTERVALS
-        lasts_s = interval_s * intervals
+        lasts_s = settings.interval_s * intervals
         hubs = problem.fleet.hub_by_id
         keeps = any(leg.charging or leg.pause or leg.end in hubs for leg in route.legs)
         # It is not planned again until it has charged, left its hub, or had its break.

@@ -24,12 +24,6 @@ def plans_to_send(
     window, a plan that would lapse before the next but one cycle, or a vehicle that has lost its
     plan. Who is in a platoon with a vehicle of a changed plan gets a new one too, as platoons have
     new names.
-
-    Args:
-        plans: verified, of one cycle.
-        commitments: of the bound vehicles, with their present plans.
-        sync_window_s: Δt_sync.
-        interval_s: between cycles.
     """
     bound = {own.vehicle: own for own in commitments}
     before = _members(own.plan for own in commitments)

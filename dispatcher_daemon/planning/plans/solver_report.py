@@ -23,12 +23,9 @@ def solver_report(
     hidden by a simulator's for others.
 
     Args:
-        outcomes: at least one, all of one solver.
-        objective_kwh: of the plan that they led to; None if there is none.
         fault: why an answer to the whole problem led to no plan.
         optimum_kwh: proven for the whole problem by any of the solvers.
-        blocks: the outcomes are answers to parts of the problem, so that proven ones prove nothing
-            of the whole and an answer to one is an answer.
+        blocks: the outcomes are answers to parts of the problem, which prove nothing of the whole.
     """
     last = outcomes[-1]
     answered = [o for o in outcomes if o.selected is not None]

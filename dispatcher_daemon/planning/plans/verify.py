@@ -44,12 +44,8 @@ def verify_plans(
     of a bound vehicle is no fault: it is loaded.
 
     Args:
-        open_segments: segments whose gate was open in the cycle.
-        sync_window_s: largest difference of entry times within a platoon.
-        unserved: stops that are reported as unserved.
         reference_s: from the issue of the plans to the moment that the fleet's times count from.
         joined: segments that vehicles on the road pass in platoons with those of the plans.
-        commitments: of the bound vehicles.
 
     Returns:
         Faults, one line each; empty if the plans may be published.
@@ -77,7 +73,6 @@ def verify_plans(
 
 
 def _commitment_faults(plan: VehiclePlan, own: Commitment | None) -> Iterator[str]:
-    """What a bound vehicle is bound to."""
     if plan.continues != (None if own is None else own.continues):
         yield f"continues the plan of cycle {plan.continues}"
     if own is None:
@@ -92,10 +87,7 @@ def _commitment_faults(plan: VehiclePlan, own: Commitment | None) -> Iterator[st
 
 
 def _fleet_faults(
-    plans: Sequence[VehiclePlan],
-    fleet: Fleet,
-    unserved: Collection[str],
-    bound: Collection[str],
+    plans: Sequence[VehiclePlan], fleet: Fleet, unserved: Collection[str], bound: Collection[str]
 ) -> Iterator[str]:
     count = Counter(plan.vehicle for plan in plans)
     yield from (f"{vehicle}: is bound and has no plan" for vehicle in bound if not count[vehicle])

@@ -35,9 +35,7 @@ def profile_of(fleet: Fleet, name: str) -> RoutingProfile:
 def access_faults(
     plan: VehiclePlan, network: RoadNetwork, fleet: Fleet, own: Commitment | None
 ) -> Iterator[str]:
-    """Segments and turns that a vehicle of its class and size may not use; one that moves is on its
-    first segment already.
-    """
+    """Segments, but those begun, and turns that a vehicle of its class and size may not use."""
     profile = profile_of(fleet, plan.vehicle)
     begun = 1 if own is not None and own.moving is not None else 0
     for segment in plan.segments[begun:]:

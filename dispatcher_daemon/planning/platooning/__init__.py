@@ -1,16 +1,10 @@
-"""Platooning: rewards of shared segments, savings of meetings, platoons by exact times, and
-vehicles of earlier cycles that are still on the road."""
+"""Platooning: rewards, savings of meetings, platoons by exact times, vehicles on the road."""
 
 from __future__ import annotations
 
 from dispatcher_daemon.planning.platooning.book import MeetingBook
 from dispatcher_daemon.planning.platooning.expected import Approach, ExpectedDrafting
-from dispatcher_daemon.planning.platooning.meetings import (
-    Meetings,
-    OpenPassages,
-    Traversals,
-    saving_kwh,
-)
+from dispatcher_daemon.planning.platooning.meetings import Meetings, Traversals
 from dispatcher_daemon.planning.platooning.platoons import (
     Place,
     TimedPassage,
@@ -32,7 +26,6 @@ from dispatcher_daemon.planning.platooning.vehicles_on_road import (
     counted_drafting,
     expected_drafting,
     joined_segments,
-    traversals_on_road,
 )
 
 __all__ = [
@@ -42,7 +35,6 @@ __all__ = [
     "JudgedPair",
     "MeetingBook",
     "Meetings",
-    "OpenPassages",
     "Place",
     "Shares",
     "TimedPassage",
@@ -59,6 +51,4 @@ __all__ = [
     "pair_saving_kwh",
     "platoons_of",
     "rewards",
-    "saving_kwh",
-    "traversals_on_road",
 ]

@@ -71,7 +71,6 @@ class Together(NamedTuple):
     """What two vehicles that come to a segment together have behind them, in one possible course.
 
     Attributes:
-        chance: of it.
         headway_s: by how much they were apart when their gap began to close.
         since_rest_m: z_a, open road since then.
         since_gate_m: z_b, open road since the last closed gate; inf: none.
@@ -106,10 +105,7 @@ def onward(
     """Courses of two vehicles that have driven over a segment.
 
     Args:
-        courses: before it.
         open_m: its length; None: its gate is closed.
-        stops: chance of a stop at its end.
-        at_signal: whether a signal is there.
     """
     if open_m is None:
         after = [c._replace(since_gate_m=0.0) for c in courses]
@@ -177,8 +173,7 @@ class SegmentGaps(NamedTuple):
         """Share of the segment on which each place of a platoon saves, in [0, 1].
 
         Args:
-            pairs: of each follower and the vehicle ahead of it, the first follower's first: the way
-                that they have come together, m, and its courses.
+            pairs: of each follower and who is ahead: their way together, m, and its courses.
         """
         followers = []
         for number, (way_m, (unstopped, *stopped)) in enumerate(pairs, 1):

@@ -38,10 +38,8 @@ class _Node(NamedTuple):
     """The way of a vehicle up to a segment.
 
     Attributes:
-        segment: that it comes to.
         before: the segment before, or where it started.
         courses: of two that have come all this way together.
-        way_m: they have done together.
         unstopped: chance that no signal has stopped one vehicle on it.
     """
 
@@ -88,20 +86,14 @@ class ExpectedDrafting:
         self.shares = lru_cache(_GROUPS)(self._shares)
 
     def of_leg(self, vehicle: str, number: int, leg: RoadLeg) -> tuple[Approach, ...]:
-        """Approaches to all segments of a leg of a route.
-
-        Args:
-            number: of the leg in the route.
-        """
+        """Approaches to all segments of a leg of a route."""
         start = self.start_of(vehicle, number)
         if (start, leg.path) not in self._of_legs:
             self._of_legs[start, leg.path] = self.along(leg.path, start)
         return self._of_legs[start, leg.path]
 
     def start_of(self, vehicle: str, number: int) -> Approach:
-        """What lies behind a vehicle where a leg of its route begins; all else of the leg's
-        approaches is in its path.
-        """
+        """What lies behind a vehicle where a leg of its route begins."""
         return self._begins.get(vehicle, _FROM_REST) if number == 0 else _FROM_REST
 
     def of_routes(self, routes: Iterable[Route]) -> dict[tuple[str, int, int], Approach]:

@@ -14,110 +14,41 @@ from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
-from dispatcher_daemon.planning.platooning.expected import Approach, ExpectedDrafting
-from dispatcher_daemon.planning.platooning.platoons import platoons_of
+from dispatcher_daemon.planning.platooning.expected import ExpectedDrafting
 from dispatcher_daemon.planning.platooning.segment_order import Change, SegmentOrder
 from dispatcher_daemon.planning.platooning.shares import Shares
 from dispatcher_daemon.planning.platooning.stretches import Traversal
-from dispatcher_daemon.planning.roads import RoadLeg, Route
 
 Traversals = Mapping[str, Sequence[Traversal]]
 """One vehicle's passages of segments whose gate is open, or may be then, by segment."""
-_OpenPassage = tuple[str, float, float, tuple[Approach, ...]]
-"""(segment, entry and leaving in s after the leg's departure, approach if one counts)."""
 
 
-class OpenPassages:
-    """Passages of open segments by routes. What legs say of them is looked up once for each drive,
-    as options of a route have most legs in common.
-    """
-
-    def __init__(
-        self, shares: Mapping[str, Shares], expected: ExpectedDrafting | None = None
-    ) -> None:
-        """Start with no drive known.
-
-        Args:
-            shares: by open segment.
-            expected: of platoons; None: they are close everywhere.
-        """
-        self._shares, self._expected = shares, expected
-        # By the drive's identity, which lasts as the leg is kept with it.
-        self._known: dict[tuple[int, Approach], tuple[RoadLeg, list[_OpenPassage]]] = {}
-
-    def of(self, number: int, route: Route) -> dict[str, tuple[Traversal, ...]]:
-        """A route's passages of open segments.
-
-        Args:
-            number: of its vehicle.
-        """
-        found: dict[str, tuple[Traversal, ...]] = {}
-        for at, (leg, visit) in enumerate(zip(route.legs, route.visits, strict=False)):
-            leaves_s = visit.departure_s
-            for segment, entry, leaving, approach in self._of_leg(route.vehicle, at, leg):
-                passage = (leaves_s + entry, leaves_s + leaving, (number, *approach))
-                known = found.get(segment)
-                found[segment] = (passage,) if known is None else (*known, passage)
-        return found
-
-    def _of_leg(self, vehicle: str, at: int, leg: RoadLeg) -> list[_OpenPassage]:
-        expected = self._expected
-        key = id(leg.drive), -1 if expected is None else expected.start_of(vehicle, at)
-        known = self._known.get(key)
-        if known is not None and known[0].path is leg.path:
-            return known[1]
-        times = (*leg.drive.entry_s, leg.drive.duration_s)
-        approaches = () if expected is None else expected.of_leg(vehicle, at, leg)
-        found = [
-            (segment, times[n], times[n + 1], approaches[n : n + 1])
-            for n, segment in enumerate(leg.path)
-            if segment in self._shares
-        ]
-        self._known[key] = leg, found
-        return found
-
-
-def saving_kwh(
-    passages: Sequence[Traversal],
+def platoon_kwh(
+    platoon: Sequence[Traversal],
     shares: Shares,
-    sync_window_s: float,
-    own: Mapping[int, Shares] | None = None,
-    expected: ExpectedDrafting | None = None,
-) -> float:
-    """Saving of all platoons on one segment, kWh.
-
-    Args:
-        passages: in the order of entry.
-        own: shares of vehicles that have others, by their number.
-        expected: of platoons; None: they are close everywhere.
-    """
-    return _platoons_kwh(platoons_of(passages, sync_window_s), shares, own, expected)
-
-
-def _platoons_kwh(
-    platoons: Iterable[Sequence[Traversal]],
-    shares: Shares,
-    own: Mapping[int, Shares] | None,
+    own: Mapping[int, Shares],
     expected: ExpectedDrafting | None,
 ) -> float:
-    total = 0.0
-    for group in platoons:
-        members = len(group)
-        if members < 2:
-            continue
-        if own or expected is not None:
-            close = (1.0,) * members
-            if expected is not None:
-                close = expected.shares(tuple(key[1] for _, _, key in group))
-            leader, *followers = (
-                share * (own.get(key[0], shares) if own else shares).at(place, members)
-                for place, (share, (_, _, key)) in enumerate(zip(close, group, strict=True))
-            )
-            saved = leader + sum(followers)
-        else:
-            saved = shares.platoon_kwh(len(group))
-        total += saved * shares.gate.chance(group[0][0])
-    return total
+    """Saving of one platoon on a segment, kWh.
+
+    Args:
+        own: shares of vehicles that have others, by their number.
+    """
+    members = len(platoon)
+    if members < 2:
+        return 0.0
+    if own or expected is not None:
+        close = (1.0,) * members
+        if expected is not None:
+            close = expected.shares(tuple(key[1] for _, _, key in platoon))
+        leader, *followers = (
+            share * own.get(key[0], shares).at(place, members)
+            for place, (share, (_, _, key)) in enumerate(zip(close, platoon, strict=True))
+        )
+        saved = leader + sum(followers)
+    else:
+        saved = shares.platoon_kwh(members)
+    return saved * shares.gate.chance(platoon[0][0])
 
 
 class Meetings:
@@ -133,10 +64,7 @@ class Meetings:
         """Start with empty roads.
 
         Args:
-            shares: by segment.
             own_shares: of vehicles that have others, by their number; of the same segments.
-            expected: of platoons, by the approaches of the passages; None: they are close
-                everywhere.
         """
         self.shares, self.sync_window_s = shares, sync_window_s
         self._expected = expected
@@ -212,12 +140,7 @@ class Meetings:
         return array("d", [s for s, n in zip(entries, numbers, strict=True) if n != but])
 
     def change(self, segment: str, off: Sequence[Traversal], on: Sequence[Traversal]) -> Change:
-        """What passages of a segment that go, and others that come, at least one of both, would
-        change.
-
-        Raises:
-            ValueError: one that goes is not there.
-        """
+        """What passages of a segment that go, and others that come, would change."""
         return self._order(segment).change(off, on)
 
     def _apply(self, segment: str, off: Sequence[Traversal], on: Sequence[Traversal]) -> float:
@@ -232,11 +155,7 @@ class Meetings:
         if segment not in self._orders:
             shares = self.shares[segment]
             own = {n: of[segment] for n, of in self._own_shares.items()}
-
-            def kwh(platoon: Sequence[Traversal]) -> float:
-                if len(platoon) < 2:
-                    return 0.0
-                return _platoons_kwh((platoon,), shares, own, self._expected)
-
-            self._orders[segment] = SegmentOrder(self.sync_window_s, kwh)
+            self._orders[segment] = SegmentOrder(
+                self.sync_window_s, lambda one: platoon_kwh(one, shares, own, self._expected)
+            )
         return self._orders[segment]

@@ -26,7 +26,6 @@ class Place:
     """A vehicle's place in a platoon.
 
     Attributes:
-        platoon: its name.
         number: 0 is the leader.
         members: of the platoon, at least two.
         share: of the segment, on which it is expected to be close.
@@ -53,9 +52,7 @@ def form_platoons(
     the window and in that order: a vehicle that starts from a stop at its beginning falls behind.
 
     Args:
-        on_road: passages of vehicles on the road, each with its segment. Platoons of theirs alone
-            are left as they are.
-        expected: of platoons; None: they are close everywhere.
+        on_road: passages of vehicles on the road, each with its segment.
 
     Returns:
         Places of all passages in a platoon; vehicles alone are left out. A platoon keeps its name

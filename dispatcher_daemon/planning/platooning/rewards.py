@@ -21,11 +21,8 @@ class JudgedPair:
     """The reward of two arcs of two vehicles on one segment, and the reason where it is 0.
 
     Attributes:
-        segment: e.
         first: index of the arc of vehicle k.
         second: index of the arc of vehicle l.
-        first_entry_s: predicted entry of k.
-        second_entry_s: predicted entry of l.
         saving_kwh: s_{e,k,l}; 0 with a reason.
         reason: why it is 0; None where it is not.
     """
@@ -37,17 +34,6 @@ class JudgedPair:
     second_entry_s: float
     saving_kwh: float
     reason: str | None
-
-    def explain(self, arcs: Sequence[RoutedArc]) -> str:
-        """One line of text."""
-        a, b = arcs[self.first], arcs[self.second]
-        who = " and ".join(
-            f"{arc.vehicle} ({arc.leg.start}→{arc.leg.end}, enters at {entry:.1f} s"
-            f"{'' if arc.exact else ' at the earliest'})"
-            for arc, entry in ((a, self.first_entry_s), (b, self.second_entry_s))
-        )
-        what = f"saves {self.saving_kwh:.5f} kWh" if self.reason is None else f"0: {self.reason}"
-        return f"{self.segment}: {who}: {what}"
 
 
 def pair_saving_kwh(
@@ -75,24 +61,18 @@ def judge_pairs(
     arcs: Sequence[RoutedArc],
     snapshot: TrafficSnapshot,
     sync_window_s: float,
-    *,
-    watched_only: bool = True,
 ) -> Iterator[JudgedPair]:
-    """Judge every pair of arcs of two vehicles that share a segment (paper section III-A).
+    """Judge every pair of arcs of two vehicles that share a watched segment (paper section III-A).
 
     Under the objective "energy" a reward also needs certain departures, and the two must be due to
     leave the segment as a platoon: what it counts comes about. Where the problem's drafting is
     "expected", it counts the share of the segment on which the two are expected to be close.
-
-    Args:
-        sync_window_s: Δt_sync; the largest difference of entry times that still counts.
-        watched_only: leave out segments that no RSU has reported on, where every reward is 0.
     """
     expected = counted_drafting(problem, snapshot)
     users: dict[str, list[tuple[int, float]]] = {}
     for index, arc in enumerate(arcs):
         for name, entry in arc.entries_s().items():
-            if not watched_only or snapshot.segments[name].reason != "unwatched":
+            if snapshot.segments[name].reason != "unwatched":
                 users.setdefault(name, []).append((index, entry))
     for name in sorted(users):
         segment, traffic = problem.network.segments[name], snapshot.segments[name]
@@ -140,12 +120,10 @@ def _doubt(segment: str, first: RoutedArc, second: RoutedArc, sync_window_s: flo
 
 
 def apart_at_the_end(entries_s: float, leavings_s: float, sync_window_s: float) -> str | None:
-    """Why two that enter a segment together do not leave it as a platoon; None: they do. See
-    `dispatcher_daemon.planning.platooning.form_platoons`.
+    """Why two that enter a segment together do not leave it as a platoon; None: they do.
 
     Args:
         entries_s: difference of their entries.
-        leavings_s: likewise, in the same order.
     """
     if entries_s * leavings_s < 0:
         return (

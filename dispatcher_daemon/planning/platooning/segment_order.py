@@ -25,8 +25,7 @@ class Change:
     Attributes:
         saving_kwh: by how much more is saved.
         begin: first passage of the part of the segment's order that is formed anew.
-        end: first passage behind it, None: it reaches to the last one. Changes with parts of their
-            own add up.
+        end: first passage behind it; None: it reaches to the last one.
     """
 
     saving_kwh: float
@@ -56,7 +55,6 @@ class SegmentOrder:
         """Start without passages.
 
         Args:
-            window_s: Δt_sync.
             kwh: what a platoon saves.
         """
         self.passages: list[Traversal] = []
@@ -75,9 +73,6 @@ class SegmentOrder:
         """What passages of a segment that go, and others that come, at least one of both, would
         change. Platoons are formed anew from the stretch that the first one lies in until a stretch
         behind the last one begins where one has begun before.
-
-        Raises:
-            ValueError: one that goes is not there.
         """
         changed = sorted((*off, *on))
         first, last = changed[0], changed[-1]
@@ -98,9 +93,7 @@ class SegmentOrder:
         )
 
     def gain_kwh(self, passage: Traversal) -> float:
-        """By how much more is saved with one passage that comes: what `change` tells of it, without
-        the stretches, as most of what is asked is never done.
-        """
+        """By how much more is saved with one passage that comes: `change` without the stretches."""
         begins, stretches, window_s = self._begins, self._stretches, self._window_s
         at = bisect_right(begins, passage) - 1
         if at >= 0 and not stretches[at].ends_before(passage, window_s):
@@ -120,11 +113,7 @@ class SegmentOrder:
         return total_kwh - (before_kwh + stretches[at + 1].total_kwh)
 
     def apply(self, off: Sequence[Traversal], on: Sequence[Traversal]) -> float:
-        """Make a change; by how much more is saved.
-
-        Raises:
-            ValueError: a passage that goes is not there.
-        """
+        """Make a change; by how much more is saved."""
         change = self.change(off, on)
         for passage in off:
             at = bisect_left(self.passages, passage)
@@ -147,11 +136,7 @@ class SegmentOrder:
         return other
 
     def _formed(
-        self,
-        replaced: slice,
-        begin: Traversal,
-        off: Sequence[Traversal],
-        on: Sequence[Traversal],
+        self, replaced: slice, begin: Traversal, off: Sequence[Traversal], on: Sequence[Traversal]
     ) -> tuple[slice, _Stretches]:
         """(stretches that are replaced, those in their place), formed anew from a passage on."""
         begins, there = self._begins, self.passages
@@ -180,21 +165,16 @@ class SegmentOrder:
         return slice(replaced.start, end), (new_begins, stretches)
 
     def _adjusted(
-        self,
-        replaced: slice,
-        off: Sequence[Traversal],
-        on: Sequence[Traversal],
+        self, replaced: slice, off: Sequence[Traversal], on: Sequence[Traversal]
     ) -> tuple[slice, _Stretches] | None:
-        """The same where passages that go and come leave all others as they are; None: they have to
-        be formed anew.
-        """
+        """The same where all others stay as they are; None: they have to be formed anew."""
         window_s, stop = self._window_s, replaced.stop
         begins, stretches = self._begins[replaced], self._stretches[replaced]
         for passage in off:
             at = bisect_right(begins, passage) - 1
             if at < 0:
                 return None
-            if begins[at] == passage and stretches[at].is_one_alone:
+            if begins[at] == passage and stretches[at].platoons == [[passage]]:
                 del begins[at], stretches[at]
                 continue
             found = stretches[at].platoon_without(passage)
@@ -206,14 +186,15 @@ class SegmentOrder:
                 if later and later[0][0] - platoon[0][0] <= window_s:
                     return None
                 begins[at] = platoon[0]
-            stretches[at] = self._with_platoon(stretches[at], passage, number, platoon)
+            stretches[at] = stretches[at].replaced(number, platoon, self._kwh(platoon), passage)
         for passage in on:
             at = bisect_right(begins, passage) - 1
             if at >= 0 and not stretches[at].ends_before(passage, window_s):
                 found = stretches[at].platoon_with(passage, window_s)
                 if found is None:
                     return None
-                stretches[at] = self._with_platoon(stretches[at], passage, *found)
+                number, platoon = found
+                stretches[at] = stretches[at].replaced(number, platoon, self._kwh(platoon), passage)
                 continue
             at += 1
             later = self._begins[stop : stop + 1]
@@ -229,19 +210,8 @@ class SegmentOrder:
             if led is None:
                 return None
             begins[at] = passage
-            stretches[at] = self._with_platoon(stretches[at], passage, 0, led)
+            stretches[at] = stretches[at].replaced(0, led, self._kwh(led), passage)
         return slice(replaced.start, stop), (begins, stretches)
-
-    def _with_platoon(
-        self,
-        stretch: Stretch,
-        passage: Traversal,
-        number: int,
-        platoon: Sequence[Traversal],
-    ) -> Stretch:
-        """The stretch with a platoon that a passage has joined or left."""
-        saved_kwh = self._kwh(platoon)
-        return stretch.replaced(number, platoon, saved_kwh, passage)
 
 
 def _total_kwh(stretches: Sequence[Stretch]) -> float:

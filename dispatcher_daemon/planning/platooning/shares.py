@@ -40,7 +40,6 @@ class Shares:
 
         Args:
             number: 0 is the leader.
-            members: of the platoon, at least two.
         """
         if number == 0:
             return self.leader_kwh

@@ -21,9 +21,7 @@ class Stretch:
 
     Attributes:
         platoons: in the order of their leaders, at least one.
-        saved_kwh: of each platoon.
         vehicles: that pass; None: one of them passes twice, which has rules of its own.
-        total_kwh: what all its platoons save.
     """
 
     platoons: Sequence[Sequence[Traversal]]
@@ -34,11 +32,6 @@ class Stretch:
     def __post_init__(self) -> None:
         self.total_kwh = sum(self.saved_kwh)
 
-    @property
-    def is_one_alone(self) -> bool:
-        """Whether it is a single passage."""
-        return len(self.platoons) == 1 and len(self.platoons[0]) == 1
-
     def ends_before(self, passage: Traversal, window_s: float) -> bool:
         """Whether a later passage is out of reach of all its platoons."""
         return passage[0] - self.platoons[-1][0][0] > window_s
@@ -46,9 +39,7 @@ class Stretch:
     def platoon_with(
         self, passage: Traversal, window_s: float
     ) -> tuple[int, list[Traversal]] | None:
-        """(number of the platoon that another passage joins, that platoon with it), where all other
-        passages stay in their places.
-        """
+        """(number of the platoon that a passage joins, that platoon with it)."""
         if self.vehicles is None or passage[2][0] in self.vehicles:
             return None
         entry, leaving, _ = passage
@@ -105,11 +96,7 @@ class Stretch:
         return sum(every_kwh)
 
     def replaced(
-        self,
-        number: int,
-        platoon: Sequence[Traversal],
-        saved_kwh: float,
-        passage: Traversal,
+        self, number: int, platoon: Sequence[Traversal], saved_kwh: float, passage: Traversal
     ) -> Stretch:
         """The stretch with another platoon in the place of one, which a passage joined or left."""
         platoons, every_kwh = list(self.platoons), list(self.saved_kwh)

@@ -48,9 +48,7 @@ def counted_drafting(
 
 
 def _begun_leg(own: Commitment) -> LegFrom:
-    """What a vehicle that moves has done of its leg by its present plan, up to its segment; that
-    segment alone where the plan does not have it.
-    """
+    """What a vehicle that moves has done of its leg, up to its segment, by its present plan."""
     here, time_ns = own.legs[0].path[0], 0 if own.moving is None else own.moving.time_ns
     planned = own.plan.segments
     found = [

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from dispatcher_daemon.planning.replay.again import Replayed, replayed
 from dispatcher_daemon.planning.replay.inputs import (
-    CycleRecord,
     InputEncoder,
     cycle_record,
     restored_cycle,
     restored_settings,
-    versions,
 )
 from dispatcher_daemon.planning.replay.trace import Trace, TraceRecorder
 
 __all__ = [
-    "CycleRecord",
     "InputEncoder",
     "Replayed",
     "Trace",
@@ -23,5 +20,4 @@ __all__ = [
     "replayed",
     "restored_cycle",
     "restored_settings",
-    "versions",
 ]

@@ -31,7 +31,6 @@ class Replayed:
     """A cycle that was made again.
 
     Attributes:
-        cycle: its number.
         vehicles: number of plans that were compared.
         differences: in words; none: the plans are the same.
         notes: in words, what the comparison rests on.
@@ -47,9 +46,7 @@ def replayed(stored: StoredCycle, plan_of: PlanOf, solve: Solve, executor: Execu
     """Make a stored cycle, or a stored insertion between cycles, again and compare.
 
     Args:
-        plan_of: for plans of earlier cycles that vehicles followed.
         solve: with the solvers of the stored settings, without hard deadlines.
-        executor: for searches.
 
     Raises:
         ValueError: its inputs are not stored or cannot be read by this version, or a plan is gone.

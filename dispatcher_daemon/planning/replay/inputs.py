@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
@@ -34,11 +35,9 @@ from dispatcher_daemon.planning.replay.parts import (
     places_data,
     plan_from,
     settings_data,
-    start_data,
-    stops_data,
+    table_data,
     traffic_data,
     traffic_from,
-    vehicles_data,
 )
 from dispatcher_daemon.planning.replay.trace import Trace
 from dispatcher_daemon.planning.routes import Insertion
@@ -67,10 +66,7 @@ class CycleRecord:
     """What is one cycle's own, beside its report and what its words are made of.
 
     Attributes:
-        trace: see `Trace`.
-        made: vehicles that it made plans for that were to be sent; some may have reported meanwhile
-            so that theirs was not.
-        versions: of the software that made it.
+        made: vehicles that it made plans for.
         wanted: stops that were to be put into tours between cycles; None: it was a whole cycle.
     """
 
@@ -87,12 +83,7 @@ class InputEncoder:
         self._made: dict[str, tuple[object, Part]] = {}
 
     def encode(self, cycle: Cycle, trace: Trace, result: CycleResult) -> CycleInputs:
-        """The inputs of a cycle.
-
-        Args:
-            trace: of it.
-            result: of it.
-        """
+        """The inputs of a cycle."""
         made = tuple(plan.vehicle for plan in result.plans)
         return self._inputs(cycle, trace, CycleFacts(made, result.accounts, result.refused))
 
@@ -103,8 +94,6 @@ class InputEncoder:
 
         Args:
             cycle: its `start` has the tours that were offered.
-            wanted: stops that were to be put into them.
-            result: of it.
         """
         made = () if result.found is None else tuple(p.vehicle for p in result.found.plans)
         return self._inputs(cycle, Trace(), CycleFacts(made, inserted=result.tried), wanted)
@@ -117,13 +106,13 @@ class InputEncoder:
             "network": self._part("network", problem.network, network_data),
             "settings": self._part("settings", cycle.settings, settings_data),
             "places": self._part("places", fleet, places_data),
-            "vehicles": self._part("vehicles", fleet.vehicles, vehicles_data),
-            "stops": self._part("stops", fleet.stops, stops_data),
+            "vehicles": self._part("vehicles", fleet.vehicles, partial(table_data, "vehicles")),
+            "stops": self._part("stops", fleet.stops, partial(table_data, "stops")),
             "expected": self._part("expected", snapshot.expected, expected_data),
             "traffic": self._part(
                 "traffic", snapshot.segments, partial(traffic_data, problem.network)
             ),
-            "start": self._part("start", cycle.start, start_data),
+            "start": self._part("start", cycle.start, lambda start: start and dict(start)),
         }
         own = {
             "now_ns": cycle.now_ns,
@@ -152,23 +141,18 @@ def cycle_record(inputs: CycleInputs) -> CycleRecord:
     Raises:
         ValueError: it cannot be read by this version.
     """
-    own = _own(inputs)
-    try:
+    with _readable():
+        own = json.loads(inputs.record)
         return CycleRecord(
             _TRACE.validate_python(own["trace"]),
             tuple(own["made"]),
-            dict(own["versions"]),
-            None if own.get("wanted") is None else tuple(own["wanted"]),
+            own["versions"],
+            None if own["wanted"] is None else tuple(own["wanted"]),
         )
-    except (KeyError, TypeError) as error:
-        raise ValueError(f"its record cannot be read: {error!r}") from None
 
 
 def restored_cycle(stored: StoredCycle, plan_of: PlanOf) -> Cycle:
     """The cycle as it was planned.
-
-    Args:
-        plan_of: for plans of earlier cycles that vehicles followed.
 
     Raises:
         ValueError: its inputs are not stored or cannot be read by this version, or a plan is gone.
@@ -176,10 +160,8 @@ def restored_cycle(stored: StoredCycle, plan_of: PlanOf) -> Cycle:
     inputs = stored.inputs
     if inputs is None:
         raise ValueError("its inputs are not stored")
-    if "traffic" not in inputs.parts:
-        raise ValueError("the version that stored it kept no traffic with it")
-    own = _own(inputs)
-    try:
+    with _readable():
+        own = json.loads(inputs.record)
         parts = {name: json.loads(part.content) for name, part in inputs.parts.items()}
         network = network_from(parts["network"])
         settings = restored_settings(inputs)
@@ -205,8 +187,6 @@ def restored_cycle(stored: StoredCycle, plan_of: PlanOf) -> Cycle:
             start=None if start is None else {name: tuple(stops) for name, stops in start.items()},
             commitments=tuple(commitment_from(data, plan_of) for data in own["commitments"]),
         )
-    except (KeyError, TypeError, AttributeError) as error:
-        raise ValueError(f"its inputs cannot be read: {error!r}") from None
 
 
 def restored_settings(inputs: CycleInputs) -> DispatcherSettings:
@@ -215,9 +195,17 @@ def restored_settings(inputs: CycleInputs) -> DispatcherSettings:
     Raises:
         ValueError: they cannot be read by this version.
     """
-    if "settings" not in inputs.parts:
-        raise ValueError("its inputs cannot be read: they have no settings")
-    return DispatcherSettings.model_validate(json.loads(inputs.parts["settings"].content))
+    with _readable():
+        return DispatcherSettings.model_validate(json.loads(inputs.parts["settings"].content))
+
+
+@contextmanager
+def _readable() -> Iterator[None]:
+    """What another version has stored may lack anything."""
+    try:
+        yield
+    except (KeyError, TypeError, AttributeError) as error:
+        raise ValueError(f"its inputs cannot be read: {error!r}") from None
 
 
 def versions() -> dict[str, str]:
@@ -234,10 +222,3 @@ def versions() -> dict[str, str]:
 
 def _json(data: object) -> bytes:
     return json.dumps(data, separators=(",", ":")).encode()
-
-
-def _own(inputs: CycleInputs) -> dict[str, Any]:
-    own = json.loads(inputs.record)
-    if not isinstance(own, dict):
-        raise ValueError("its record is no table")
-    return own

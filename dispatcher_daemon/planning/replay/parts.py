@@ -29,14 +29,14 @@ PlanOf = Callable[[int, str], VehiclePlan | None]
 
 _NOT_OF_A_CYCLE: Final = {"bus", "service", "database_url", "rsus"}
 """Settings that no plan depends on; a URL may hold a password."""
-_PLACES: Final[Mapping[str, TypeAdapter[Any]]] = {
+_TABLES: Final[Mapping[str, TypeAdapter[Any]]] = {
     "depots": TypeAdapter(tuple[Depot, ...]),
     "vehicle_types": TypeAdapter(tuple[NamedVehicleType, ...]),
     "charging_stops": TypeAdapter(tuple[ChargingStop, ...]),
     "hubs": TypeAdapter(tuple[Hub, ...]),
+    "vehicles": TypeAdapter(tuple[Vehicle, ...]),
+    "stops": TypeAdapter(tuple[Stop, ...]),
 }
-_VEHICLES: Final = TypeAdapter(tuple[Vehicle, ...])
-_STOPS: Final = TypeAdapter(tuple[Stop, ...])
 _COMMITMENT: Final = TypeAdapter(Commitment)
 _TRAFFIC: Final = {f.name: f.default for f in fields(SegmentTraffic) if f.default is not MISSING}
 """Defaults of what a segment's traffic has beside its speed."""
@@ -49,39 +49,21 @@ def settings_data(settings: DispatcherSettings) -> dict[str, Any]:
 
 def places_data(fleet: Fleet) -> dict[str, Any]:
     """A fleet's name, places and vehicle types."""
-    tables = {
-        name: adapter.dump_python(getattr(fleet, name), mode="json", exclude_defaults=True)
-        for name, adapter in _PLACES.items()
-    }
-    return {"name": fleet.name, **tables}
+    names = _TABLES.keys() - {"vehicles", "stops"}
+    return {"name": fleet.name} | {n: table_data(n, getattr(fleet, n)) for n in sorted(names)}
 
 
-def vehicles_data(vehicles: tuple[Vehicle, ...]) -> object:
-    """Its vehicles."""
-    return _VEHICLES.dump_python(vehicles, mode="json", exclude_defaults=True)
-
-
-def stops_data(stops: tuple[Stop, ...]) -> object:
-    """Its stops."""
-    return _STOPS.dump_python(stops, mode="json", exclude_defaults=True)
-
-
-def start_data(start: Mapping[str, Sequence[str]] | None) -> object:
-    """Routes that a search started from."""
-    return None if start is None else {name: list(stops) for name, stops in start.items()}
+def table_data(name: str, rows: object) -> object:
+    """A fleet's rows of one kind."""
+    return _TABLES[name].dump_python(rows, mode="json", exclude_defaults=True)
 
 
 def fleet_from_parts(parts: Mapping[str, Any]) -> Fleet:
     """The fleet of places, vehicles and stops."""
-    places = parts["places"]
-    tables = {name: adapter.validate_python(places[name]) for name, adapter in _PLACES.items()}
+    rows = {**parts["places"], "vehicles": parts["vehicles"], "stops": parts["stops"]}
+    tables = {name: adapter.validate_python(rows[name]) for name, adapter in _TABLES.items()}
     # As it was made: the fleet of vehicles on their way home has no stop.
-    return Fleet.model_construct(
-        name=places["name"],
-        stops=_STOPS.validate_python(parts["stops"]),
-        vehicles=_VEHICLES.validate_python(parts["vehicles"]),
-        **tables,
-    )
+    return Fleet.model_construct(name=rows["name"], **tables)
 
 
 def expected_data(expected: Expectations | None) -> object:
@@ -125,11 +107,7 @@ def traffic_data(
 def traffic_from(
     network: RoadNetwork, columns: Mapping[str, Sequence[Any]]
 ) -> Mapping[str, SegmentTraffic]:
-    """The traffic of `traffic_data`.
-
-    Raises:
-        ValueError: it is that of another network.
-    """
+    """The traffic of `traffic_data`."""
     if any(len(values) != len(network.segments) for values in columns.values()):
         raise ValueError("its traffic is not that of its roads")
     found = {}
@@ -154,11 +132,7 @@ def commitment_from(data: dict[str, Any], plan_of: PlanOf) -> Commitment:
 
 
 def plan_from(plan_of: PlanOf, cycle: int, vehicle: str) -> VehiclePlan:
-    """A plan that is stored.
-
-    Raises:
-        ValueError: it is not.
-    """
+    """A plan that is stored."""
     plan = plan_of(cycle, vehicle)
     if plan is None:
         raise ValueError(f"the plan that {vehicle} followed, of cycle {cycle}, is not stored")

@@ -81,7 +81,6 @@ class _Submitted(Executor):
         self._submit = submit
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
-        """Run a call."""
         return self._submit(fn, *args, **kwargs)
 
 
@@ -97,7 +96,6 @@ class _TimedSubmitted(_Submitted, TimedExecutor):
     def submit_within(
         self, within_s: float, limit_s: float, function: Callable[[A, float], T], argument: A
     ) -> Future[T]:
-        """Run a call."""
         return self._submit_within(within_s, limit_s, function, argument)
 
 
@@ -105,9 +103,7 @@ class TraceRecorder:
     """Stands between a cycle and its clock, executor and solvers; a context manager.
 
     Args:
-        solve: that is asked.
         executor: of the searches; None: a thread of its own.
-        clock: seconds.
     """
 
     def __init__(
@@ -179,18 +175,13 @@ class Player:
     """Stands where the recorder stood, and has the same happen again.
 
     Attributes:
-        trace: that was recorded.
-        inner: solves what is solved again.
-        workers: searches again.
         differing: by solver, number of answers to be repeated that came out otherwise.
-        solved: number of answers that were solved again.
     """
 
     trace: Trace
     inner: Solve
     workers: Executor
     differing: Counter[str] = field(default_factory=Counter)
-    solved: int = 0
     _looked: int = 0
     _now_ms: int = 0
     _searched: int = 0
@@ -228,7 +219,6 @@ class Player:
                 yield answer.outcome()
                 continue
             outcome = next(outcomes)
-            self.solved += 1
             if answer is not None and _answer(outcome, _NO_DEADLINE_S).selected != answer.selected:
                 self.differing[job.solver] += 1
             yield outcome

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dispatcher_daemon.planning.roads.arrays import Roads, roads_of
-from dispatcher_daemon.planning.roads.costs import planning_speed_mps, segment_cost_kwh
+from dispatcher_daemon.planning.roads.costs import held_cost_kwh, planning_speed_mps
 from dispatcher_daemon.planning.roads.given import given_matrices
 from dispatcher_daemon.planning.roads.onward import leg_from, leg_onward, unhindered_s
 from dispatcher_daemon.planning.roads.routes import (
@@ -39,6 +39,7 @@ __all__ = [
     "empty_leg",
     "fleet_travel",
     "given_matrices",
+    "held_cost_kwh",
     "lateness_by_window_s",
     "lateness_s",
     "least_energy_legs",
@@ -48,7 +49,6 @@ __all__ = [
     "planning_speed_mps",
     "roads_of",
     "searched_again",
-    "segment_cost_kwh",
     "timed",
     "timetable",
     "unhindered_s",

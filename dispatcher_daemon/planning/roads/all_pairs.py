@@ -41,7 +41,6 @@ class AllPairs:
 
         Args:
             searched: what paths minimise.
-            nodes: the junctions.
         """
         self._roads, self._searched, self._nodes = roads, searched, nodes
         m, n, count = len(roads.ids), len(nodes), roads.turn.shape[1]
@@ -129,9 +128,7 @@ class AllPairs:
             yield rows
 
     def along(self, kinds: Sequence[Weights], rows: slice = slice(None)) -> list[Floats]:
-        """Costs of each kind from some origins to all junctions, summed along the paths found,
-        shape (rows, n); inf where there is none.
-        """
+        """Costs of each kind along the paths from some origins, shape (rows, n); inf: no path."""
         m, n = self._rank.shape[1], len(self._nodes)
         first, last, _ = rows.indices(n)
         steps_kwh = []

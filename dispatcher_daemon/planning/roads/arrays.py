@@ -28,19 +28,14 @@ class Roads:
     vehicles of one profile.
 
     Attributes:
-        profile: theirs.
-        ids: segment ids.
         cost_kwh: expected energy of a vehicle alone, > 0, shape (m,).
         speed_mps: planning speeds, shape (m,).
         length_m: shape (m,).
         turn: pairs of segments (from, onto) that the vehicles may take, shape (2, t).
         costs: of paths; durations to about a second.
         objective: cost that the search minimises, kWh.
-        search: the problem's.
-        price_of_time_kw: the problem's.
         index: position by id.
-        leaving: positions of the segments that leave a junction and that the vehicles may use, by
-            junction; so `entering`.
+        leaving: positions of usable segments that leave a junction, by junction; so `entering`.
     """
 
     profile: RoutingProfile

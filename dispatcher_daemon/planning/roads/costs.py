@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 
 from dispatcher_daemon.traffic import SegmentTraffic
-from slipstream.energy.consumption import steady_energy_kwh, stop_energy_kwh
+from slipstream.energy.consumption import steady_energy_kwh
 from slipstream.roads import Segment
 from slipstream.vehicle_types import RoutingProfile
-
-PAPER_CAR_PROFILE = RoutingProfile()
 
 
 def expected_traction_n(mean_n: float, std_n: float) -> float:
@@ -26,22 +24,10 @@ def expected_traction_n(mean_n: float, std_n: float) -> float:
 
 
 def planning_speed_mps(segment: Segment, traffic: SegmentTraffic, profile: RoutingProfile) -> float:
-    """Speed that a vehicle is expected to hold on a segment, m/s: the traffic's, or its own top
-    speed or the limit for its class where that is lower.
-    """
+    """Speed that a vehicle is expected to hold: the traffic's, its top speed or its limit."""
     limit_mps = segment.access.speed_limit_mps(segment.speed_limit_mps, profile)
     top_mps = math.inf if profile.max_speed_mps is None else profile.max_speed_mps
     return min(traffic.speed_mps, limit_mps, top_mps)
-
-
-def segment_cost_kwh(
-    segment: Segment, traffic: SegmentTraffic, profile: RoutingProfile = PAPER_CAR_PROFILE
-) -> float:
-    """Energy that a vehicle alone is expected to need for a segment, kWh, > 0: that of
-    `held_cost_kwh`, and for each expected stop the kinetic energy of the planning speed.
-    """
-    stop_kwh = stop_energy_kwh(planning_speed_mps(segment, traffic, profile), profile.physics)
-    return held_cost_kwh(segment, traffic, profile) + traffic.stops * stop_kwh
 
 
 def follows_traffic(traffic: SegmentTraffic) -> bool:
@@ -50,7 +36,9 @@ def follows_traffic(traffic: SegmentTraffic) -> bool:
 
 
 def held_cost_kwh(segment: Segment, traffic: SegmentTraffic, profile: RoutingProfile) -> float:
-    """The same for a vehicle that is on the segment at its planning speed, and does not stop.
+    """Energy that a vehicle alone is expected to need for a segment without stops, kWh, > 0.
+
+    It is on the segment at its planning speed; each expected stop costs the kinetic energy of that.
 
     Where traffic is not known to be turbulent, the vehicle holds the planning speed: the paper's
     c_ij with a = 0. A mean acceleration in a camera's short view does not hold for a whole segment,

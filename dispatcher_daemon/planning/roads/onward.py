@@ -30,11 +30,8 @@ def leg_onward(
     """The leg that begins with a path and goes on as is cheapest; None if no way leads there.
 
     Args:
-        travel: of the vehicle's profile.
         path: segments that it begins with; none: it begins at the start's junction.
         start: place and its junction.
-        end: likewise.
-        style: of the drive.
         complete: whether the path is the whole leg.
     """
     if not path and start[1] == end[1]:
@@ -61,11 +58,7 @@ def leg_from(
     no energy any more.
 
     Args:
-        roads: of the cycle.
-        leg: from the begin of the segment.
         share: of the segment that lies behind it.
-        speed_mps: at which it drives.
-        style: of the drive.
     """
     rows = np.array([roads.index[name] for name in leg.path])
     lengths = roads.length_m[rows].tolist()

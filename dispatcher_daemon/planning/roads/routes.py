@@ -25,9 +25,7 @@ class RoadLeg:
     """The path between two places (stops or the depot).
 
     Attributes:
-        path: segments.
         cost_kwh: expected energy and the price of its time, or what else the search minimises.
-        drive: speed profile and times.
         beyond_kwh: expected energy beyond that of the drive, because of traffic and signals.
         charging: at its end; None: none.
         pause: break that is taken at its end, which is the place of its begin; None: none.
@@ -104,13 +102,7 @@ class Route:
             for position, segment in enumerate(leg.path):
                 begin, end = times[position], times[position + 1]
                 entries.append(
-                    (
-                        number,
-                        position,
-                        segment,
-                        visit.departure_s + begin,
-                        visit.departure_s + end,
-                    )
+                    (number, position, segment, visit.departure_s + begin, visit.departure_s + end)
                 )
         return entries
 
@@ -123,9 +115,6 @@ def candidate_arcs(
     The departure from a stop depends on the stops before it, which are not chosen yet (FINDINGS,
     "The paper", 2). The earliest one is predicted; it is exact for arcs from the depot and wherever
     every stop before it has only one possible predecessor.
-
-    Args:
-        reference_s: when a vehicle that is ready at once leaves the depot.
     """
     arcs = []
     for vehicle in problem.fleet.vehicles:
@@ -194,12 +183,12 @@ def timetable(
     that are missed.
 
     Args:
-        reference_s: when a vehicle that is ready at once leaves; all times of the fleet count
-            from it.
+        reference_s: when a vehicle that is ready at once leaves.
         depart_s: when this one leaves; None: as soon as it is ready.
     """
-    places = _places(problem, vehicle, stops)
-    return timed(problem, [legs[pair] for pair in pairwise(places)], vehicle, reference_s, depart_s)
+    depot = problem.fleet.depot_of(vehicle).id
+    own = [legs[pair] for pair in pairwise((depot, *stops, depot))]
+    return timed(problem, own, vehicle, reference_s, depart_s)
 
 
 def timed(
@@ -252,8 +241,7 @@ def lateness_by_window_s(
     *,
     under_way: bool = False,
 ) -> list[float]:
-    """By how much a route misses each of its windows, less than 0 where it keeps it: those of
-    departure and return, then those of its stops.
+    """By how much a route misses its windows: departure, return, stops; < 0: it keeps one.
 
     Args:
         under_way: its departure lies behind it.
@@ -273,9 +261,7 @@ def lateness_by_window_s(
 
 
 def _late_for_breaks_s(vehicle: Vehicle, route: Route, reference_s: float) -> Iterator[float]:
-    """By how much each break of a vehicle begins too late on its route: those that it has none for,
-    and that the time at the depot does not take, by the whole tour.
-    """
+    """By how much each break begins too late; by the whole tour where there is none for it."""
     legs = zip(route.legs, route.visits[1:], strict=True)
     taken = {leg.end: visit for leg, visit in legs if leg.pause is not None}
     leaves_s = route.visits[0].departure_s - reference_s
@@ -290,8 +276,3 @@ def _late_for_breaks_s(vehicle: Vehicle, route: Route, reference_s: float) -> It
             # It ends its window late by the whole of what it lacks, even where only a part of it
             # has no room beside the other breaks.
             yield max(back_s - own.latest_s, own.duration_s)
-
-
-def _places(problem: RoutingProblem, vehicle: Vehicle, stops: Sequence[str]) -> list[str]:
-    depot = problem.fleet.depot_of(vehicle).id
-    return [depot, *stops, depot]

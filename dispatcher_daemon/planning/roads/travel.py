@@ -52,7 +52,6 @@ class Travel:
             discount_kwh: taken off each segment's cost in the search, shape (m,); energies stay
                 those of the path that is found. At least 1 % of a cost is left.
             others: the same for vehicles of other profiles; see `of`.
-            may_go_on: asked now and then with the share of the search that is done.
 
         Raises:
             TimeoutError: the search may not go on.
@@ -110,11 +109,7 @@ class Travel:
         return csr_array((self.searched.turn, (turn[0], turn[1])), shape=(m, m))
 
     def of(self, vehicle: Vehicle) -> Travel:
-        """The paths of a vehicle's profile.
-
-        Raises:
-            KeyError: it is not among those that were searched.
-        """
+        """The paths of a vehicle's profile."""
         return self.by_profile[self._problem.profile_of(vehicle)]
 
     def leg(self, start: str, end: str) -> RoadLeg | None:

@@ -48,8 +48,6 @@ class Basis:
         held_kwh: of segments at their planning speed, without stops, shape (m,).
         steady_kwh: the same in calm traffic, shape (m,).
         stops: expected at the end of each segment, shape (m,).
-        style: of driving.
-        vehicle: its data.
     """
 
     ids: tuple[str, ...]
@@ -110,10 +108,8 @@ class Basis:
         """Losses of movements and their times, as observed; see `Expectations`.
 
         Args:
-            loss_factor: by which the vehicle's losses differ from the observed vehicles', of each
-                segment, shape (m,).
-            exact: whether movements that are not known cost what their drive does, with its changes
-                of speed, or what their segment does.
+            loss_factor: losses by those of the observed vehicles, of each segment, shape (m,).
+            exact: whether unknown movements cost what their drive does, or what their segment does.
         """
         origin, speed = self.turn[0], self.speed_mps
         drive = self.drive_costs()
@@ -168,9 +164,7 @@ class Basis:
         )
 
     def _stop(self) -> tuple[Floats, Floats]:
-        """(energy, kWh; time, s) of the stops expected before each turn: braking to a stand and
-        gaining speed again, instead of changing from one speed to the other.
-        """
+        """(kWh, s) of the expected stops before each turn, beyond changing speed without one."""
         origin, onto = self.turn
         before, after = self.speed_mps[origin], self.speed_mps[onto]
         rate, rest = self._rate, np.zeros(len(origin))
@@ -192,9 +186,7 @@ class Basis:
         before_rate: Floats | None = None,
         after_rate: Floats | None = None,
     ) -> Floats:
-        """Energy of changes of speed beyond that of holding the higher speed meanwhile, kWh; < 0
-        where speed is lost. Rates: those of the segments, where None.
-        """
+        """Energy of changing speed beyond holding the higher one, kWh; < 0 where it is lost."""
         gains = after_mps > before_mps
         rates = self.style.acceleration_mps2, self.style.braking_mps2
         rate_mps2 = np.where(gains, *rates)

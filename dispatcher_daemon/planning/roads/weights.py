@@ -67,7 +67,6 @@ class Weights:
         """Cost of one path.
 
         Args:
-            path: its segments, at least one.
             turns: numbers of the turns between them.
         """
         parts = np.concatenate([self.begin[[path[0]]], self.turn[list(turns)]])
@@ -85,9 +84,6 @@ def k_shortest_paths(
 
     Args:
         pairs: segments of each turn (from, onto), shape (2, t).
-        first: segments that a path may begin with.
-        last: segments that it may end with.
-        max_paths: k.
     """
     m = len(weights.begin)
     # Segments, then the start and the end, which may cost nothing: 0 would be no edge.

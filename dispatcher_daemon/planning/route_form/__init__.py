@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
-from dispatcher_daemon.planning.route_form.cycle import route_cycle
+from dispatcher_daemon.planning.route_form.cycle import BASE, route_cycle
 from dispatcher_daemon.planning.route_form.fleet_plan import (
+    NO_ROOM,
     NO_VEHICLE,
     FleetPlan,
+    InitialPlans,
+    first_routes,
     initial_plans,
     plan_fleet,
+    servable,
+    with_ways,
 )
-from dispatcher_daemon.planning.route_form.form import RouteForm, route_form
 
 __all__ = [
+    "BASE",
+    "NO_ROOM",
     "NO_VEHICLE",
     "FleetPlan",
-    "RouteForm",
+    "InitialPlans",
+    "first_routes",
     "initial_plans",
     "plan_fleet",
     "route_cycle",
-    "route_form",
+    "servable",
+    "with_ways",
 ]

@@ -27,17 +27,9 @@ GREEDY = "greedy"
 
 
 def route_cycle(
-    cycle: Cycle,
-    solve: Solve,
-    executor: Executor,
-    clock: Callable[[], float] = time.monotonic,
+    cycle: Cycle, solve: Solve, executor: Executor, clock: Callable[[], float] = time.monotonic
 ) -> FormResult:
-    """Plan the fleet and verify the plans.
-
-    Args:
-        executor: for the search of base routes.
-        clock: seconds.
-    """
+    """Plan the fleet and verify the plans."""
     checked: list[Candidate | CandidateRefusal] = []
 
     def check(whole: Cycle, base: Choice, unserved: Mapping[str, str]) -> None:

@@ -60,18 +60,14 @@ class FleetPlan:
     """The plan of a fleet.
 
     Attributes:
-        cycle: as it was planned, without bound vehicles that no way leads on for: they keep the
-            plans that they have.
+        cycle: as it was planned, without bound vehicles that no way leads on for.
         choice: the plan; no carrier has less than by `base`.
         base: the same fleet routed without platooning, all vehicles leaving when ready.
         greedy: base routes, departures chosen one vehicle after the other.
-        unserved: reason by stop that no vehicle serves.
-        sweeps: in order.
         wall_s: time of each stage: roads, base, check, greedy, ways, second, sweeps, carriers.
         timed_out: True if a deadline ended a stage, so that a repetition may end elsewhere.
         gains_kwh: of each carrier by the plan, where there are several.
         base_gains_kwh: likewise by `base` with the platoons that form by chance.
-        declined: see `BlockDescent`.
     """
 
     cycle: Cycle
@@ -100,9 +96,6 @@ def plan_fleet(
     the deadline and keeps what it has.
 
     Args:
-        executor: runs the parts of the search for base routes.
-        solve: runs the blocks' solvers; the best answer counts.
-        clock: seconds.
         check: called with the base plan as soon as it is known. The plan is done so much earlier
             that it can be checked within the deadline too, by the time that this takes.
     """
@@ -272,18 +265,8 @@ def initial_plans(
 
     Args:
         has_time: whether another vehicle's departure may be chosen; the others leave when ready.
-        base_is_known: called before any is chosen.
     """
-    problem, city = cycle.problem, cycle.settings.city
-    planner = Planner(
-        problem,
-        cycle.snapshot,
-        [travel],
-        cycle.settings.sync_window_s,
-        cycle.reference_s,
-        on_road=cycle.on_road,
-        commitments=cycle.commitments,
-    )
+    city, planner = cycle.settings.city, Planner.of(cycle, [travel])
     base = choice_of(planner, departing_when_ready(planner, routes, missing))
     base_is_known(base)
     if sum(len(i.route.legs) for i in base.itineraries if i.route is not None) <= city.ways_legs:

@@ -66,9 +66,7 @@ class BaseRoutes:
 
     Attributes:
         stops: by vehicle, those it serves in order; none for a vehicle that stays idle.
-        unassigned: stops that are on no route.
-        timed_out: True if the time limit ended the search, so that a repetition may
-            give other routes.
+        timed_out: whether time ended the search, so that a repetition may give other routes.
     """
 
     stops: StopsByVehicle
@@ -99,7 +97,6 @@ def base_routes(
         executor: for the parts; processes, as PyVRP keeps the interpreter lock.
         seed: same seed, same routes, unless time runs out.
         start: routes to start from, by vehicle, instead of a first search.
-        clock: seconds.
     """
     has_vehicle = any(v.first_stop is None or v.first_stop in stops for v in problem.fleet.vehicles)
     routes: StopsByVehicle = {v.id: () for v in problem.fleet.vehicles}
@@ -180,9 +177,6 @@ class _Search:
     ) -> tuple[StopsByVehicle, bool]:
         """(first feasible routes, whether time ran out); of many stops part by part, as the search
         for feasible routes takes more than twice as long for twice as many stops.
-
-        Args:
-            groups: vehicles and the stops that only they may serve.
         """
         problem, settings = self._problem, self._settings
         limit_s = _FIRST_SHARE * settings.time_limit_s
@@ -203,11 +197,7 @@ class _Search:
         return self._side_by_side(jobs, limit_s, make_up=len(models) == 1)
 
     def _first_job(
-        self,
-        model: VrpModel,
-        start: Mapping[str, Sequence[str]] | None,
-        limit_s: float,
-        seed: int,
+        self, model: VrpModel, start: Mapping[str, Sequence[str]] | None, limit_s: float, seed: int
     ) -> SearchJob:
         """All stops by low penalties, then by high ones; at last as many stops as possible."""
         most = self._settings.iterations_to_feasible
@@ -236,10 +226,8 @@ class _Search:
         A long search of fewer parts than there are workers runs with several seeds side by side.
 
         Args:
-            unassigned: stops that are on none of the routes.
             limit_s: for all parts together.
             times: how many rounds' iterations it has.
-            deep: see `SearchAttempt`.
         """
         jobs = []
         most = times * self._settings.iterations_per_stop
@@ -261,7 +249,6 @@ class _Search:
         return self._side_by_side(jobs, limit_s)
 
     def _each(self, limit_s: float, parts: int) -> float:
-        """Time of each part, if all have a limit together, s."""
         return limit_s / math.ceil(parts / self._settings.workers)
 
     def _side_by_side(

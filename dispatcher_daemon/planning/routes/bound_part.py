@@ -14,9 +14,7 @@ from dispatcher_daemon.planning.routes.pyvrp_model import StopsByVehicle
 
 
 def unbound(cycle: Cycle) -> RoutingProblem | None:
-    """The problem of the free vehicles and the stops that are on no vehicle; None: one of the two
-    is missing.
-    """
+    """The problem of free vehicles and stops on no vehicle; None: one of the two is missing."""
     if not cycle.commitments:
         return cycle.problem
     fleet = cycle.problem.fleet

@@ -18,12 +18,6 @@ def with_breaks(
     takes are left out.
 
     Whether they are kept is for the finished route to say, as a later departure moves them.
-
-    Args:
-        problem: of the cycle.
-        vehicle: free, at its depot.
-        legs: from depot to depot, over charging stops too.
-        reference_s: when the fleet's times count from.
     """
     found, first = list(legs), 1
     for number, own in enumerate(vehicle.breaks):

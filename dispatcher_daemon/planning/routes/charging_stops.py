@@ -54,13 +54,9 @@ class Batteries:
     def with_stops(
         self, number: int, travel: Travel, legs: Sequence[RoadLeg], fixed: int, *, under_way: bool
     ) -> list[RoadLeg] | None:
-        """The legs of a vehicle's route, over charging stops where its battery needs them; None if
-        it does not last.
+        """The legs of a route, over charging stops where they are needed; None: it does not last.
 
         Args:
-            travel: of the vehicle's profile.
-            legs: see `with_charging_stops`.
-            fixed: likewise.
             under_way: whether the vehicle goes on as it can.
         """
         battery = self.of[number]
@@ -91,7 +87,6 @@ class Batteries:
         return short_kwh / battery.depot_power_kw
 
     def _energy_kwh(self, number: int) -> Callable[[RoadLeg], float]:
-        """What a leg takes out of a vehicle's battery."""
         physics = self._problem.profile_of(self._problem.fleet.vehicles[number]).physics
 
         def energy_kwh(leg: RoadLeg) -> float:
@@ -116,10 +111,7 @@ def with_charging_stops(
     """The legs of a route, over charging stops where the battery needs them.
 
     Args:
-        travel: of the vehicle's profile.
         legs: from depot to depot, without charging stops.
-        departure_kwh: charge at the departure.
-        energy_kwh: what a leg takes out of the battery.
         fixed: number of legs at the beginning that stay as they are.
 
     Returns:
@@ -128,6 +120,29 @@ def with_charging_stops(
     needs = [energy_kwh(leg) for leg in legs]
     if departure_kwh - sum(needs) >= battery.reserve_kwh - TOLERANCE_KWH:
         return list(legs)
+
+    def over_charging_stops(leg: RoadLeg, label: _Label, after_kwh: float) -> Iterator[_Label]:
+        for place in fleet.charging_stops:
+            there, on = travel.leg(leg.start, place.id), travel.leg(place.id, leg.end)
+            if there is None or on is None:
+                continue
+            arrival_kwh = label.charge_kwh - energy_kwh(there)
+            on_kwh = energy_kwh(on)
+            # The exact need of the rest, unless the battery does not hold it.
+            target_kwh = min(battery.capacity_kwh, after_kwh + on_kwh)
+            taken_kwh = target_kwh - arrival_kwh
+            if arrival_kwh < battery.reserve_kwh - TOLERANCE_KWH or taken_kwh <= 0:
+                continue
+            if target_kwh - on_kwh < battery.reserve_kwh - TOLERANCE_KWH:
+                continue
+            charging = Charging(taken_kwh, battery.charging_s(taken_kwh, place.power_kw))
+            detour_s = there.drive.duration_s + on.drive.duration_s - leg.drive.duration_s
+            yield _Label(
+                label.extra_s + detour_s + charging.duration_s,
+                target_kwh - on_kwh,
+                (*label.legs, replace(there, charging=charging), on),
+            )
+
     labels = [_Label(0.0, departure_kwh, ())]
     for number, (leg, need) in enumerate(zip(legs, needs, strict=True)):
         after_kwh = battery.reserve_kwh + sum(needs[number + 1 :])
@@ -138,43 +153,11 @@ def with_charging_stops(
                 found.append(_Label(label.extra_s, charge, (*label.legs, leg)))
             if number < fixed:
                 continue
-            found += _over_charging_stops(battery, fleet, travel, leg, label, after_kwh, energy_kwh)
+            found += over_charging_stops(leg, label, after_kwh)
         labels = _undominated(found)
         if not labels:
             return None
     return list(labels[0].legs)
-
-
-def _over_charging_stops(
-    battery: Battery,
-    fleet: Fleet,
-    travel: Travel,
-    leg: RoadLeg,
-    label: _Label,
-    after_kwh: float,
-    energy_kwh: Callable[[RoadLeg], float],
-) -> Iterator[_Label]:
-    """The leg over each charging stop within reach."""
-    for place in fleet.charging_stops:
-        there, on = travel.leg(leg.start, place.id), travel.leg(place.id, leg.end)
-        if there is None or on is None:
-            continue
-        arrival_kwh = label.charge_kwh - energy_kwh(there)
-        on_kwh = energy_kwh(on)
-        # The exact need of the rest, unless the battery does not hold it.
-        target_kwh = min(battery.capacity_kwh, after_kwh + on_kwh)
-        taken_kwh = target_kwh - arrival_kwh
-        if arrival_kwh < battery.reserve_kwh - TOLERANCE_KWH or taken_kwh <= 0:
-            continue
-        if target_kwh - on_kwh < battery.reserve_kwh - TOLERANCE_KWH:
-            continue
-        charging = Charging(taken_kwh, battery.charging_s(taken_kwh, place.power_kw))
-        detour_s = there.drive.duration_s + on.drive.duration_s - leg.drive.duration_s
-        yield _Label(
-            label.extra_s + detour_s + charging.duration_s,
-            target_kwh - on_kwh,
-            (*label.legs, replace(there, charging=charging), on),
-        )
 
 
 def _undominated(labels: Sequence[_Label]) -> list[_Label]:

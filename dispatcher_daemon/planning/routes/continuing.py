@@ -24,9 +24,7 @@ it knew all the fleet."""
 
 
 def departure_s(own: Commitment, roads: Roads, now_ns: int) -> float:
-    """When the committed part of a route begins, s after the cycle's start: one that moves entered
-    its segment then, if nothing hindered it.
-    """
+    """When the committed part of a route begins, s after the cycle's start."""
     if own.moving is None:
         return 1e-9 * (own.departs_ns - now_ns)
     measured_s = 1e-9 * (own.moving.time_ns - now_ns)
@@ -40,11 +38,7 @@ def planned_waits_s(
     sooner than its present plan says, where that has waits; shorter ones if it is late.
 
     Args:
-        problem: of the cycle.
-        own: what it is bound to.
         route: over its stops, without waits.
-        now_ns: the cycle's start, UTC.
-        reference_s: when the fleet's times count from.
     """
     planned = {stop.stop: stop for stop in own.plan.stops if stop.wait_s > 0}
     waits, shift_s = list[float](), 0.0
@@ -90,16 +84,7 @@ def best_order(
     begins_s: float,
     reference_s: float,
 ) -> tuple[str, ...]:
-    """Its stops with those behind the fixed ones in the order of least lateness, then cost.
-
-    Args:
-        problem: of the cycle.
-        travel: paths between its places.
-        own: what it is bound to.
-        vehicle: of the problem's fleet.
-        begins_s: when its committed part begins.
-        reference_s: when the fleet's times count from.
-    """
+    """Its stops with those behind the fixed ones in the order of least lateness, then cost."""
     fixed, rest = own.fixed_stops, own.stops[len(own.fixed_stops) :]
     if not 1 < len(rest) <= MAX_REORDERED:
         return own.stops

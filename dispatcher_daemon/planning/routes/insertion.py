@@ -60,8 +60,6 @@ def insert_stops(
 
     Args:
         cycle: its fleet has the vehicles of the tours, their stops, and those that are wanted.
-        routes: stops in order by vehicle.
-        wanted: stops that are on no route.
     """
     fleet = cycle.problem.fleet
     late = f"more than {MAX_STOPS} came at once: {_WAITS}"
@@ -169,9 +167,7 @@ def _offer(planner: Planner, old: Itinerary, stop: str) -> tuple[OfferedTour, It
 
 
 def _no_time(planner: Planner, old: Itinerary, stop: str) -> tuple[TourObstacle, str]:
-    """Why no place of a tour has way, charge or time for a stop: of the place that is nearest to
-    it.
-    """
+    """Why no place of a tour has way, charge or time for a stop: of the nearest place."""
     problem, number = planner.problem, old.number
     vehicle = problem.fleet.vehicles[number]
     own = planner.travels[0].of(vehicle)
@@ -240,7 +236,6 @@ def _obstacle(
 def _unfit(
     fleet: Fleet, routes: Mapping[str, Sequence[str]], wanted: Stop
 ) -> dict[str, tuple[TourObstacle, str]]:
-    """Why vehicles may not serve a stop, or not carry it, by vehicle."""
     found = {}
     for vehicle in fleet.vehicles:
         served = [fleet.stop_by_id[name] for name in routes[vehicle.id]]
@@ -251,7 +246,6 @@ def _unfit(
 
 
 def _nowhere(offers: Sequence[OfferedTour]) -> str:
-    """Why no tour takes a stop, in words."""
     counts = Counter(offer.obstacle for offer in offers if offer.obstacle is not None)
     some = ", ".join(f"{n} {_COUNTED[obstacle]}" for obstacle, n in counts.most_common())
     reason = "no tour that has not begun may take it, or has room and time for it"

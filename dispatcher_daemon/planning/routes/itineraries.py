@@ -11,6 +11,7 @@ from typing import Final
 
 from dispatcher_daemon.fleet import Commitment, RoadUser
 from dispatcher_daemon.forms import RoutingProblem
+from dispatcher_daemon.planning.plans import Cycle
 from dispatcher_daemon.planning.platooning import MeetingBook, Traversals
 from dispatcher_daemon.planning.roads import (
     RoadLeg,
@@ -35,7 +36,6 @@ class Itinerary:
     """One vehicle's exact route, its cost without platooning, and its passages of open segments.
 
     Attributes:
-        number: of the vehicle in the fleet.
         stops: served in order; none: the vehicle stays idle.
         route: with its timetable; None for an idle vehicle.
         cost_kwh: Σ leg costs without platooning, and the cost of waiting for other vehicles.
@@ -71,10 +71,7 @@ class Planner:
 
     Attributes:
         travels: paths between places; the first are those of least energy, others alternatives.
-        book: of meetings.
-        windows: of departures.
         paths_per_leg: number of cheapest paths of each leg that options may contain.
-        batteries: what they allow.
     """
 
     def __init__(
@@ -97,10 +94,21 @@ class Planner:
         self.batteries = Batteries(problem)
         self._committed: dict[tuple[int, int], list[RoadLeg] | None] = {}
 
+    @classmethod
+    def of(cls, cycle: Cycle, travels: Sequence[Travel]) -> Planner:
+        """For a cycle, with its vehicles on the road."""
+        return cls(
+            cycle.problem,
+            cycle.snapshot,
+            travels,
+            cycle.settings.sync_window_s,
+            cycle.reference_s,
+            on_road=cycle.on_road,
+            commitments=cycle.commitments,
+        )
+
     def legs(self, number: int, stops: Sequence[str], travel: int = 0) -> list[RoadLeg] | None:
-        """Legs of a route, over charging stops where the battery needs them, with the breaks of a
-        vehicle that is free; None if one of them has no path or the battery does not last.
-        """
+        """Legs of a route with charging stops and breaks; None: no path, or too little charge."""
         fleet = self.problem.fleet
         vehicle = fleet.vehicles[number]
         depot, own = fleet.depot_of(vehicle).id, self.travels[travel].of(vehicle)
@@ -128,9 +136,7 @@ class Planner:
         return self.windows.of(number)[0] + S_PER_H * self.batteries.needed_h(number, legs)
 
     def fixed_legs(self, number: int, travel: int = 0) -> list[RoadLeg] | None:
-        """The first legs of a bound vehicle, which are the same whatever it does; of any other
-        vehicle there are none. None: no way leads on.
-        """
+        """The first legs of a bound vehicle, none of any other one; None: no way leads on."""
         own = self.windows.bound.get(number)
         if own is None:
             return []
@@ -157,8 +163,7 @@ class Planner:
         charge falls below the reserve.
 
         Args:
-            depart_s: None: as soon as it is ready, and charged as far as it needs. A bound vehicle
-                goes on as it can.
+            depart_s: None: as soon as it is ready and charged. A bound vehicle goes on as it can.
             waits_s: for other vehicles, at the end of each leg but the last; none: nowhere.
         """
         bound = number in self.windows.bound

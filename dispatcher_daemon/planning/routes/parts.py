@@ -1,6 +1,4 @@
-"""Cuts of a fleet and its stops, by carrier and by location, into parts that are searched side by
-side.
-"""
+"""Cuts of a fleet and its stops, by carrier and location, into parts searched side by side."""
 
 from __future__ import annotations
 
@@ -62,11 +60,7 @@ def are_full(fleet: Fleet, stops: Sequence[str]) -> bool:
 
 
 def parts_of_routes(
-    problem: RoutingProblem,
-    whole: FleetPart,
-    routes: StopsByVehicle,
-    max_stops: int,
-    number: int,
+    problem: RoutingProblem, whole: FleetPart, routes: StopsByVehicle, max_stops: int, number: int
 ) -> list[FleetPart]:
     """A part's routes cut at the median of where their stops lie, again and again, across a
     direction that turns from cut to cut and from round to round.
@@ -74,9 +68,7 @@ def parts_of_routes(
     Idle vehicles and unassigned stops are distributed over the parts.
 
     Args:
-        routes: of all vehicles.
         max_stops: of the mean part.
-        number: of the round.
     """
     at = _positions(problem)
     unassigned = unserved(whole.stops, routes)

@@ -94,9 +94,7 @@ class VrpModel:
         return self._problem.fleet.depot_of(vehicle).id
 
     def _begin(self, kind: Vehicle) -> tuple[str, float, list[int]]:
-        """(place, earliest departure from it, load delivered before): the depot, or the stop that
-        a vehicle with a first stop serves before it is free.
-        """
+        """(place, earliest departure, load delivered before): the depot, or the first stop."""
         depot = self._depot(kind)
         if kind.first_stop is None:
             return depot, kind.ready_s, [0] * len(self._unlimited)
@@ -113,9 +111,7 @@ class VrpModel:
         return bool(np.any(needed > free))
 
     def _load(self, stop: Stop) -> list[int]:
-        """Demand of a stop, its mass in PyVRP's units where any stop has one, what it asks for, and
-        for whom it is kept.
-        """
+        """Demand of a stop, its mass if any stop has one, what it asks for, and for whom it is."""
         mass = [math.ceil(stop.mass_kg * _UNITS_PER_KG)] if self._masses else []
         return [
             stop.demand,
@@ -206,9 +202,7 @@ class VrpModel:
         return distance.astype(np.int64), tenths.astype(np.int64)
 
     def _depots(self) -> list[str]:
-        """Depots and first stops, where vehicles begin: a location each, as only one that a vehicle
-        begins at leads to its start.
-        """
+        """Depots and first stops: a location each, as only what begins there leads to its start."""
         begins = [self._begin(kind)[0] for kind, _ in self._kinds]
         return list(dict.fromkeys([*(self._depot(kind) for kind, _ in self._kinds), *begins]))
 

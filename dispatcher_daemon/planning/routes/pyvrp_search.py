@@ -10,12 +10,7 @@ from typing import Final
 import pyvrp
 from pyvrp.exceptions import PenaltyBoundWarning
 from pyvrp.search import NeighbourhoodParams, PerturbationParams
-from pyvrp.stop import (
-    MaxIterations,
-    MaxRuntime,
-    MultipleCriteria,
-    StoppingCriterion,
-)
+from pyvrp.stop import MaxIterations, MaxRuntime, MultipleCriteria, StoppingCriterion
 
 from dispatcher_daemon.planning.routes.pyvrp_model import MWH_PER_KWH, NO_PATH_MWH, Visits
 from dispatcher_daemon.settings import SearchSettings
@@ -46,7 +41,6 @@ class SearchAttempt:
     """A search.
 
     Attributes:
-        iterations: at most.
         first: whether the first feasible routes end it.
         deep: whether it has the iterations for larger steps; it is long then.
         stop_after: iterations after which it ends, whatever else would end it; None: not given.
@@ -75,11 +69,7 @@ class Found:
 
 @dataclass(frozen=True)
 class SearchJob:
-    """Attempts at the routes of one part, in turn.
-
-    Attributes:
-        limit_s: of each attempt.
-    """
+    """Attempts at the routes of one part, in turn."""
 
     attempts: Sequence[SearchAttempt]
     start: Visits | None

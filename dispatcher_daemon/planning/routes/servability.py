@@ -47,9 +47,7 @@ def servable_part(
 
 
 def without(problem: RoutingProblem, stops: Collection[str]) -> RoutingProblem:
-    """The problem without some, but not all of its stops; a vehicle that has one of them as first
-    stop has none.
-    """
+    """The problem without some, but not all stops; who has one as first stop has none."""
     fleet = problem.fleet
     vehicles = tuple(
         v.model_copy(update={"first_stop": None}) if v.first_stop in stops else v
@@ -69,9 +67,6 @@ def unservable(
     A vehicle drives the least-energy paths from its depot over its first stop, if that can be
     served, to the stop and back. A stop that is loaded on a vehicle is that
     vehicle's alone.
-
-    Args:
-        travel: those paths, where they are known already.
 
     Returns:
         Reason by stop, in the fleet's order: it cannot be reached or left again, its demand is
@@ -114,7 +109,6 @@ def unservable(
 
 
 def _whom_it_needs(stop: Stop) -> str:
-    """Why there is no vehicle for a stop."""
     if stop.vehicle is not None:
         return f"it is kept for {stop.vehicle!r}, which is not free or may not serve it"
     if stop.skills:

@@ -19,8 +19,6 @@ class Windows:
     """When each vehicle of one fleet may leave.
 
     Args:
-        problem: with the fleet.
-        now_ns: that times count from, UTC.
         travels: the first has the ways that present plans were made with.
 
     Attributes:
@@ -46,9 +44,7 @@ class Windows:
         }
 
     def of(self, number: int) -> tuple[float, float]:
-        """First and last moment at which a vehicle may leave; of a bound vehicle its place, where
-        it may stay for others if it stands at a stop.
-        """
+        """First and last departure; of a bound vehicle its place, where it may stay for others."""
         own = self.bound.get(number)
         if own is not None and own.may_wait and self._problem.waits_on_tours:
             ends_s = 1e-9 * (own.ends_ns - self._now_ns)
@@ -75,9 +71,7 @@ class Windows:
         return planned_waits_s(self._problem, own, route, self._now_ns, self.reference_s)
 
     def standing_first(self, number: int, route: Route) -> Route:
-        """A bound vehicle's route from the stop that it stands at, with its wait there: without it
-        the vehicle would leave as soon as it has the plan.
-        """
+        """A bound vehicle's route from where it stands, with its wait there, or it would leave."""
         own, here = self.bound[number], route.visits[0]
         if own.moving is not None or not own.under_way:
             return route

@@ -17,6 +17,7 @@ from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.quantum.hardware import JobManager
 from dispatcher_daemon.traffic import Reception
 from slipstream.bus.inbox import lost
+from slipstream.freshness import FUTURE_TOLERANCE_S
 from slipstream.messages import DISPATCHER_HEALTH_KEY, DispatcherHealth
 from slipstream.service import LogLimiter, rss_mb
 
@@ -103,7 +104,7 @@ class HealthPublisher:
             rss_mb=rss_mb(),
             hardware=None if self._job_manager is None else self._job_manager.health(),
             stale_after_s=self._settings.stale_after_s,
-            future_tolerance_s=self._settings.future_tolerance_s,
+            future_tolerance_s=FUTURE_TOLERANCE_S,
             vehicles_reporting=fleet.reporting,
             vehicles_silent=len(silent),
             silent=tuple(silent[:_MAX_VEHICLES]),

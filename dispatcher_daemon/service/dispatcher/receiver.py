@@ -55,10 +55,7 @@ class StateReceiver:
     ) -> None:
         self._network, self._settings, self._announce = network, settings, announce
         self.latest = LatestStates(
-            network,
-            rsus=settings.rsus,
-            stale_after_s=settings.stale_after_s,
-            future_tolerance_s=settings.future_tolerance_s,
+            network, rsus=settings.rsus, stale_after_s=settings.stale_after_s
         )
         reception = self.latest.reception
         metrics.RECEPTION.figures = reception.figures

@@ -173,7 +173,6 @@ class Feeds:
                 self._settings.feeds,
                 now_ns,
                 stale_after_s=self._settings.stale_after_s,
-                future_tolerance_s=self._settings.future_tolerance_s,
             )
 
         return self._timed("devices", make)
@@ -205,7 +204,6 @@ class Feeds:
             self._network,
             now_ns,
             stale_after_s=self._settings.stale_after_s,
-            future_tolerance_s=self._settings.future_tolerance_s,
         )
 
     def _find_sites(self, states: tuple[SegmentState, ...], now_ns: int) -> tuple[Site, ...]:

@@ -75,7 +75,7 @@ def order_in_words(state: dict[object, int]) -> int:
     )
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @given(bits=st.lists(st.integers(0, 1), min_size=25, max_size=25))
 def test_demo_model_is_the_formula(demo_arcs: Demo, bits: list[int]) -> None:
     """In any state the QUBO's parts equal the formulas written out by hand."""
@@ -105,7 +105,7 @@ def full_subtour_in_words(state: dict[object, int]) -> int:
     return total
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @given(bits=st.lists(st.integers(0, 1), min_size=56, max_size=56))
 def test_full_encoding_is_the_papers_formula(demo_arcs: Demo, bits: list[int]) -> None:
     """K·N·⌈log2 N⌉ order bits; MTZ for each vehicle and arc, with slack 0..6 in three bits."""

@@ -10,10 +10,11 @@ import highspy
 import numpy as np
 import pytest
 
-from dispatcher_daemon.forms.files import WRITERS, column_names, write_milp
+from dispatcher_daemon.forms.files import column_names, write_milp
 from dispatcher_daemon.forms.milp import solve_milp
 from dispatcher_daemon.forms.model import build_model
 from dispatcher_daemon.forms.problem import ArcProblem, Problem, RouteOption, RouteProblem
+from slipstream_lab.research.models.write import WRITERS
 
 Demo = Callable[..., ArcProblem]
 

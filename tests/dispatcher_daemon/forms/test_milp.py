@@ -57,6 +57,7 @@ def brute_force(problem: ArcProblem) -> float | None:
     return min((problem.objective_kwh(s) for s in valid), default=None)
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(seed=st.integers(0, 10**6), customers=st.integers(1, 3), vehicles=st.integers(1, 2))
 def test_milp_finds_the_optimum_of_any_small_instance(

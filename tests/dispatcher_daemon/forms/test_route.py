@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dispatcher_daemon.forms.decode import valid_selections, violations
-from dispatcher_daemon.forms.enumerate import enumerate_model
+from dispatcher_daemon.forms.decode import violations
 from dispatcher_daemon.forms.milp import solve_milp
 from dispatcher_daemon.forms.model import build_model
 from dispatcher_daemon.forms.problem import RouteOption, RouteProblem
-from dispatcher_daemon.forms.route import constraint_rows, sufficient_route_gamma
+from dispatcher_daemon.forms.route import sufficient_route_gamma
+from slipstream_lab.research.proofs.enumeration import enumerate_model, valid_selections
 
 Routes = Callable[..., RouteProblem]
 
@@ -29,11 +29,6 @@ TWO = RouteProblem(
     ),
     {(1, 3): 0.2, (2, 4): 0.05},
 )
-
-
-def test_rows_stand_only_where_options_differ() -> None:
-    """One row a vehicle; b is in question and has its row, a and c are always served."""
-    assert list(constraint_rows(TWO)) == [(0, 1, 2), (3, 4), (0, 1, 4)]
 
 
 @given(bits=st.lists(st.integers(0, 1), min_size=5, max_size=5))
@@ -67,6 +62,7 @@ def brute_force(problem: RouteProblem) -> float | None:
     return min(values, default=None)
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(
     seed=st.integers(0, 10**6),
@@ -92,7 +88,7 @@ def test_any_small_instance_is_exact(
         assert found.minimum_kwh == pytest.approx(expected, abs=1e-7)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("seed", [3, 8])
 def test_five_vehicles_of_five_options_are_exact(random_routes: Routes, seed: int) -> None:
     """25 variables dispatch five vehicles: all 2^25 states agree with the MILP."""
@@ -146,30 +142,3 @@ def test_faults_are_named() -> None:
     assert violations(TWO, {0, 1, 3}) == ("v: 2 options selected",)
     assert violations(TWO, {2, 3}) == ("b: served 0 times",)
     assert violations(TWO, {0, 4}) == ("b: served 2 times",)
-
-
-@pytest.mark.parametrize(
-    ("options", "savings", "fault"),
-    [
-        ([RouteOption("x", (), 1.0)], {}, "unknown vehicle"),
-        ([RouteOption("v", ("z",), 1.0)], {}, "unknown vehicle or stop"),
-        ([RouteOption("v", ("a", "a"), 1.0)], {}, "twice"),
-        ([RouteOption("v", (), float("nan"))], {}, "finite cost"),
-        ([], {(0, 1): 0.1}, "with itself"),
-        ([], {(3, 0): 0.1}, "unknown options"),
-        ([], {(0, 9): 0.1}, "unknown options"),
-        ([], {(0, 3): float("inf")}, "must be finite"),
-    ],
-)
-def test_impossible_problems_are_refused(
-    options: list[RouteOption], savings: dict[tuple[int, int], float], fault: str
-) -> None:
-    """Options have a known vehicle, known stops and a finite cost; savings join two vehicles."""
-    with pytest.raises(ValueError, match=fault):
-        RouteProblem(TWO.vehicles, TWO.stops, (*TWO.options, *options), savings)
-
-
-def test_names_are_told_apart() -> None:
-    """Two vehicles of one name are refused."""
-    with pytest.raises(ValueError, match="names of their own"):
-        RouteProblem(("v", "v"), (), ())

@@ -63,7 +63,7 @@ def test_members_need_an_address(
 
 
 @pytest.mark.process
-@pytest.mark.slow
+@pytest.mark.long
 def test_without_the_setting_nothing_of_it_is_loaded() -> None:
     """The dispatcher's modules do not import dask."""
     code = (

@@ -3,11 +3,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dispatcher_daemon.forms.decode import decode, valid_selections, violations
+from dispatcher_daemon.forms.decode import decode, violations
 from dispatcher_daemon.forms.problem import ArcProblem, CandidateArc
 from dispatcher_daemon.solvers.arc_repair import follow_arcs
 from slipstream_lab.research.instances import open_instance
 from slipstream_lab.research.instances.forms import arc_form_of
+from slipstream_lab.research.proofs.enumeration import valid_selections
 
 
 @pytest.fixture(scope="module")

@@ -38,6 +38,7 @@ def counted(sequences: Sequence[int], times_s: Sequence[int] | None = None) -> R
     return found
 
 
+@pytest.mark.slow
 @given(st.sets(st.integers(1, 200), min_size=1), st.randoms())
 def test_missed_are_the_gaps_whatever_the_order(arrived: set[int], random: object) -> None:
     """A late state fills its gap; the first and the last that came bound what is counted."""
@@ -105,6 +106,7 @@ def test_a_state_of_the_future_hides_no_restart(first: bool) -> None:
     assert (found.received, found.missed) == (len(arrivals), 1)
 
 
+@pytest.mark.slow
 @given(st.lists(st.floats(-100, 100), min_size=2, max_size=3 * DELAYS))
 def test_delays_are_judged_by_the_latest_ones(delays_s: list[float]) -> None:
     """Median and interquartile range are those of the standard library, of the last `DELAYS`."""
@@ -197,6 +199,7 @@ def test_metrics_carry_the_name_of_the_rsu() -> None:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.attack
 def test_made_up_rsus_are_bounded() -> None:
     """The one that has been silent for longest is forgotten first."""

@@ -44,14 +44,6 @@ def test_verdicts_tell_duplicates_late_and_wrong_states(
     assert latest_states.latest() == (newest,)
 
 
-def test_an_rsu_may_watch_several_segments(demo: RoutingProblem, state: State, now_ns: int) -> None:
-    """Each has its own latest state."""
-    latest_states = LatestStates(demo.network)
-    both = [state(name, 1, rsu="rsu") for name in ("avenue_east", "avenue_west")]
-    assert [latest_states.accept(seen, now_ns) for seen in both] == [Verdict.ACCEPTED] * 2
-    assert latest_states.latest() == tuple(both)
-
-
 def test_restarted_rsu_is_heard_again(demo: RoutingProblem, state: State, now_ns: int) -> None:
     """A sequence number that starts again does not make a newer state late."""
     latest_states = LatestStates(demo.network)

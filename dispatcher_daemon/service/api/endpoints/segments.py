@@ -60,8 +60,7 @@ def get_segment(dispatch: Dispatch, segment: Name) -> SegmentStatus:
 
 def _status(dispatch: Services, name: str, now_ns: int) -> SegmentStatus:
     segment, states = dispatch.network.segments[name], dispatch.states.of(name)
-    settings = dispatch.settings
-    traffic = judge(segment, states, now_ns, settings.stale_after_s, settings.future_tolerance_s)
+    traffic = judge(segment, states, now_ns, dispatch.settings.stale_after_s)
     return SegmentStatus(
         id=name,
         start=segment.start,

@@ -21,7 +21,6 @@ from dispatcher_daemon.forms import (
     QuboModel,
     RouteProblem,
     build_model,
-    valid_selections,
     violations,
 )
 from dispatcher_daemon.settings import LcQaoaSettings, LcQaoaVariant
@@ -31,6 +30,7 @@ from dispatcher_daemon.solvers.quantum.chain import ChainState, path_weight
 from slipstream_lab.benchmarks.quantum.blocks import city_part
 from slipstream_lab.research.instances import instance_names, open_instance
 from slipstream_lab.research.instances.forms import arc_form_of
+from slipstream_lab.research.proofs.enumeration import valid_selections
 
 ERRORS = (0.0013, 0.005)
 """FakeBoston's medians: of a CZ, of a readout."""

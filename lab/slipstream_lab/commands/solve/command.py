@@ -29,7 +29,7 @@ from slipstream_lab.commands.solve.report import Report, as_json, as_text, list_
 
 if TYPE_CHECKING:
     from dispatcher_daemon.forms import QuboModel
-    from dispatcher_daemon.planning.plans import Form
+    from slipstream_lab.research.instances.forms import Form
     from slipstream_lab.research.instances.instance import Instance
     from slipstream_lab.research.instances.matrices import MatrixInstance
 
@@ -141,6 +141,7 @@ def run(options: argparse.Namespace) -> int:
 def _solve(options: argparse.Namespace) -> int:
     from dispatcher_daemon.forms import build_model
     from slipstream_lab.research.instances import open_instance
+    from slipstream_lab.research.instances.forms import references_kwh
 
     matrices = _with_matrices(options.instance)
     if matrices is not None:
@@ -172,7 +173,7 @@ def _solve(options: argparse.Namespace) -> int:
         written=options.write,
         rewards=[(pair, form.arcs) for pair in form.judged] if options.explain else None,
         known=known,
-        references_kwh=form.references_kwh(),
+        references_kwh=references_kwh(form),
         problem=form.problem,
     )
     if names:
@@ -210,16 +211,17 @@ def _run_solvers(
     instance: Instance,
     report: Report,
 ) -> None:
-    from dispatcher_daemon.planning.plans import Candidate, attempt
+    from dispatcher_daemon.planning.plans import Candidate
     from dispatcher_daemon.solvers import ExactSolver
     from dispatcher_daemon.solvers.workers import PoolJob, solve_in_process
+    from slipstream_lab.research.instances.forms import attempt, baseline
 
     solvers = make_solvers(names, options)
     for solver in solvers:
         solver.warm_up()  # says what is not installed before anything takes time
-    name, baseline = form.baseline(solve_in_process([ExactSolver()]), options.deadline)
-    if isinstance(baseline, Candidate):
-        report.baseline_name, report.baseline = f"{name}, without platooning", baseline
+    name, alone = baseline(form, solve_in_process([ExactSolver()]), options.deadline)
+    if isinstance(alone, Candidate):
+        report.baseline_name, report.baseline = f"{name}, without platooning", alone
     solve = solve_in_process(solvers)
     for solver in solvers:
         (outcome,) = solve([PoolJob(solver.name, form.problem, options.seed)], options.deadline)
@@ -233,7 +235,7 @@ def _run_solvers(
 
 
 def _write(model: QuboModel, path: Path) -> None:
-    from dispatcher_daemon.forms.files import WRITERS
+    from slipstream_lab.research.models.write import WRITERS
 
     try:
         WRITERS[ending_of(path)](model, path)

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dispatcher_daemon.planning.plans import Attempt, Form
     from dispatcher_daemon.planning.roads import Route, RoutedArc
+    from slipstream_lab.research.instances.forms import Attempt, Form
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,9 @@ from slipstream.errors import InputError
 
 if TYPE_CHECKING:
     from dispatcher_daemon.forms import QuboModel
-    from dispatcher_daemon.planning.plans import Attempt, Form
     from dispatcher_daemon.settings import DispatcherSettings
     from dispatcher_daemon.solvers import Outcome, Solver
+    from slipstream_lab.research.instances.forms import Attempt, Form
 
 QUANTUM_SOLVERS: Final = ("lc-qaoa", "qaoa", "iskay")
 _OPTION_OF_FIELD: Final = {

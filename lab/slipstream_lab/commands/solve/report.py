@@ -12,10 +12,11 @@ from slipstream_lab.commands.solve.quantum import lines_of
 
 if TYPE_CHECKING:
     from dispatcher_daemon.forms import Problem
-    from dispatcher_daemon.planning.plans import Attempt, Candidate
+    from dispatcher_daemon.planning.plans import Candidate
     from dispatcher_daemon.planning.platooning import JudgedPair
     from dispatcher_daemon.planning.roads import Route, RoutedArc
     from slipstream.energy.consumption import Saving
+    from slipstream_lab.research.instances.forms import Attempt
     from slipstream_lab.research.instances.instance import Optimum
 
 
@@ -218,7 +219,21 @@ def _lines(report: Report) -> Iterator[str]:
             f"rewards: {earned} of {len(report.rewards)} pairs on watched segments earn something"
         )
         for pair, arcs in report.rewards:
-            yield f"  {pair.explain(arcs)}"
+            yield f"  {explained(pair, arcs)}"
+
+
+def explained(pair: JudgedPair, arcs: Sequence[RoutedArc]) -> str:
+    """A reward, or why there is none, in a line."""
+    who = " and ".join(
+        f"{arc.vehicle} ({arc.leg.start}→{arc.leg.end}, enters at {entry_s:.1f} s"
+        f"{'' if arc.exact else ' at the earliest'})"
+        for arc, entry_s in (
+            (arcs[pair.first], pair.first_entry_s),
+            (arcs[pair.second], pair.second_entry_s),
+        )
+    )
+    what = f"saves {pair.saving_kwh:.5f} kWh" if pair.reason is None else f"0: {pair.reason}"
+    return f"{pair.segment}: {who}: {what}"
 
 
 def _attempt_lines(report: Report, tried: Attempt) -> Iterator[str]:

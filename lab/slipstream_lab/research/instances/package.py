@@ -13,11 +13,11 @@ from typing import Final
 from urllib.parse import quote
 
 from dispatcher_daemon.forms import ArcProblem, build_model
-from dispatcher_daemon.forms.files import WRITERS
 from dispatcher_daemon.planning.arc_form import ArcForm
 from slipstream.errors import InputError
 from slipstream_lab.research.instances.forms import arc_form_of
 from slipstream_lab.research.instances.instance import Instance, Optimum
+from slipstream_lab.research.models.write import WRITERS
 
 CHECKER: Final = "check_vrpcp.py"
 _LICENCE: Final = "AGPL-3.0-only"

@@ -18,11 +18,9 @@ import networkx as nx
 import numpy as np
 import numpy.typing as npt
 
-from dispatcher_daemon.forms import (
-    BLOCK_BITS,
-    MAX_VARIABLES,
+from dispatcher_daemon.forms import BLOCK_BITS, MAX_VARIABLES, QuboModel
+from slipstream_lab.research.proofs.enumeration import (
     Exactness,
-    QuboModel,
     all_energies,
     valid_selections,
 )

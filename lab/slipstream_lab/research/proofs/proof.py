@@ -8,14 +8,13 @@ from dataclasses import dataclass
 from dispatcher_daemon.forms import (
     MAX_VARIABLES,
     Encoding,
-    Exactness,
     Problem,
     QuboModel,
     build_model,
-    enumerate_model,
 )
 from dispatcher_daemon.forms.milp import MilpResult, solve_milp
 from slipstream_lab.research.proofs.eliminate import MAX_CHOICES, eliminate, largest_part
+from slipstream_lab.research.proofs.enumeration import Exactness, enumerate_model
 
 TOLERANCE_KWH = 1e-7
 """Objectives that differ by less are equal: sums of some hundred terms, γ = 50 kWh among them."""

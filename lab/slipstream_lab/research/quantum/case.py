@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from dispatcher_daemon.forms import QuboModel, build_model, valid_selections
+from dispatcher_daemon.forms import QuboModel, build_model
 from dispatcher_daemon.planning.arc_form import ArcForm
-from dispatcher_daemon.planning.plans import attempt
 from dispatcher_daemon.solvers import Outcome, Samples, Solver
 from slipstream.errors import InputError
 from slipstream_lab.research.instances import instance_names, open_instance
-from slipstream_lab.research.instances.forms import arc_form_of
+from slipstream_lab.research.instances.forms import arc_form_of, attempt
 from slipstream_lab.research.instances.instance import Instance
+from slipstream_lab.research.proofs.enumeration import valid_selections
 from slipstream_lab.research.quantum.controls import UNIFORM_BITS, distributions, run_controls
 from slipstream_lab.research.quantum.record import DIGITS, run_record
 from slipstream_lab.research.quantum.store import Record

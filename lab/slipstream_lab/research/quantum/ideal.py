@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from dispatcher_daemon.forms import QuboModel, valid_selections
+from dispatcher_daemon.forms import QuboModel
 from dispatcher_daemon.solvers.quantum import to_ising
 from dispatcher_daemon.solvers.quantum.statevector import (
     ExactState,
@@ -19,6 +19,7 @@ from dispatcher_daemon.solvers.quantum.statevector import (
     cost_diagonal,
     train,
 )
+from slipstream_lab.research.proofs.enumeration import valid_selections
 
 _SAME_KWH = 1e-9
 

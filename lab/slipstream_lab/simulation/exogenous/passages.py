@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from dispatcher_daemon.planning.platooning import TimedPassage, platoons_of
-from dispatcher_daemon.planning.roads import segment_cost_kwh
+from dispatcher_daemon.planning.roads import held_cost_kwh
 from dispatcher_daemon.traffic import SegmentTraffic
 from slipstream.energy.consumption import (
     ETA_ALONE,
@@ -22,6 +22,7 @@ from slipstream.energy.consumption import (
 )
 from slipstream.energy.drive import Drive
 from slipstream.roads import RoadNetwork
+from slipstream.vehicle_types import RoutingProfile
 from slipstream_lab.simulation.closed_loop.gates import is_turbulent
 from slipstream_lab.simulation.exogenous.roadside import Roadside
 from slipstream_lab.simulation.fleet.driven_leg import DrivenLeg
@@ -150,7 +151,8 @@ def turbulence_kwh(
         measured_speed_mps=speed,
         acceleration_variance_m2ps4=truth.acceleration_variance_m2ps4,
     )
-    return segment_cost_kwh(road, traffic) - steady_energy_kwh(road.length_m, speed)
+    held_kwh = held_cost_kwh(road, traffic, RoutingProfile())
+    return held_kwh - steady_energy_kwh(road.length_m, speed)
 
 
 def _entries(legs: Sequence[RecordedLeg]) -> dict[str, list[TimedPassage[Passage]]]:

@@ -9,8 +9,6 @@ from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.forms.problem import RoutingProblem
 from dispatcher_daemon.planning.arc_form.form import ArcForm
 from dispatcher_daemon.planning.plans.candidates import Candidate, CandidateRefusal
-from dispatcher_daemon.planning.plans.forms import Form, attempt
-from dispatcher_daemon.planning.route_form.form import RouteForm
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.protocol import Outcome
 from dispatcher_daemon.solvers.workers.pool import solve_in_process
@@ -18,8 +16,16 @@ from slipstream.energy.consumption import split_saving
 from slipstream.errors import InputError
 from slipstream_lab.research.cities.generator import small_city
 from slipstream_lab.research.instances import open_instance
-from slipstream_lab.research.instances.forms import arc_form_of, route_form_of
+from slipstream_lab.research.instances.forms import (
+    Form,
+    arc_form_of,
+    attempt,
+    baseline,
+    references_kwh,
+    route_form_of,
+)
 from slipstream_lab.research.instances.instance import Instance
+from slipstream_lab.research.instances.route_form import RouteForm
 
 
 def outcome(*selected: int) -> Outcome:
@@ -64,9 +70,9 @@ def best_plan(form: Form) -> Candidate:
 
 def plan_without_platooning(form: Form) -> tuple[str, Candidate]:
     """The plan without platooning."""
-    name, baseline = form.baseline(solve_in_process([ExactSolver()]), 10.0)
-    assert isinstance(baseline, Candidate)
-    return name, baseline
+    name, alone = baseline(form, solve_in_process([ExactSolver()]), 10.0)
+    assert isinstance(alone, Candidate)
+    return name, alone
 
 
 def test_arc_form_has_the_published_optimum() -> None:
@@ -85,10 +91,10 @@ def test_arc_form_has_the_published_optimum() -> None:
 def test_a_plan_splits_what_drafting_saves() -> None:
     """Where the optimum platoons, drag is saved against the plan without; the parts add up."""
     _, form = arcs()
-    name, baseline = plan_without_platooning(form)
+    name, alone = plan_without_platooning(form)
     assert name == "exact"
     plan = best_plan(form)
-    saving = split_saving(baseline.undrafted, plan.undrafted, plan.driven)
+    saving = split_saving(alone.undrafted, plan.undrafted, plan.driven)
     assert plan.platooned_m > 0
     assert saving.drag_kwh > 0
     parts = saving.distance_kwh + saving.drag_kwh + saving.acceleration_kwh
@@ -131,7 +137,7 @@ def test_route_form_evaluates_the_greedy_plan_as_it_is() -> None:
     first = frozenset(group[0] for group in form.problem.options_of.values() if group)
     plan = form.candidate("greedy", first)
     assert isinstance(plan, Candidate)
-    assert plan.objective_kwh == pytest.approx(min(form.references_kwh().values()), abs=1e-9)
+    assert plan.objective_kwh == pytest.approx(min(references_kwh(form).values()), abs=1e-9)
 
 
 @pytest.mark.slow
@@ -147,7 +153,7 @@ def test_route_form_keeps_windows_and_serves_every_stop_once() -> None:
     first = [options[0] for options in form.problem.options_of.values()]
     assert best.selected is not None
     assert form.problem.objective_kwh(best.selected) <= form.problem.objective_kwh(first) + 1e-9
-    assert plan.objective_kwh <= 1.001 * min(form.references_kwh().values())
+    assert plan.objective_kwh <= 1.001 * min(references_kwh(form).values())
     served = [visit.place for route in plan.routes for visit in route.visits[1:-1]]
     assert sorted(served) == sorted(
         stop.id for stop in city.problem.fleet.stops if stop.id not in form.unserved

@@ -12,13 +12,13 @@ from dispatcher_daemon.forms.decode import decode
 from dispatcher_daemon.forms.milp import solve_milp
 from dispatcher_daemon.forms.problem import ArcProblem
 from dispatcher_daemon.planning.arc_form.arcs import arc_problem_of
-from dispatcher_daemon.planning.plans import Candidate, attempt
+from dispatcher_daemon.planning.plans import Candidate
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.workers.pool import PoolJob, solve_in_process
 from slipstream.errors import InputError
 from slipstream_lab.research.instances import instance_names, open_instance
 from slipstream_lab.research.instances.catalogue import CATALOGUE
-from slipstream_lab.research.instances.forms import arc_form_of
+from slipstream_lab.research.instances.forms import arc_form_of, attempt, baseline
 from slipstream_lab.research.instances.generator import generate
 from slipstream_lab.research.instances.instance import load_instance, write_instance
 from slipstream_lab.research.instances.publish import make_instance
@@ -75,7 +75,7 @@ def test_optima_of_the_energy_need_no_more_energy_and_promise_no_more(name: str)
     assert known is not None
     solve = solve_in_process([ExactSolver()])
     (outcome,) = solve([PoolJob("exact", form.problem, 1)], 30.0)
-    plan, (_, alone) = attempt(form, outcome).candidate, form.baseline(solve, 30.0)
+    plan, (_, alone) = attempt(form, outcome).candidate, baseline(form, solve, 30.0)
     assert plan is not None
     assert outcome.selected is not None
     found = form.problem.objective_kwh(outcome.selected)

@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 from dispatcher_daemon.forms import build_model
-from dispatcher_daemon.forms.files import WRITERS
 from slipstream.errors import InputError
 from slipstream_lab.research.instances import open_instance
 from slipstream_lab.research.instances.forms import arc_form_of
 from slipstream_lab.research.models import MilpModel, QuboFile, read_model, solve_milp_model
+from slipstream_lab.research.models.write import WRITERS
 
 QS = "# ObjectiveOffset 9\n# Vars Non-zeros\n2 3\n1 1 -6\n2 2 -5\n1 2 2\n"
 """9 − 6a − 5b + 4ab: 9, 3, 4, 2."""

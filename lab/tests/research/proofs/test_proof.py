@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dispatcher_daemon.forms.decode import valid_selections, violations
-from dispatcher_daemon.forms.enumerate import Exactness, enumerate_model
+from dispatcher_daemon.forms.decode import violations
 from dispatcher_daemon.forms.model import build_model
 from dispatcher_daemon.forms.problem import ArcProblem, CandidateArc, Problem
 from dispatcher_daemon.forms.qubo import Encoding, QuboModel
@@ -21,6 +20,11 @@ from slipstream_lab.research.instances.random_problems import (
 )
 from slipstream_lab.research.proofs import proof as proof_module
 from slipstream_lab.research.proofs.eliminate import eliminate
+from slipstream_lab.research.proofs.enumeration import (
+    Exactness,
+    enumerate_model,
+    valid_selections,
+)
 from slipstream_lab.research.proofs.proof import can_prove, prove
 
 SEEDS = st.integers(0, 10**9)

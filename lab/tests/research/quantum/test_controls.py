@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dispatcher_daemon.forms.enumerate import all_energies
 from dispatcher_daemon.forms.milp import solve_milp
 from dispatcher_daemon.forms.model import build_model
 from dispatcher_daemon.forms.problem import RouteProblem
 from dispatcher_daemon.solvers.distribution import BitDistribution
 from dispatcher_daemon.solvers.protocol import Outcome, Samples
+from slipstream_lab.research.proofs.enumeration import all_energies
 from slipstream_lab.research.quantum.controls import (
     STAGES,
     UNIFORM_BITS,

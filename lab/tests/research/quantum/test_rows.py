@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from qiskit import QuantumCircuit
 
-from dispatcher_daemon.forms.decode import valid_selections
 from dispatcher_daemon.settings import QaoaSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.quantum.backends.aer import NoisyBackend
@@ -18,6 +17,7 @@ from dispatcher_daemon.solvers.quantum.lc_qaoa import counts_to_bits
 from slipstream.errors import InputError
 from slipstream_lab.research.instances import open_instance
 from slipstream_lab.research.instances.instance import write_instance
+from slipstream_lab.research.proofs.enumeration import valid_selections
 from slipstream_lab.research.quantum import dense, rows
 from slipstream_lab.research.quantum.case import Case, named_cases, open_case
 from slipstream_lab.research.quantum.rows import (

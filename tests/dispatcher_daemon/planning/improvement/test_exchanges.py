@@ -3,7 +3,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import pytest
 
 from dispatcher_daemon.forms.problem import RoutingProblem
 from dispatcher_daemon.planning.improvement.exchanges import best_exchanges
@@ -56,17 +55,6 @@ def test_crossed_routes_are_disentangled(town: Town) -> None:
     assert {s: list(meetings.on(s)) for s in planner.book.shares} == before
 
 
-def test_the_best_comes_first(town: Town) -> None:
-    """Exchanges are in the order of the exact objective that they lead to."""
-    planner, present, meetings = plan(town, CROSSED, FREE, [0, 0, 0, 0])
-    found = best_exchanges(planner, present, meetings, 6, np.random.default_rng(1))
-    objectives = [
-        choice_of(planner, sorted(pair, key=lambda i: i.number)).objective_kwh for pair in found
-    ]
-    assert len(found) > 2
-    assert objectives == pytest.approx(sorted(objectives))
-
-
 def test_nobody_is_overloaded(town: Town) -> None:
     """With vans that are full, only swaps of like loads are left."""
     vans: list[dict[str, object]] = [{"capacity": 5}, {"capacity": 5}]
@@ -101,9 +89,3 @@ def test_windows_are_kept(town: Town) -> None:
     assert 0 < len(found) < len(every)
     for itinerary in (i for pair in found for i in pair if i.number == 1):
         assert itinerary.route is None or itinerary.route.visits[-1].arrival_s <= limit_s
-
-
-def test_one_van_exchanges_with_nobody(town: Town) -> None:
-    """There is nothing to return."""
-    planner, present, meetings = plan(town, [["s0", "s1", "s2", "s3"]], [{}], [0, 0, 0, 0])
-    assert best_exchanges(planner, present, meetings, 1, np.random.default_rng(1)) == []

@@ -168,13 +168,6 @@ def test_a_plan_over_a_hub_is_verified_and_valid_until_its_end() -> None:
     assert any("before it is served" in fault for fault in faults(wait_s=hub.wait_s + 1.0))
 
 
-def test_a_hub_saves_energy() -> None:
-    """By the plans' own figures the fleet needs a tenth of a kWh less with it."""
-    with_hub, without = cycle_of(problem()), cycle_of(problem(()))
-    energy = [sum(plan.energy_kwh for plan in plans) for plans in (with_hub, without)]
-    assert energy[0] < energy[1] - 0.1
-
-
 def test_a_meeting_on_a_road_that_is_usually_calm_is_planned_before_it_is() -> None:
     """The van waits for the other one, in no platoon yet: gates are closed now. Where they are
     usually closed too, it does not.
@@ -190,17 +183,7 @@ def test_a_meeting_on_a_road_that_is_usually_calm_is_planned_before_it_is() -> N
         assert {segment.platoon for plan in plans for segment in plan.segments} == {None}
 
 
-def test_of_several_carriers_nobody_waits_for_a_gate_that_may_open() -> None:
-    """The published plan would leave its carrier with less than alone: it has no platoon yet."""
-    found, snapshot = problem(carriers=("a", "b"))
-    traffic = {
-        name: replace(of, open=False, y_e=0, reason="turbulent", age_s=1.0, usual_share=1.0)
-        for name, of in snapshot.segments.items()
-    }
-    plans = cycle_of((found, replace(snapshot, segments=traffic)))
-    assert not any(stop.is_hub for plan in plans for stop in plan.stops)
-
-
+@pytest.mark.slow
 def test_a_van_that_waits_at_a_hub_is_met_there() -> None:
     """Later cycles leave it alone and see it on the road, so its partner keeps its platoon."""
     found, snapshot = problem()

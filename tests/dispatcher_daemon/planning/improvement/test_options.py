@@ -57,6 +57,7 @@ def test_options_are_few_distinct_and_feasible(town: Town, seed: int) -> None:
     assert {s: list(meetings.on(s)) for s in planner.book.shares} == before
 
 
+@pytest.mark.slow
 def test_the_best_answer_to_the_others_is_among_the_options(town: Town) -> None:
     """Two options hold one that is as good as the best of all orders, ways and many departures."""
     planner, present, meetings = present_plan(town)
@@ -104,12 +105,3 @@ def test_vehicles_that_can_only_meet_if_both_move_get_the_departure_for_it(town:
     own, other = (options_for(planner, p, present, meetings, 5, rng) for p in present)
     assert any(option.depart_s == pytest.approx(30.0) for option in own)
     assert any(option.depart_s == pytest.approx(30.0) for option in other)
-
-
-def test_an_idle_vehicle_has_nothing_to_choose(town: Town) -> None:
-    """Idle, or asked for one option only: the present one."""
-    planner, present, meetings = present_plan(town)
-    rng = np.random.default_rng(1)
-    idle = planner.idle(0)
-    assert options_for(planner, idle, present, meetings, 5, rng) == [idle]
-    assert options_for(planner, present[0], present, meetings, 1, rng) == [present[0]]

@@ -120,7 +120,7 @@ def test_a_fault_in_what_is_told_does_not_cost_the_plan(
     assert (result.report.status, len(result.plans), result.refused) == ("ok", 2, ())
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_city_s_list_is_bounded_and_begins_with_what_is_worth_most(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

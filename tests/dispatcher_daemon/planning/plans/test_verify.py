@@ -74,217 +74,139 @@ def test_sound_plans_pass(demo: RoutingProblem, plans: tuple[VehiclePlan, ...]) 
     assert verify(demo, plans) == ()
 
 
-def _missing(p: Plain) -> None:
-    del p[1]
+def put(value: Any, *path: Any) -> Callable[[Plain], None]:
+    """Another value, or what becomes of the present one, at some place of the plans."""
 
+    def spoil(plain: Any) -> None:
+        *way, last = path
+        for step in way:
+            plain = plain[step]
+        plain[last] = value(plain[last]) if callable(value) else value
 
-def _twice(p: Plain) -> None:
-    p.append(p[0])
+    return spoil
 
 
-def _stranger(p: Plain) -> None:
-    p[0]["vehicle"] = "van-x"
+def both(*spoils: Callable[[Plain], None]) -> Callable[[Plain], None]:
+    """One after the other."""
+    return lambda plain: [spoil(plain) for spoil in spoils].clear()
 
 
-def _other_cycle(p: Plain) -> None:
-    p[0]["cycle"] = 2
+def without(number: int, *path: Any) -> Callable[[Plain], None]:
+    """A list without one of its entries."""
+    return put(lambda rows: [*rows[:number], *rows[number + 1 :]], *path)
 
 
-def _stays_out(p: Plain) -> None:
-    p[0]["stops"] = p[0]["stops"][:-1]
+def later(moment_ns: int) -> int:
+    """By 5 ms."""
+    return moment_ns + 5_000_000
 
 
-def _wrong_node(p: Plain) -> None:
-    p[0]["stops"][1]["node"] = "west"
-
-
-def _not_first(p: Plain) -> None:
-    p[0]["stops"][1], p[0]["stops"][2] = p[0]["stops"][2], p[0]["stops"][1]
-
-
-def _jump(p: Plain) -> None:
-    del p[0]["segments"][1]
-
-
-def _bad_turn(p: Plain) -> None:
-    p[0]["segments"][1]["segment"] = "mill_street_east"
-
-
-def _unknown_segment(p: Plain) -> None:
-    p[0]["segments"][1]["segment"] = "moon_street"
-
-
-def _wrong_leg(p: Plain) -> None:
-    p[0]["segments"][0]["leg"] = 1
-
-
-def _early(p: Plain) -> None:
-    p[0]["depart_ns"] = p[0]["issued_ns"] - 1
-
-
-def _hasty(p: Plain) -> None:
-    p[0]["stops"][1]["departure_ns"] = p[0]["stops"][1]["arrival_ns"]
-
-
-def _hole(p: Plain) -> None:
-    p[0]["segments"][1]["entry_ns"] += 5_000_000
-
-
-def _speeding(p: Plain) -> None:
-    p[0]["segments"][0]["speed_mps"] = 30.0
-
-
-def _too_fast(p: Plain) -> None:
-    p[0]["segments"][0]["exit_ns"] = p[0]["segments"][0]["entry_ns"] + 10**9
-
-
-def _short(p: Plain) -> None:
-    p[0]["distance_m"] -= 100.0
-
-
-def _expired(p: Plain) -> None:
-    p[0]["valid_until_ns"] = p[0]["issued_ns"]
-
-
-def _avenue(plan: dict[str, Any]) -> dict[str, Any]:
-    found: dict[str, Any] = next(s for s in plan["segments"] if s["segment"] == "avenue_east")
-    return found
-
-
-def _gap_for_leader(p: Plain) -> None:
-    _avenue(p[0])["gap_m"] = 1.5
-
-
-def _no_gap(p: Plain) -> None:
-    _avenue(p[1])["gap_m"] = None
-
-
-def _alone(p: Plain) -> None:
-    _avenue(p[1])["platoon"] = _avenue(p[1])["place"] = _avenue(p[1])["gap_m"] = None
-
-
-def _half(p: Plain) -> None:
-    _avenue(p[1])["platoon"] = None
-
-
-def _two_leaders(p: Plain) -> None:
-    _avenue(p[1]).update(place=0, gap_m=None)
-
-
-def _swapped(p: Plain) -> None:
-    _avenue(p[0]).update(place=1, gap_m=1.5)
-    _avenue(p[1]).update(place=0, gap_m=None)
-
-
-def _mute(p: Plain) -> None:
-    p[0]["stops"] = p[0]["stops"][:2]
-
-
-def _wrong_last_node(p: Plain) -> None:
-    p[0]["stops"][2]["node"] = "west"
-
-
-def _from_elsewhere(p: Plain) -> None:
-    del p[0]["segments"][0]
-
-
-def _to_elsewhere(p: Plain) -> None:
-    del p[0]["segments"][3]
-
-
-def _turning_back(p: Plain) -> None:
-    p[0]["segments"][3]["segment"] = "avenue_west"
-
-
-def _no_way(p: Plain) -> None:
-    p[0]["segments"] = [s for s in p[0]["segments"] if s["leg"] != 1]
-
-
-def _hole_at_the_end(p: Plain) -> None:
-    p[0]["segments"][-1]["entry_ns"] += 5_000_000
-
-
-def _unknown_and_speeding(p: Plain) -> None:
-    p[0]["segments"][0]["segment"] = "moon_street"
-    p[0]["segments"][1]["speed_mps"] = 30.0
-
-
-def _a_little_speeding(p: Plain) -> None:
-    p[0]["segments"][0]["speed_mps"] *= 1.01
-
-
-def _in_no_time(p: Plain) -> None:
-    p[0]["segments"][0]["exit_ns"] = p[0]["segments"][0]["entry_ns"]
-
-
-def _little_short(p: Plain) -> None:
-    p[0]["distance_m"] -= 1.5
-
-
-def _place_alone(p: Plain) -> None:
-    p[1]["segments"][0]["place"] = 1
-
-
-def _gap_alone(p: Plain) -> None:
-    p[1]["segments"][0]["gap_m"] = 1.5
-
-
-def _drafting_alone(p: Plain) -> None:
-    p[1]["segments"][0]["drafting_share"] = 0.5
-
-
-def _no_place(p: Plain) -> None:
-    _avenue(p[1])["place"] = None
+STOPS, WAY, AVENUE = (0, "stops"), (0, "segments"), 2
+A, B = (0, "segments", AVENUE), (1, "segments", AVENUE)
+FIRST, SECOND = (*WAY, 0), (*WAY, 1)
+LEADER, FOLLOWER = {"place": 0, "gap_m": None}, {"place": 1, "gap_m": 1.5}
+NO_PLACE = put(None, *B, "place")
 
 
 @pytest.mark.parametrize(
     ("spoil", "fault"),
     [
-        (_missing, "stop c3: served 0 times"),
-        (_twice, "van-a: has more than one plan"),
-        (_stranger, "van-x: not in the fleet"),
-        (_other_cycle, "plans of different cycles"),
-        (_mute, "van-a: serves no stop"),
-        (_stays_out, "van-a: does not end at its depot"),
-        (_wrong_node, "van-a: no stop c1 at node west"),
-        (_wrong_last_node, "van-a: no stop c4 at node west"),
-        (_not_first, "van-a: does not serve c1 first"),
-        (_from_elsewhere, "van-a: leg 0 does not join its stops"),
-        (_to_elsewhere, "van-a: leg 0 does not join its stops"),
-        (_jump, "van-a: no turn from depot_road_east into avenue_east"),
-        (_bad_turn, "van-a: no turn from mill_street_east into avenue_east"),
-        (_turning_back, "van-a: no turn from avenue_east into avenue_west"),
-        (_unknown_segment, "van-a: unknown segments ['moon_street']"),
-        (_wrong_leg, "van-a: its legs are not one after another between its stops"),
-        (_no_way, "van-a: its legs are not one after another between its stops"),
+        (lambda p: p.pop(1), "stop c3: served 0 times"),
+        (lambda p: p.append(p[0]), "van-a: has more than one plan"),
+        (put("van-x", 0, "vehicle"), "van-x: not in the fleet"),
+        (put(2, 0, "cycle"), "plans of different cycles"),
+        (put(lambda stops: stops[:2], *STOPS), "van-a: serves no stop"),
+        (put(lambda stops: stops[:-1], *STOPS), "van-a: does not end at its depot"),
+        (put("west", *STOPS, 1, "node"), "van-a: no stop c1 at node west"),
+        (put("west", *STOPS, 2, "node"), "van-a: no stop c4 at node west"),
+        (put(lambda s: [s[0], s[2], s[1], *s[3:]], *STOPS), "van-a: does not serve c1 first"),
+        (without(0, *WAY), "van-a: leg 0 does not join its stops"),
+        (without(3, *WAY), "van-a: leg 0 does not join its stops"),
+        (without(1, *WAY), "van-a: no turn from depot_road_east into avenue_east"),
         (
-            _early,
+            put("mill_street_east", *SECOND, "segment"),
+            "van-a: no turn from mill_street_east into avenue_east",
+        ),
+        (
+            put("avenue_west", *WAY, 3, "segment"),
+            "van-a: no turn from avenue_east into avenue_west",
+        ),
+        (put("moon_street", *SECOND, "segment"), "van-a: unknown segments ['moon_street']"),
+        (
+            put(1, *FIRST, "leg"),
+            "van-a: its legs are not one after another between its stops",
+        ),
+        (
+            put(lambda way: [s for s in way if s["leg"] != 1], *WAY),
+            "van-a: its legs are not one after another between its stops",
+        ),
+        (
+            lambda p: p[0].update(depart_ns=p[0]["issued_ns"] - 1),
             "van-a: leaves before its plan is issued, or at another time than its first stop says",
         ),
-        (_hasty, "van-a: leaves c1 before it is served"),
-        (_hole, "van-a: the times of leg 0 do not join up"),
-        (_hole_at_the_end, "van-a: the times of leg 2 do not join up"),
-        (_speeding, "van-a: faster than allowed on depot_road_east"),
-        (_a_little_speeding, "van-a: faster than allowed on depot_road_east"),
-        (_unknown_and_speeding, "van-a: faster than allowed on gate_east"),
-        (_too_fast, "van-a: faster than allowed on depot_road_east"),
-        (_in_no_time, "van-a: faster than allowed on depot_road_east"),
-        (_short, "van-a: distance is 7356 m, not 7256 m"),
-        (_little_short, "van-a: distance is 7356 m, not 7354 m"),
-        (_expired, "van-a: is valid until before it is issued"),
-        (_gap_for_leader, "van-a on avenue_east: a gap is for followers, and for each of them"),
-        (_no_gap, "van-b on avenue_east: a gap is for followers, and for each of them"),
         (
-            _alone,
+            put(lambda stop: {**stop, "departure_ns": stop["arrival_ns"]}, *STOPS, 1),
+            "van-a: leaves c1 before it is served",
+        ),
+        (put(later, *SECOND, "entry_ns"), "van-a: the times of leg 0 do not join up"),
+        (put(later, *WAY, -1, "entry_ns"), "van-a: the times of leg 2 do not join up"),
+        (put(30.0, *FIRST, "speed_mps"), "van-a: faster than allowed on depot_road_east"),
+        (
+            put(lambda mps: 1.01 * mps, *FIRST, "speed_mps"),
+            "van-a: faster than allowed on depot_road_east",
+        ),
+        (
+            both(put("moon_street", *FIRST, "segment"), put(30.0, *SECOND, "speed_mps")),
+            "van-a: faster than allowed on gate_east",
+        ),
+        (
+            put(lambda s: {**s, "exit_ns": s["entry_ns"] + 10**9}, *FIRST),
+            "van-a: faster than allowed on depot_road_east",
+        ),
+        (
+            put(lambda s: {**s, "exit_ns": s["entry_ns"]}, *FIRST),
+            "van-a: faster than allowed on depot_road_east",
+        ),
+        (put(lambda m: m - 100.0, 0, "distance_m"), "van-a: distance is 7356 m, not 7256 m"),
+        (put(lambda m: m - 1.5, 0, "distance_m"), "van-a: distance is 7356 m, not 7354 m"),
+        (
+            lambda p: p[0].update(valid_until_ns=p[0]["issued_ns"]),
+            "van-a: is valid until before it is issued",
+        ),
+        (
+            put(1.5, *A, "gap_m"),
+            "van-a on avenue_east: a gap is for followers, and for each of them",
+        ),
+        (
+            put(None, *B, "gap_m"),
+            "van-b on avenue_east: a gap is for followers, and for each of them",
+        ),
+        (
+            put(lambda s: {**s, "platoon": None, "place": None, "gap_m": None}, *B),
             "platoon c1-p1 on avenue_east: fewer than two vehicles, or one of them twice",
         ),
-        (_half, "van-b on avenue_east: a place or gap without a platoon"),
-        (_place_alone, "van-b on depot_road_east: a place or gap without a platoon"),
-        (_gap_alone, "van-b on depot_road_east: a place or gap without a platoon"),
-        (_drafting_alone, "van-b on depot_road_east: drafting without a platoon"),
-        (_two_leaders, "platoon c1-p1 on avenue_east: places are not 0, 1, 2 ..."),
-        (_no_place, "platoon c1-p1 on avenue_east: places are not 0, 1, 2 ..."),
-        (_swapped, "platoon c1-p1 on avenue_east: places are not in the order of entry"),
+        (put(None, *B, "platoon"), "van-b on avenue_east: a place or gap without a platoon"),
+        (
+            put(1, 1, "segments", 0, "place"),
+            "van-b on depot_road_east: a place or gap without a platoon",
+        ),
+        (
+            put(1.5, 1, "segments", 0, "gap_m"),
+            "van-b on depot_road_east: a place or gap without a platoon",
+        ),
+        (
+            put(0.5, 1, "segments", 0, "drafting_share"),
+            "van-b on depot_road_east: drafting without a platoon",
+        ),
+        (
+            put(lambda s: s | LEADER, *B),
+            "platoon c1-p1 on avenue_east: places are not 0, 1, 2 ...",
+        ),
+        (NO_PLACE, "platoon c1-p1 on avenue_east: places are not 0, 1, 2 ..."),
+        (
+            both(put(lambda s: s | FOLLOWER, *A), put(lambda s: s | LEADER, *B)),
+            "platoon c1-p1 on avenue_east: places are not in the order of entry",
+        ),
     ],
 )
 def test_every_broken_rule_is_found(
@@ -301,7 +223,7 @@ def test_a_member_without_a_place_stands_before_all_others(
     demo: RoutingProblem, plans: tuple[VehiclePlan, ...]
 ) -> None:
     """Its entry is then not in their order either."""
-    found = faults(demo, spoilt(plans, _no_place)).splitlines()
+    found = faults(demo, spoilt(plans, NO_PLACE)).splitlines()
     assert "platoon c1-p1 on avenue_east: places are not in the order of entry" in found
 
 
@@ -538,8 +460,8 @@ def test_platoon_members_may_be_the_whole_window_apart(
     """And a millisecond for rounding."""
 
     def apart(p: Plain) -> None:
-        leader_ns = _avenue(p[0])["entry_ns"]
-        _avenue(p[1])["entry_ns"] = leader_ns + 3 * 10**9 + TOLERANCE_NS + beyond_ns
+        leader_ns = p[0]["segments"][AVENUE]["entry_ns"]
+        p[1]["segments"][AVENUE]["entry_ns"] = leader_ns + 3 * 10**9 + TOLERANCE_NS + beyond_ns
 
     line = "platoon c1-p1 on avenue_east: entry times more than 3 s apart"
     assert (line in faults(demo, spoilt(plans, apart)).splitlines()) == (beyond_ns == 1)

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
-from string import ascii_lowercase
 from types import MappingProxyType
 from typing import Any
 
@@ -31,7 +29,6 @@ from dispatcher_daemon.planning.roads import (
     Travel,
     candidate_arcs,
     least_energy_legs,
-    leg_along,
     roads_of,
 )
 from dispatcher_daemon.planning.routes.itineraries import Planner
@@ -186,31 +183,6 @@ def test_same_approach_and_different_approaches_to_a_signal() -> None:
     assert shares(*calm, ["ac", "cd"], ["bc", "cd"])[1] == pytest.approx(anew)
 
 
-def test_who_is_parted_by_a_signal_closes_up_on_a_long_road() -> None:
-    """Parted on the same approach the rear one is half a cycle behind, 45 s; from another one a
-    stop's mean wait, 22.5 s: 30 km of motorway are enough for both.
-    """
-    town = line({"ac": 5000.0, "bc": 5000.0, "cd": 30_000.0}, signals={"c": 0.5})
-    anew, red, wait = (
-        1 - closing_way_m(ENTRY_M + late_s * V_MPS, V_MPS, C_MPS2) / 30_000
-        for late_s in (0.0, 45.0, 22.5)
-    )
-    assert 0.7 < red < wait < anew
-    same = shares(*town, ["ac", "cd"], ["ac", "cd"])[1]
-    assert same == pytest.approx(0.5 + (0.5 - PARTED) * anew + PARTED * red)
-    other = shares(*town, ["ac", "cd"], ["bc", "cd"])[1]
-    assert other == pytest.approx(0.25 * anew + 0.75 * wait)
-
-
-def test_a_signal_that_stops_hardly_anybody_parts_hardly_anybody() -> None:
-    """Twenty junctions at which one passage in 200 stops: no more are parted than stop."""
-    nodes = ascii_lowercase[:22]
-    roads = {a + b: 500.0 for a, b in pairwise(nodes)}
-    way = list(roads)
-    town = line(roads, signals=dict.fromkeys(nodes[1:-1], 0.005))
-    assert 0.995**20 - 0.001 < shares(*town, way, way)[1] < 1.0
-
-
 def test_a_segment_that_the_network_no_longer_has_ends_nothing() -> None:
     """A plan of before a restart: its vehicle counts as under way behind it."""
     problem, snapshot = line({"ab": 500.0, "bc": 2000.0})
@@ -300,40 +272,6 @@ def test_the_paper_s_objective_is_untouched() -> None:
         choice_of(*planned(problem, snapshot)).saving_kwh
         == choice_of(*planned(same, snapshot)).saving_kwh
     )
-
-
-def test_one_long_road_is_worth_more_than_short_ones_between_closed_gates() -> None:
-    """Two ways of the same length, open over the same length: with gaps to close behind each closed
-    gate the one with the long open road saves more; ideally both save the same.
-    """
-    long_way = {"ab": 1500.0, "bx": 1500.0}
-    short = {"ac": 600.0, "cd": 500.0, "de": 500.0, "ef": 500.0, "fg": 500.0, "gx": 400.0}
-    roads, closed = {**long_way, **short, "xa": 100.0}, ("ab", "cd", "ef", "gx")
-    stops = [{"id": f"s{n}", "node": "x"} for n in range(2)]
-    problem, snapshot = line(roads, [{}] * 2, stops, closed=closed)
-    open_m = [sum(m for r, m in way.items() if r not in closed) for way in (long_way, short)]
-    assert open_m[0] <= open_m[1]
-
-    def saved(of: RoutingProblem) -> list[float]:
-        travel = roads_of(of, snapshot)
-        planner = Planner(of, snapshot, [Travel(of, travel)], 3.0)
-        found = []
-        for way in (long_way, short):
-            vans = []
-            for number in range(2):
-                legs = planner.legs(number, (f"s{number}",))
-                assert legs is not None
-                path = [travel.index[road] for road in way]
-                out = leg_along(travel, path, legs[0].start, legs[0].end, of.style)
-                van = planner.itinerary(number, (f"s{number}",), [out, *legs[1:]])
-                assert van is not None
-                vans.append(van)
-            found.append(choice_of(planner, vans).saving_kwh)
-        return found
-
-    ideal, expected = saved(replace(problem, drafting="ideal")), saved(problem)
-    assert ideal[0] < ideal[1]
-    assert expected[0] > 1.5 * expected[1] > 0
 
 
 def plan_of(vehicle: str, node: str, path: Sequence[str]) -> VehiclePlan:

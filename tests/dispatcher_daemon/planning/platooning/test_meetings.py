@@ -11,11 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dispatcher_daemon.forms.problem import RoutingProblem
-from dispatcher_daemon.planning.platooning.meetings import (
-    Meetings,
-    saving_kwh,
-)
-from dispatcher_daemon.planning.platooning.platoons import independent_platoons, platoons_of
+from dispatcher_daemon.planning.platooning.meetings import Meetings, platoon_kwh
+from dispatcher_daemon.planning.platooning.platoons import platoons_of
 from dispatcher_daemon.planning.platooning.segment_order import SegmentOrder
 from dispatcher_daemon.planning.platooning.shares import Shares, open_shares
 from dispatcher_daemon.planning.platooning.stretches import Traversal
@@ -29,6 +26,11 @@ SHARES = {"e": Shares(1.0, 4.0), "f": Shares(0.5, 2.0, (2.5, 2.25))}
 OTHERS = {"e": Shares(3.0, 5.0, (7.0, 6.0)), "f": Shares(0.25, 1.0)}
 WINDOW_S = 3.0
 VehicleTraversals = dict[str, list[Traversal]]
+
+
+def saving_kwh(passages: Sequence[Traversal], shares: Shares) -> float:
+    """Of all platoons on one segment, formed anew."""
+    return sum(platoon_kwh(one, shares, {}, None) for one in platoons_of(passages, WINDOW_S))
 
 
 @st.composite
@@ -98,53 +100,13 @@ def test_changes_add_up_to_the_whole(
     assert list(meetings.on("e")) == on_road
 
 
-@given(st.lists(st.tuples(st.integers(0, 60), st.integers(0, 9), st.integers(16, 24)), unique=True))
-def test_stretches_form_their_platoons_alone(moments: list[tuple[int, int, int]]) -> None:
-    """Nothing is lost, and whatever comes before a stretch, its platoons are the same."""
-    passages = sorted((m / 2, (m + d) / 2, (who,)) for m, who, d in moments)
-    found, at = [], 0
-    while at < len(passages):
-        first = at
-        at, of_one = independent_platoons(passages, first, WINDOW_S)
-        found.append((first, of_one))
-    platoons = [platoon for _, of_one in found for platoon in of_one]
-    assert sorted(p for platoon in platoons for p in platoon) == passages
-    assert platoons == list(platoons_of(passages, WINDOW_S))
-    for number, (first, _) in enumerate(found):
-        assert list(platoons_of(passages[first:], WINDOW_S)) == [
-            platoon for _, of_one in found[number:] for platoon in of_one
-        ]
-        assert list(platoons_of(passages[:first], WINDOW_S)) == [
-            platoon for _, of_one in found[:number] for platoon in of_one
-        ]
-
-
-@given(st.data())
-def test_changes_that_touch_nothing_in_common_add_up(data: st.DataObject) -> None:
-    """Two changes that form no platoon anew together save what each saves alone."""
-    moments = st.tuples(st.integers(0, 80), st.integers(16, 24))
-    many = data.draw(st.lists(moments, min_size=2, max_size=30))
-    passages = [(m / 2, (m + d) / 2, (who,)) for who, (m, d) in enumerate(many)]
-    meetings = Meetings(SHARES, WINDOW_S)
-    for passage in passages[2:]:
-        meetings.add({"e": [passage]})
-    one, other = (meetings.change("e", (), [passage]) for passage in passages[:2])
-    both = meetings.change("e", (), passages[:2])
-    if not one.touches(other):
-        assert both.saving_kwh == pytest.approx(one.saving_kwh + other.saving_kwh)
-    kept = saving_kwh(sorted(passages[2:]), SHARES["e"], WINDOW_S)
-    assert both.saving_kwh == pytest.approx(
-        saving_kwh(sorted(passages), SHARES["e"], WINDOW_S) - kept
-    )
-
-
-@pytest.mark.slow
+@pytest.mark.long
 @given(st.data())
 def test_what_neighbours_tell_is_what_forming_anew_finds(data: st.DataObject) -> None:
     """Exactly: a plan does not depend on which of the two found a change."""
     seconds = st.tuples(st.integers(0, 40), st.integers(16, 20), st.integers(0, 19))
     shares = SHARES["f"]
-    order = SegmentOrder(WINDOW_S, lambda platoon: saving_kwh(platoon, shares, WINDOW_S))
+    order = SegmentOrder(WINDOW_S, lambda platoon: saving_kwh(platoon, shares))
     present: list[Traversal] = []
     for _ in range(data.draw(st.integers(1, 30))):
         off = [p for p in present if data.draw(st.integers(0, 9)) == 0][:2]
@@ -157,14 +119,15 @@ def test_what_neighbours_tell_is_what_forming_anew_finds(data: st.DataObject) ->
             assert order.change(off, sorted(on)) == change
         for passage in on:
             assert order.gain_kwh(passage) == order.change((), [passage]).saving_kwh
-        before = saving_kwh(present, shares, WINDOW_S)
+        before = saving_kwh(present, shares)
         present = sorted({*present, *on} - {*off})
         assert order.apply(off, sorted(on)) == change.saving_kwh
         assert order.passages == present
-        after = saving_kwh(present, shares, WINDOW_S)
+        after = saving_kwh(present, shares)
         assert change.saving_kwh == pytest.approx(after - before, abs=1e-9)
 
 
+@pytest.mark.slow
 @given(traversals_of_vehicles(), st.data())
 def test_what_is_tried_leaves_no_trace(every: list[VehicleTraversals], data: st.DataObject) -> None:
     """After changes that were only tried the roads and all gains are exactly as before, also where
@@ -194,25 +157,7 @@ def test_a_platoon_has_one_leader_and_the_rest_follow(members: int) -> None:
     """m ≥ 2 vehicles within the window save L + (m − 1) F; one alone saves nothing."""
     passages = [(0.5 * n, 10.0 + 0.5 * n, (n,)) for n in range(members)]
     expected = 1.0 + 4.0 * (members - 1) if members > 1 else 0.0
-    assert saving_kwh(passages, SHARES["e"], WINDOW_S) == pytest.approx(expected)
-
-
-@given(
-    st.floats(0, 9),
-    st.floats(0, 9),
-    st.none() | st.tuples(st.floats(0, 9), st.floats(0, 9)),
-    st.integers(2, 9),
-)
-def test_a_platoon_saves_what_its_places_do(
-    leader: float, follower: float, longer: tuple[float, float] | None, members: int
-) -> None:
-    """Of vehicles that all have the same shares."""
-    shares = Shares(leader, follower, longer)
-    every = [shares.at(number, members) for number in range(members)]
-    assert shares.platoon_kwh(members) == pytest.approx(sum(every))
-    assert every[0] == leader
-    if longer is not None and members > 2:
-        assert every[1:] == [*[longer[0]] * (members - 2), longer[1]]
+    assert saving_kwh(passages, SHARES["e"]) == pytest.approx(expected)
 
 
 def test_who_leaves_first_cannot_follow() -> None:
@@ -220,15 +165,15 @@ def test_who_leaves_first_cannot_follow() -> None:
     one that falls back by more than the window.
     """
     leader = (0.0, 10.0, (0,))
-    assert saving_kwh([leader, (1.0, 11.0, (1,))], SHARES["e"], WINDOW_S) == 5.0
-    assert saving_kwh([leader, (1.0, 9.9, (1,))], SHARES["e"], WINDOW_S) == 0.0
-    assert saving_kwh([leader, (1.0, 13.1, (1,))], SHARES["e"], WINDOW_S) == 0.0
+    assert saving_kwh([leader, (1.0, 11.0, (1,))], SHARES["e"]) == 5.0
+    assert saving_kwh([leader, (1.0, 9.9, (1,))], SHARES["e"]) == 0.0
+    assert saving_kwh([leader, (1.0, 13.1, (1,))], SHARES["e"]) == 0.0
 
 
 def test_the_window_counts_from_the_leader() -> None:
     """Vehicles 2 s apart each: the third is too far behind the first, and leads the fourth."""
     passages = [(2.0 * n, 10.0 + 2.0 * n, (n,)) for n in range(4)]
-    assert saving_kwh(passages, SHARES["e"], WINDOW_S) == pytest.approx(2 * 5.0)
+    assert saving_kwh(passages, SHARES["e"]) == pytest.approx(2 * 5.0)
 
 
 def test_only_open_segments_have_shares(
@@ -266,7 +211,7 @@ def test_by_the_papers_law_platoons_save_what_they_did(
     problem, snapshot = town(["33"], [{}], open_share=0.5)
     passages = [(0.1 * n, 30.0 + 0.1 * n, (n,)) for n in range(members)]
     shares = open_shares(problem, snapshot).values()
-    assert sum(saving_kwh(passages, s, WINDOW_S) for s in shares) == expected_kwh
+    assert sum(saving_kwh(passages, s) for s in shares) == expected_kwh
 
 
 def test_measured_shares_count_the_gap_at_the_planning_speed(

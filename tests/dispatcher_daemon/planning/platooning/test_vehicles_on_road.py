@@ -70,6 +70,7 @@ def platooned(result: CycleResult) -> int:
     return sum(s.platoon is not None for plan in result.plans for s in plan.segments)
 
 
+@pytest.mark.slow
 def test_those_on_the_road_are_met(city: Instance, sent: tuple[VehiclePlan, ...]) -> None:
     """Told who is on the road, a cycle forms platoons with them and counts what these save; places
     in them are 0, 1, 2 ... over both.

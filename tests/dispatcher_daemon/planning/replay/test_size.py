@@ -22,7 +22,7 @@ from slipstream_lab.research.cities.generator import generate_city
 from storage import open_database
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_cycle_of_200_vehicles_and_1000_segments_takes_little_room(
     tmp_path: Path, state: Callable[..., SegmentState]
 ) -> None:

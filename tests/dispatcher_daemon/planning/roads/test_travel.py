@@ -10,7 +10,7 @@ import pytest
 
 from dispatcher_daemon.forms.problem import RoutingProblem
 from dispatcher_daemon.planning.roads.arrays import Roads, roads_of
-from dispatcher_daemon.planning.roads.travel import Travel, leg_along
+from dispatcher_daemon.planning.roads.travel import Travel
 from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
 from slipstream_lab.research.cities.generator import small_city
 
@@ -144,6 +144,7 @@ def test_places_at_one_junction_have_no_way_between_them(town: Town) -> None:
     assert (there.path, there.end, again.end) == (again.path, "s1", "s3")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_durations_are_safe_and_close_in_a_city(seed: int) -> None:
     """No path takes longer than the matrix says, and none is overestimated by a second."""
@@ -179,19 +180,3 @@ def test_discounts_change_ways_and_keep_their_energies_honest(town: Town) -> Non
         assert lured.search_cost_kwh[pair] == pytest.approx(searched.sum())
         assert lured.search_cost_kwh[pair] <= plain.search_cost_kwh[pair] + 1e-12
     assert changed > 0
-
-
-def test_a_discount_above_the_cost_leaves_a_hundredth(town: Town) -> None:
-    """No road is free or earns energy, however large its discount: searches stay finite."""
-    problem, roads, plain = made(town, 1)
-    lured = Travel(problem, roads, np.full(len(roads.ids), 1e3))
-    np.testing.assert_allclose(lured.search_cost_kwh, 0.01 * plain.energy_kwh)
-
-
-def test_a_leg_can_be_laid_along_given_segments(town: Town) -> None:
-    """The leg along a path's segments is the leg that the search makes of it."""
-    problem, roads, travel = made(town, 3)
-    leg = travel.leg("s0", "s1")
-    assert leg is not None
-    again = leg_along(roads, [roads.index[s] for s in leg.path], "s0", "s1", problem.style)
-    assert again == leg

@@ -11,11 +11,10 @@ import pytest
 from dispatcher_daemon.forms.problem import RoutingProblem
 from dispatcher_daemon.planning.cycle.cycle import run_cycle
 from dispatcher_daemon.planning.plans.candidates import Cycle
-from dispatcher_daemon.planning.plans.energy import route_energy
 from dispatcher_daemon.planning.roads.arrays import Roads, roads_of
 from dispatcher_daemon.planning.roads.charge import leg_energy_kwh
-from dispatcher_daemon.planning.roads.costs import segment_cost_kwh
-from dispatcher_daemon.planning.roads.routes import RoadLeg, timed
+from dispatcher_daemon.planning.roads.costs import held_cost_kwh
+from dispatcher_daemon.planning.roads.routes import RoadLeg
 from dispatcher_daemon.planning.roads.travel import Travel, leg_along
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
@@ -61,7 +60,9 @@ def test_ways_are_those_of_least_expected_losses(town: Town, share: float) -> No
     expected = expected_of(problem, 1, share)
     snapshot = replace(snapshot, expected=expected)
     network, traffic = problem.network, snapshot.segments
-    cost = {n: segment_cost_kwh(s, traffic[n]) for n, s in network.segments.items()}
+    cost = {
+        n: held_cost_kwh(s, traffic[n], problem.profiles[0]) for n, s in network.segments.items()
+    }
     graph = nx.DiGraph()
     for name, segment in network.segments.items():
         for after in network.turns(name):
@@ -134,38 +135,6 @@ def test_waiting_at_signals_is_in_the_timetable(town: Town) -> None:
     assert later > 0
 
 
-def test_held_up_drives_need_the_energy_of_their_profile(town: Town) -> None:
-    """Waiting moves entries and the end, never energy, nor what each segment's drafting saves."""
-    problem, snapshot = town(PLACES, [{}], seed=1)
-    _, leg = max(
-        legs_of(Travel(problem, roads_of(problem, snapshot))), key=lambda x: len(x[1].path)
-    )
-    count = len(leg.path)
-    assert count > 2
-    eta = [0.2 * (i == 1) for i in range(count)]
-    held = leg.drive.delayed([7.0 * (i + 1) for i in range(count)])
-    assert drive_energies([held], [eta]).sum() == drive_energies([leg.drive], [eta]).sum()
-    assert held.entry_s[2] == pytest.approx(leg.drive.entry_s[2] + 21.0)
-    assert held.duration_s == pytest.approx(leg.drive.duration_s + 3.5 * count * (count + 1))
-    assert held.unhindered_s() == pytest.approx(leg.drive.entry_s)
-
-
-def test_reported_energy_is_what_is_expected(town: Town) -> None:
-    """A route's energy is the sum of its legs' expectations, its parts adding up."""
-    problem, snapshot = town(PLACES, [{}], seed=2)
-    snapshot = replace(snapshot, expected=expected_of(problem, 4))
-    travel = Travel(problem, roads_of(problem, snapshot))
-    depot = problem.fleet.depots[0].id
-    out, back = travel.leg(depot, "s1"), travel.leg("s1", depot)
-    assert out is not None
-    assert back is not None
-    route = timed(problem, [out, back], problem.fleet.vehicles[0])
-    energy = route_energy(problem, route, {}).undrafted
-    expected_kwh = [leg_energy_kwh(leg, problem.vehicle) for leg in (out, back)]
-    assert energy.total_kwh == pytest.approx(sum(expected_kwh))
-    assert energy.total_kwh == pytest.approx(sum(energy[1:]))
-
-
 @pytest.mark.parametrize("known", [False, True])
 def test_shortest_times_are_shortest_and_cost_more(known: bool) -> None:
     """Between all places of a city, the search for time takes no longer and needs no less than the
@@ -200,6 +169,7 @@ def test_a_worth_below_zero_is_refused() -> None:
         replace(small_city(1).problem, price_of_time_kw=-1.0)
 
 
+@pytest.mark.slow
 def test_a_cycle_with_expectations_gives_verified_plans() -> None:
     """Plans made with expectations pass verification, leave in time and cost what is expected."""
     city = small_city(3)
@@ -269,6 +239,7 @@ def test_a_path_costs_its_exact_drive(town: Town, seed: int) -> None:
     assert stopping > 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [1, 2])
 def test_the_search_knows_the_energy_of_a_citys_drives(seed: int) -> None:
     """Between all places of a city the searched energy is the exact one, to 4 % in 95 of 100."""

@@ -72,6 +72,7 @@ def faults(
     )
 
 
+@pytest.mark.slow
 def test_base_routes_are_verified_once_where_the_plan_is_better(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -143,7 +144,7 @@ def test_a_fleet_that_can_serve_nothing_reports_it(town: Town) -> None:
     assert {u.stop for u in result.report.unserved} == {"s0", "s1"}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_without_any_answer_the_routes_still_leave() -> None:
     """Solvers that never answer cost improvement only; that they were silent is reported."""
     city = generate_city(

@@ -112,15 +112,7 @@ def test_plans_are_sound_and_never_worse_than_their_rivals(seed: int) -> None:
         assert made.sweeps[-1].objective_kwh == pytest.approx(best, abs=1e-9)
 
 
-def test_the_same_seed_gives_the_same_plan() -> None:
-    """Nothing but the seed decides, as long as time does not run out."""
-    city = generate_city(4, vehicles=5, stops=15, segments=100)
-    one, other = (plan(city.problem, city.snapshot) for _ in range(2))
-    assert [i.key for i in one.choice.itineraries] == [i.key for i in other.choice.itineraries]
-    assert one.choice.objective_kwh == other.choice.objective_kwh
-
-
-@pytest.mark.parametrize("calls", [3, 6, 9, 12])
+@pytest.mark.parametrize("calls", [3, 9])
 def test_a_clock_that_runs_out_in_any_stage_leaves_a_sound_plan(calls: int) -> None:
     """After so many looks at the clock the deadline has passed: what was known then is the plan,
     and it says that time ended it.
@@ -159,6 +151,7 @@ class SearchedTime:
         return self.now_s
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("deadline_s", "complete"), [(40.0, False), (1000.0, True)])
 def test_ways_with_discounts_that_take_too_long_are_given_up(
     deadline_s: float, complete: bool, monkeypatch: pytest.MonkeyPatch
@@ -196,6 +189,7 @@ def test_the_pace_of_a_search_is_judged_when_it_shows() -> None:
     assert may_go_on(0.6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("check_s", "in_time"), [(20.0, True), (30.0, False)])
 def test_a_plan_is_done_early_enough_for_its_check(check_s: float, in_time: bool) -> None:
     """Of 100 s 5 are kept, and three times the time that the check of the base plan took."""
@@ -217,6 +211,7 @@ def test_a_plan_is_done_early_enough_for_its_check(check_s: float, in_time: bool
     assert made.choice.objective_kwh <= made.base.objective_kwh + 1e-9
 
 
+@pytest.mark.slow
 def test_departures_are_chosen_while_there_is_time() -> None:
     """Those ready last choose first; whoever comes too late leaves when ready."""
     city = generate_city(1, vehicles=8, stops=24, segments=100)
@@ -320,14 +315,3 @@ def test_only_the_stop_that_is_late_is_given_up(town: Town) -> None:
     assert [i.stops for i in kept] == [("a", "c"), ()]
     assert set(missing) == {"b", "d", "e"}
     assert "van-0" in missing["b"]
-
-
-def test_the_last_cycle_s_routes_are_a_start(town: Town) -> None:
-    """Without any search the plan keeps to the routes that it was given."""
-    problem, snapshot = town(["33", "30", "03", "22"], [{}, {}])
-    still = QUICK.model_copy(
-        update={"search": SearchSettings(rounds=0, workers=1), "second_rounds": 0, "max_sweeps": 0}
-    )
-    start = {"van-0": ["s1", "s0"], "van-1": ["s3", "s2"]}
-    made = plan(problem, snapshot, still, start=start)
-    assert {i.stops for i in made.choice.itineraries} == {("s1", "s0"), ("s3", "s2")}

@@ -16,7 +16,6 @@ from dispatcher_daemon.planning.roads.routes import RoadLeg, lateness_s, timed
 from dispatcher_daemon.planning.roads.travel import Travel
 from dispatcher_daemon.planning.routes.base_routes import BaseRoutes, base_routes
 from dispatcher_daemon.planning.routes.parts import FleetPart, parts_of_stops
-from dispatcher_daemon.planning.routes.pyvrp_model import VrpModel
 from dispatcher_daemon.planning.routes.pyvrp_search import SearchAttempt
 from dispatcher_daemon.settings import SearchSettings
 from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
@@ -129,7 +128,7 @@ def best_by_trying_all(made: tuple[RoutingProblem, TrafficSnapshot]) -> float:
     return least
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_tiny_fleet_gets_its_optimum(town: Town, seed: int) -> None:
     """Five parcels, two vans of two depots that cannot take more than three, one window and one
@@ -148,6 +147,7 @@ def test_a_tiny_fleet_gets_its_optimum(town: Town, seed: int) -> None:
     assert cost_kwh(made, found.stops) == pytest.approx(best_by_trying_all(made), abs=1e-5)
 
 
+@pytest.mark.slow
 def test_every_load_and_window_of_a_city_is_kept() -> None:
     """A city with two depots, loads and windows, searched in parts: every stop once, none late,
     no van above its capacity; more rounds cost no more.
@@ -218,14 +218,6 @@ def test_parts_of_stops_have_room_for_them(seed: int) -> None:
         assert ("stop-9" in part.stops) == (first in part.vehicles)
 
 
-def test_stops_at_one_junction_share_a_location(town: Town) -> None:
-    """Three stops at two junctions and a depot at one of them: three locations."""
-    made = town([parcel("a", "33"), parcel("b", "33"), parcel("c", "00")], [{}, {}])
-    model = VrpModel(made[0], travel_of(made), made[0].fleet.vehicles, ["a", "b", "c"])
-    data = model.data(required=True)
-    assert (data.num_clients, data.num_locations) == (3, 3)
-
-
 @pytest.mark.slow
 def test_tight_capacities_are_met_by_one_more_van(town: Town) -> None:
     """Four parcels at one corner, vans that take three: one van would be cheaper, but too full."""
@@ -257,7 +249,7 @@ def test_what_is_too_much_stays_behind_and_nothing_else(town: Town) -> None:
     assert cost_kwh(made, found.stops) < float("inf")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_windows_that_clash_leave_one_stop_out(town: Town) -> None:
     """Three far corners that close before one van can be at two of them: one is served."""
     stops = [parcel(f"p{i}", node, latest_s=130.0) for i, node in enumerate(("33", "30", "03"))]
@@ -351,18 +343,3 @@ def test_a_city_in_parts_is_searched_deeply_in_the_second_half() -> None:
     assert not any(a.deep for a in whole.attempts)
     low, high = (sorted({a.penalty.max_penalty for a in w.attempts})[0] for w in (whole, parts))
     assert high == pytest.approx(10 * low)
-
-
-@pytest.mark.long
-def test_few_large_parcels_need_a_penalty_above_a_detour() -> None:
-    """Where a vehicle carries few units, routes that are too full cost less than a detour under
-    small penalties, and the search finds nothing better than its first routes; larger ones help.
-    """
-    shape = CityShape(depots=1, capacity_ratio=1.05, window_share=0.0)
-    city = generate_city(2, vehicles=8, stops=32, segments=200, shape=shape)
-    made = city.problem, city.snapshot
-    low, high = (
-        routed(made, SHORT.model_copy(update={"max_penalty_kwh": kwh})) for kwh in (1e-3, 10.0)
-    )
-    assert not high.unassigned
-    assert cost_kwh(made, high.stops) < 0.99 * cost_kwh(made, low.stops)

@@ -68,18 +68,6 @@ def dispatched(problem: RoutingProblem, snapshot: TrafficSnapshot) -> CycleResul
         return run_cycle(cycle, solve_in_process([ExactSolver()]), thread)
 
 
-def test_a_battery_that_lasts_changes_nothing(town: Town) -> None:
-    """The plan is the one without a battery, with its charge."""
-    problem, snapshot = electric(town, 100.0)
-    plain = with_fleet(problem, vehicles=[{"id": "v"}])
-    (with_battery,) = dispatched(problem, snapshot).plans
-    (without,) = dispatched(plain, snapshot).plans
-    assert with_battery.segments == without.segments
-    assert with_battery.stops[0].charge_kwh == 100.0
-    assert with_battery.stops[-1].charge_kwh == pytest.approx(100.0 - without.energy_kwh)
-    assert without.stops[0].charge_kwh is None
-
-
 def test_what_no_charge_reaches_is_named(town: Town) -> None:
     """With the energy that it needs; the other stop is served."""
     problem, snapshot = electric(town, 100.0)
@@ -189,6 +177,7 @@ def test_the_verifier_counts_charge_by_itself(
     assert any(fault in f for f in faults((plan.stops[0], wrong, *plan.stops[2:])))
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=60)
 @given(
     capacity=st.floats(0.05, 3.0),
@@ -248,14 +237,3 @@ def test_tours_are_cut_to_what_batteries_last(town: Town) -> None:
     result = dispatched(with_fleet(problem, vehicles=vehicles), snapshot)
     assert result.report.unserved == ()
     assert len(result.plans) == 2
-
-
-def test_an_unknown_segment_is_a_fault_and_no_error(town: Town) -> None:
-    """Of a vehicle with a battery as of any other."""
-    problem, snapshot = electric(town, 100.0)
-    (plan,) = dispatched(problem, snapshot).plans
-    moved = plan.segments[0].model_copy(update={"segment": "nowhere"})
-    changed = plan.model_copy(update={"segments": (moved, *plan.segments[1:])})
-    network = problem.network
-    found = verify_plans([changed], network, problem.fleet, (), 3.0, reference_s=REFERENCE_S)
-    assert "v: unknown segments ['nowhere']" in found

@@ -76,22 +76,6 @@ def test_an_itinerary_keeps_its_windows_or_is_none(town: Town) -> None:
     assert planner.itinerary(0, ("late",), legs, last + 1e-3) is None
 
 
-def test_who_has_to_be_back_early_cannot_go_far(town: Town) -> None:
-    """A stop that a vehicle reaches in time is no use if it is back too late."""
-    made = town(["33"], [{"return_by_s": 60.0}, {"return_by_s": 600.0}])
-    planner = planner_of(made)
-    assert planner.itinerary(0, ("s0",), planner.legs(0, ("s0",))) is None
-    assert planner.itinerary(1, ("s0",), planner.legs(1, ("s0",))) is not None
-
-
-def test_an_idle_vehicle_costs_nothing_and_meets_nobody(town: Town) -> None:
-    """No stops: no route, no cost, no passage."""
-    planner = planner_of(town(["33"], [{}]))
-    idle = planner.itinerary(0, (), planner.legs(0, ()))
-    assert idle == planner.idle(0)
-    assert (idle.route, idle.cost_kwh, idle.traversals, idle.stops) == (None, 0.0, {}, ())
-
-
 def test_keys_tell_departures_apart_to_a_tenth_of_a_second(town: Town) -> None:
     """The same route at the same tenth is the same option; another tenth or order is another."""
     planner = planner_of(town(["33", "03"], [{"depart_by_s": 60.0}]))

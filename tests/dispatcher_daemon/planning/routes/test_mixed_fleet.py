@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from itertools import pairwise
 
 import pytest
 
@@ -58,13 +57,7 @@ def dispatched(problem: RoutingProblem, snapshot: TrafficSnapshot) -> CycleResul
         return run_cycle(cycle, solve_in_process([ExactSolver()]), thread)
 
 
-def test_a_fleet_of_one_type_has_one_set_of_paths(town: Town) -> None:
-    """However many vehicles, and whether the type is named or not."""
-    problem, snapshot = small(town)
-    assert len(fleet_travel(with_types(problem, "paper_car", None), snapshot).by_profile) == 1
-    assert len(fleet_travel(with_types(problem, "van", "truck_40t"), snapshot).by_profile) == 2
-
-
+@pytest.mark.slow
 def test_each_vehicle_pays_by_its_own_type(town: Town) -> None:
     """A truck's path costs and takes more than a car's; each plan has its vehicle's energy."""
     problem, snapshot = small(town)
@@ -82,6 +75,7 @@ def test_each_vehicle_pays_by_its_own_type(town: Town) -> None:
         assert plan.energy_kwh > physics.electrical_kwh(physics.rolling_force_n * plan.distance_m)
 
 
+@pytest.mark.slow
 def test_a_slow_truck_is_planned_at_its_own_speed(town: Town) -> None:
     """Times and advised speeds never exceed what it can drive."""
     problem, snapshot = small(town)
@@ -144,6 +138,7 @@ def test_energies_of_a_route_are_those_of_its_vehicle(town: Town) -> None:
     assert route_energy(mixed, itinerary.route, {}).driven == expected
 
 
+@pytest.mark.slow
 def test_loads_go_to_vehicles_that_may_carry_them(town: Town) -> None:
     """Two heavy stops and one truck among vans: the truck serves them; without it, nobody."""
     problem, snapshot = small(town)
@@ -161,11 +156,3 @@ def test_loads_go_to_vehicles_that_may_carry_them(town: Town) -> None:
     missing = unservable(vans, snapshot)
     assert [*missing] == [stop.id for stop in heavy[:2]]
     assert "payload" in missing[heavy[0].id]
-
-
-def test_plans_of_mixed_fleets_join_up(town: Town) -> None:
-    """They pass the verifier, which knows no types but reads the roads."""
-    problem, snapshot = small(town)
-    for plan in dispatched(with_types(problem, None, "van", "truck_40t"), snapshot).plans:
-        times = [(s.entry_ns, s.exit_ns) for s in plan.segments if s.leg == 0]
-        assert all(a[1] == b[0] for a, b in pairwise(times))

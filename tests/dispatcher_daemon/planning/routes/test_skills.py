@@ -27,6 +27,7 @@ SETTINGS = DispatcherSettings(
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_each_stop_is_served_by_a_vehicle_that_may(town: Town, seed: int) -> None:
     """However much shorter another vehicle's way is: neighbours are kept for different ones."""

@@ -9,11 +9,11 @@ import pytest
 from dispatcher_daemon.forms.decode import violations
 from dispatcher_daemon.planning.improvement.sweeps import choice_of
 from dispatcher_daemon.planning.plans.candidates import Candidate, CandidateRefusal
-from dispatcher_daemon.planning.route_form.form import RouteForm, route_form
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from slipstream_lab.research.cities.generator import CityShape, generate_city
 from slipstream_lab.research.instances.forms import instance_cycle
+from slipstream_lab.research.instances.route_form import RouteForm, route_form
 
 SETTINGS = CitySettings(
     search=SearchSettings(rounds=2, iterations_per_stop=5, workers=1), options=4

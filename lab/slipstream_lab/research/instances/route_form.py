@@ -12,16 +12,20 @@ from typing import Literal
 import numpy as np
 
 from dispatcher_daemon.forms import RouteProblem, violations
-from dispatcher_daemon.planning.improvement.blocks import Block, build_block
-from dispatcher_daemon.planning.improvement.carriers import nobody_worse_off
-from dispatcher_daemon.planning.improvement.exchanges import best_exchanges
-from dispatcher_daemon.planning.improvement.options import add_discounted_ways, options_for
-from dispatcher_daemon.planning.improvement.sweeps import choice_of
+from dispatcher_daemon.planning.improvement import (
+    Block,
+    add_discounted_ways,
+    best_exchanges,
+    build_block,
+    choice_of,
+    nobody_worse_off,
+    options_for,
+)
 from dispatcher_daemon.planning.plans import Candidate, CandidateRefusal, Cycle
 from dispatcher_daemon.planning.platooning import JudgedPair, judge_pairs
 from dispatcher_daemon.planning.roads import RoutedArc
-from dispatcher_daemon.planning.route_form.cycle import BASE
-from dispatcher_daemon.planning.route_form.fleet_plan import (
+from dispatcher_daemon.planning.route_form import (
+    BASE,
     NO_ROOM,
     InitialPlans,
     first_routes,
@@ -29,12 +33,11 @@ from dispatcher_daemon.planning.route_form.fleet_plan import (
     servable,
     with_ways,
 )
-from dispatcher_daemon.solvers.workers import Solve
 
 
 @dataclass(frozen=True)
 class RouteForm:
-    """See `dispatcher_daemon.planning.plans.forms.Form`.
+    """A fleet as one problem for solvers, and the plans of their selections.
 
     Attributes:
         first: plans before the block is solved; the first option of each vehicle is the better one.
@@ -90,17 +93,10 @@ class RouteForm:
             solver, choice.routes, choice.objective_kwh, unserved=self.unserved, gains_kwh=gains
         )
 
-    def references_kwh(self) -> dict[str, float]:
-        """Routes without platooning, and departures chosen for them afterwards."""
-        return {
-            "without platooning": self.first.base.objective_kwh,
-            "route, then schedule": self.first.greedy.objective_kwh,
-        }
-
-    def baseline(self, solve: Solve, deadline_s: float) -> tuple[str, Candidate | CandidateRefusal]:
-        """Base routes, all vehicles leaving when ready."""
+    def baseline(self) -> Candidate | CandidateRefusal:
+        """The plan without platooning: base routes, all vehicles leaving when ready."""
         base = self.first.base
-        return BASE, self.cycle.candidate(
+        return self.cycle.candidate(
             BASE, base.routes, base.cost_kwh, platooning=False, unserved=self.unserved
         )
 
