@@ -69,8 +69,6 @@ class Served:
 
     Attributes:
         key: of the place in the fleet.
-        node: junction.
-        to_node_m: from the place to it.
         road: that was found near the place; None: the file names the junction.
     """
 

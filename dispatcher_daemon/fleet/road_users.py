@@ -17,10 +17,8 @@ class RoadUser:
 
     Attributes:
         vehicle: of the fleet; the cycle does not plan it.
-        now_ns: the cycle's start, UTC.
         ahead: remaining segments in order: passage of its plan and segment, with times in UTC.
         legs: of its plan by number: node of the place that it left, and path.
-        cycle: of its plan.
         late_s: by how much it is behind its plan.
     """
 
@@ -44,8 +42,6 @@ def on_road(
     """The vehicles of earlier plans that still have segments to enter after a moment.
 
     Args:
-        plans: at most one a vehicle.
-        now_ns: a cycle's start, UTC.
         late_s: by how much vehicles are behind their plans.
     """
     late = late_s or {}

@@ -149,7 +149,6 @@ class Vehicle(Settings):
 
         Args:
             leaves_s: when the tour begins, s as all times of the fleet.
-            back_s: when it ends.
         """
         before, ended_s = 0, -math.inf
         for own in self.breaks:

@@ -20,12 +20,7 @@ MIN_PASSAGES: Final = 1000.0
 
 
 class MovementCosts:
-    """Sums over passages, and what they lead to expect.
-
-    Args:
-        network: roads.
-        sums: of the runs before.
-    """
+    """Sums over passages, and what they lead to expect."""
 
     def __init__(self, network: RoadNetwork, sums: Iterable[MovementSum] = ()) -> None:
         self._network = network

@@ -35,12 +35,7 @@ class Learned:
 
 
 class Learning:
-    """Learns from the fleet's positions and the states; not safe for threads.
-
-    Args:
-        network: roads.
-        records: of the run before.
-    """
+    """Learns from the fleet's positions and the states; not safe for threads."""
 
     def __init__(self, network: RoadNetwork, records: FleetRecords) -> None:
         self._costs = MovementCosts(network, records.movements)

@@ -16,7 +16,6 @@ class Availability:
     """Judges vehicles by what they have reported.
 
     Args:
-        network: roads.
         started_ns: UTC at the start.
     """
 

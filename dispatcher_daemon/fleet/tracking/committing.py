@@ -24,7 +24,6 @@ def commitment(
     Args:
         vehicle: with a plan that it has accepted.
         held: orders that it still has to serve.
-        now_ns: the cycle's start, UTC.
         horizon_ns: when the new plan is out, UTC.
     """
     assert vehicle.accepted is not None

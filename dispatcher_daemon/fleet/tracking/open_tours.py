@@ -21,7 +21,6 @@ class OpenTour:
 
     Attributes:
         vehicle: leaves no sooner than by its present plan.
-        depot: of it.
         stops: that it has, in the order of its plan; none: it stays idle.
     """
 
@@ -46,12 +45,8 @@ def open_tours(
     of before.
 
     Args:
-        fleet: of the file.
-        vehicles: tracked ones.
         available: says which of them may be planned.
-        book: of the orders.
         cycle: number of the plans to come.
-        now_ns: UTC.
         reference_ns: when these plans are out, and what the tours' times count from, UTC.
     """
     for tracked in vehicles:

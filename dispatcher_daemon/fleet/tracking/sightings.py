@@ -83,7 +83,6 @@ class VehicleSightings:
 
         Args:
             position: on a segment of the network.
-            network: roads.
             places: junctions of the orders that matter, by order; stays at others are forgotten.
         """
         now, last = Sighting(position.time_ns, where(network, position)), self._last
@@ -117,8 +116,6 @@ class VehicleSightings:
             order: one of those that `take` was given.
             place: its junction's; None: the network does not have it any more.
             since_ns: when it was given the order.
-            arrived_ns: begin of the visit.
-            ended_ns: its end.
         """
         begin_ns, end_ns = max(since_ns, arrived_ns) - LEEWAY_NS, ended_ns + EARLY_NS
         if any(begin <= end_ns and begin_ns <= end for begin, end in self._stays.get(order, ())):

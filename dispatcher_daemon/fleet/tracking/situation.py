@@ -28,7 +28,6 @@ class FleetSituation:
         fleet: free vehicles and open orders, the file's before those of callers, then the vehicles
             with commitments and their stops. The fleet's file itself where no vehicle has ever
             reported and nobody has submitted an order. None: nothing to plan.
-        commitments: of those vehicles.
         left_out: reason by vehicle that is not planned in this cycle; it keeps what it has.
         hidden: stops of the file that are not planned, as a caller's order that has not ended has
             their id.
@@ -51,9 +50,7 @@ def nobody_free(fleet: Fleet | None, left_out: Mapping[str, str], bound: int) ->
     """Why no vehicle is there for an order, with how many there are of each kind.
 
     Args:
-        fleet: of the file.
         left_out: as of `FleetSituation`.
-        bound: vehicles on their way.
     """
     counts = Counter(left_out.values())
     kinds = [f"{count} {what}" for what, count in counts.most_common()]
@@ -76,13 +73,9 @@ def cycle_fleet(
     """The fleet of a cycle; see `FleetSituation`.
 
     Args:
-        fleet: of the file.
         free: vehicles of it that may be planned from their depots.
         bound: vehicles that have to keep to something.
-        vehicles: all, by id.
-        orders: all, by id.
         may_plan: whether an order may be planned for any vehicle.
-        reference_ns: UTC that the fleet's times count from.
         requested: callers' orders that may be planned.
     """
     stops = () if fleet is None else tuple(_of_file(fleet.stops, orders))

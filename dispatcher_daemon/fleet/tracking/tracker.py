@@ -48,8 +48,6 @@ class FleetTracker:
     Not safe for threads.
 
     Args:
-        network: roads.
-        records: of the run before.
         started_ns: UTC at the start.
         plan_ahead_s: how long before its window opens a caller's order is planned, s.
     """
@@ -203,9 +201,7 @@ class FleetTracker:
         back first.
 
         Args:
-            fleet: of the file, as listed.
             cycle: its number.
-            now_ns: its start, UTC.
             reference_s: from then to the moment that its plans are out, and that the fleet's times
                 count from.
         """
@@ -341,9 +337,6 @@ class FleetTracker:
         Args:
             plans: each is on offer to its vehicle from now on.
             stops: of the cycle's fleet, by id.
-            reference_ns: UTC that its times count from.
-            now_ns: UTC.
-            energies: of plans, by vehicle; nothing is booked of others.
         """
         for vehicle in self._vehicles.values():
             self._life.driven.advance(vehicle, now_ns)

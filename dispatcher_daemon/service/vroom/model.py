@@ -39,7 +39,6 @@ class Matrices:
     """Ways between places, (from, to), shape (n, n) each; -1 where none leads.
 
     Attributes:
-        durations: s.
         distances: m; None: not known.
         costs: instead of what time and distance cost; None: none are given.
     """
@@ -80,11 +79,7 @@ class VroomVisit:
 
 @dataclass(frozen=True)
 class VroomPause:
-    """A break.
-
-    Attributes:
-        spec: as requested.
-    """
+    """A break."""
 
     spec: VroomBreak
     windows: Windows
@@ -103,7 +98,6 @@ class VroomWays:
     Attributes:
         duration: hundredths of a second, by from and to.
         distance: m; None: not known.
-        cost: internal.
     """
 
     duration: Sequence[Sequence[int]]
@@ -117,10 +111,8 @@ class Van:
 
     Attributes:
         number: in the problem.
-        spec: as requested.
         start: row in the matrices; None: it starts at its first task.
         end: likewise.
-        window: of its whole route.
         pauses: in the order of their first windows.
     """
 
@@ -159,8 +151,6 @@ class VroomProblem:
 
     Attributes:
         coordinates: of each place; None where none are given.
-        by_profile: matrices.
-        has_distances: whether answers report distances.
     """
 
     request: Request

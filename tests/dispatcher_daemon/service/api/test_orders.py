@@ -10,7 +10,8 @@ import pytest
 
 from slipstream.messages import OrderState
 
-from .conftest import Answer, Api
+from .asgi import Answer
+from .conftest import Api
 
 ORDER = {"id": "o-1", "node": "c2", "latest": "2099-01-01T00:00:00Z"}
 

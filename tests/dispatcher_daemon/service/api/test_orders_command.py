@@ -20,7 +20,7 @@ def test_orders_are_added_shown_and_cancelled(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """From a file; a refusal is one line with its field, and exit status 2."""
-    api, file = serve(tokens=True), tmp_path / "orders.json"
+    api, file = serve(tokens=True, sockets=True), tmp_path / "orders.json"
     where = ["--api", f"http://127.0.0.1:{api.port}"]
     monkeypatch.setenv("SLIPSTREAM_TOKEN", "orderer")
     file.write_text(json.dumps([{"id": "a/1", "node": "c2"}, {"id": "b", "node": "c4"}]))
@@ -48,7 +48,7 @@ def test_orders_are_pinned_and_released(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """For a vehicle, or for the one whose plan has it; a refusal is one line that names the key."""
-    api, token = serve(tokens=True), tmp_path / "token"
+    api, token = serve(tokens=True, sockets=True), tmp_path / "token"
     body = {"id": "a/1", "node": "c2"}
     assert api.ask("POST", "/v1/orders", "orderer", body).status == 201
     token.write_text("controller\n")

@@ -11,7 +11,8 @@ import pytest
 from dispatcher_daemon.forms.problem import RoutingProblem
 from slipstream.messages import VehiclePosition, position_key
 
-from .conftest import Answer, Api
+from .asgi import Answer
+from .conftest import Api
 
 
 class Vehicle:

@@ -158,5 +158,5 @@ def test_a_request_with_matrices_needs_no_roads(monkeypatch: pytest.MonkeyPatch)
         now_ns=0,
         seed=1,
     )
-    assert task.run() == b'{"code": 0}'
+    assert task() == b'{"code": 0}'
     assert 3.0 < seconds[0] <= 4.5

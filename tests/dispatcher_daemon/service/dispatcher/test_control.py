@@ -13,9 +13,9 @@ from dispatcher_daemon.service.dispatcher import Control, ControlRefused
 from dispatcher_daemon.service.schedule import CycleScheduler
 from slipstream.messages import DispatcherHealth, SegmentState, state_key
 from storage import Event, StorageError, open_database, open_reader
-from tests.dispatcher_daemon.service.test_daemon import Log, make
-from tests.dispatcher_daemon.service.test_fleet_watch import Bus, accept, at, tell
-from tests.dispatcher_daemon.service.test_fleet_watch import make as make_stored
+from tests.dispatcher_daemon.service.logged import Log, make
+from tests.dispatcher_daemon.service.reporting import Bus, accept, at, tell
+from tests.dispatcher_daemon.service.reporting import make as make_stored
 
 HOUR_NS = 3_600_000_000_000
 

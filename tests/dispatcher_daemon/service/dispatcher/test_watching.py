@@ -10,8 +10,8 @@ import pytest
 from dispatcher_daemon.forms.problem import RoutingProblem
 from dispatcher_daemon.service.alarms import KINDS, AlarmKind
 from dispatcher_daemon.service.dispatcher import AlarmSource, Dispatcher
-from slipstream.messages import Alarms, RsuHealth
-from tests.dispatcher_daemon.service.test_daemon import SETTINGS, Log, make
+from slipstream.messages import Alarms, RsuHealth, rsu_health_key
+from tests.dispatcher_daemon.service.logged import SETTINGS, Log, make
 
 
 def kinds(log: Log) -> list[str]:
@@ -96,7 +96,7 @@ def test_a_fault_in_it_stops_nothing(
 
 def test_rsus_are_heard(watched: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Their own words are alarms as soon as they last; one fault of the bus is one alarm."""
-    log, _, source, _ = watched
+    log, dispatcher, source, _ = watched
     counts = ("frames", "frames_skipped", "decode_errors", "reconnects", "states")
     health = RsuHealth(
         rsu="a",
@@ -112,7 +112,7 @@ def test_rsus_are_heard(watched: Any, monkeypatch: pytest.MonkeyPatch) -> None:
         rss_mb=1.0,
         **dict.fromkeys(counts, 0),
     )
-    source.roadside.on_health(health)
+    dispatcher.receiver.on_health(rsu_health_key("a"), health.to_bytes())
     source.update()
     assert kinds(log) == []
     at_once = replace(KINDS["rsu_no_signal"], raise_after_s=0.0)
