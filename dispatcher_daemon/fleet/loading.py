@@ -61,7 +61,6 @@ def fleet_from(
 
     Args:
         network: the roads; None: they are not known, and nothing is compared with them.
-        may_lack_stops: a fleet without any is right.
         may_have_clock_times: its times may be of a day.
     """
     fleet = check(with_unknown_nodes(data), Fleet, source)

@@ -80,9 +80,6 @@ def _open_api(settings: ApiSettings) -> AbstractContextManager[ApiServer | None]
 class DispatcherParts:
     """The parts of the dispatcher's process, joined. Its service owns them.
 
-    Args:
-        service: starts the parts in order and stops them in reverse.
-
     Raises:
         InputError: the settings do not fit the fleet, or name solvers that cannot be used.
     """
@@ -282,9 +279,6 @@ def _collect_garbage_less() -> None:
 
 def run_dispatcher(settings: DispatcherSettings, *, standby: bool = False) -> None:
     """Run until SIGTERM or SIGINT.
-
-    Args:
-        standby: wait, with all that takes time done, until no other dispatcher writes the database.
 
     Raises:
         InputError: the network, list of RSUs, fleet, database, bus, metrics port, or the API's

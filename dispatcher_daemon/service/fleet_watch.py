@@ -48,7 +48,6 @@ class FleetCopy:
     """The tracked vehicles at one moment.
 
     Attributes:
-        time_ns: the moment, UTC.
         vehicles: by id, which they are sorted by; nobody changes them any more.
         plan_changes: of plans' statuses that were not stored yet.
         orders: that each has by its plan, or has left with.
@@ -64,8 +63,7 @@ class FleetFigures(NamedTuple):
     """The fleet in figures.
 
     Attributes:
-        reporting: vehicles that have ever reported.
-        silent: those of them that do not now.
+        silent: vehicles that have reported before, and do not now.
         unheard: vehicles that have orders and have never reported.
     """
 
@@ -79,8 +77,6 @@ class FleetWatch:
     """The tracked fleet; safe for threads.
 
     Args:
-        started_ns: UTC at the start.
-        plan_ahead_s: as for `FleetTracker`.
         learning: in place of that from the fleet's positions and the states.
 
     Attributes:
@@ -168,7 +164,6 @@ class FleetWatch:
 
         Args:
             plans: of the cycle; some may not fit any more.
-            stops: of the cycle's fleet, by id.
             save: stores them or raises; then nothing has happened.
         """
         with self._lock:

@@ -96,11 +96,7 @@ class SteadyClock:
         self._since: tuple[float, float] | None = None
 
     def steady_s(self, now_ns: int, monotonic_s: float) -> float:
-        """Since the first call, or since the clock was set, s.
-
-        Args:
-            now_ns: UTC by this machine's clock.
-        """
+        """Since the first call, or since the clock was set, s."""
         apart_s = now_ns / 1e9 - monotonic_s
         if self._since is None or abs(apart_s - self._since[0]) > CLOCK_SET_S:
             self._since = apart_s, monotonic_s
@@ -113,9 +109,6 @@ class CyclePruner:
 
     A clock that is far ahead of the cycles stored deletes nothing for its age until it has run
     steadily for `STEADY_S`.
-
-    Args:
-        keep_mb: limit of the database's size, MB.
 
     Attributes:
         clock_fault: why nothing is deleted for its age, and until when; None: it is.
@@ -199,9 +192,6 @@ def open_checked_database(url: str) -> Database:
 
 def open_in_turn(url: str, service: Service) -> Database | None:
     """Wait until no other dispatcher writes the database, and open it.
-
-    Args:
-        service: gives the time to stop; it is ready while it waits.
 
     Returns:
         The database; None: the service was stopped meanwhile.

@@ -64,9 +64,6 @@ class MovementCosts:
     ) -> Expectations | None:
         """What movements are expected to cost at this hour, computed once in it; None: too little
         is known.
-
-        Args:
-            usual_mps: speeds of segments that RSUs watch.
         """
         hour = now_ns // HOUR_NS
         if self._expected is None or self._expected[0] != hour:

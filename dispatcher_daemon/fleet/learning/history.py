@@ -38,7 +38,6 @@ class History:
     """Sums over passages, by movement and hour of the day; arrays of shape (movements, 24).
 
     Attributes:
-        movements: sorted.
         loss_kwh: energy that was gone for good; see `Expectations` of traffic.
         stops: times that vehicles came to a stand.
     """
@@ -60,9 +59,6 @@ class History:
 
         Where no vehicle drove, it is the physics of the segment's usual speed, or of the limit, and
         what signals, or other junctions, cost on average.
-
-        Args:
-            usual_mps: of segments of which it is known.
         """
         usual = usual_mps or {}
         pairs = [(a, b) for a in network.segments for b in network.turns(a)]

@@ -19,7 +19,6 @@ class Learned:
     """What was learned of an hour of the day.
 
     Attributes:
-        usual_mps: speeds of segments that were seen often enough.
         open_shares: of the states that opened a segment's gate.
         expected: costs of movements; None: too little is known.
     """

@@ -22,11 +22,7 @@ _UNTOLD: Final = "arrived"
 
 @dataclass(frozen=True)
 class Claim:
-    """A visit that a vehicle tells, and that does not count.
-
-    Attributes:
-        since_ns: since when, UTC.
-    """
+    """A visit that a vehicle tells, and that does not count."""
 
     vehicle: str
     visit: Visit

@@ -34,7 +34,6 @@ class FleetSituation:
         on_road: of these, those on their way to charge or to a hub: others may meet them.
         waiting: reason by order that is due and that the fleet does not have: nothing can be
             planned of it in this cycle.
-        nobody: why no vehicle is free, where none is.
     """
 
     fleet: Fleet | None
@@ -47,11 +46,7 @@ class FleetSituation:
 
 
 def nobody_free(fleet: Fleet | None, left_out: Mapping[str, str], bound: int) -> str:
-    """Why no vehicle is there for an order, with how many there are of each kind.
-
-    Args:
-        left_out: as of `FleetSituation`.
-    """
+    """Why no vehicle is there for an order, with how many there are of each kind."""
     counts = Counter(left_out.values())
     kinds = [f"{count} {what}" for what, count in counts.most_common()]
     kinds += [f"{bound} on the way"] if bound else []
@@ -74,9 +69,6 @@ def cycle_fleet(
 
     Args:
         free: vehicles of it that may be planned from their depots.
-        bound: vehicles that have to keep to something.
-        may_plan: whether an order may be planned for any vehicle.
-        requested: callers' orders that may be planned.
     """
     stops = () if fleet is None else tuple(_of_file(fleet.stops, orders))
     listed = () if fleet is None else fleet.vehicles

@@ -46,10 +46,6 @@ class FleetTracker:
     fleet's file has it. Any other is planned when it says that it is free and stands at its depot,
     and is bound to a plan from the moment that it acknowledges it, or says that it follows it.
     Not safe for threads.
-
-    Args:
-        started_ns: UTC at the start.
-        plan_ahead_s: how long before its window opens a caller's order is planned, s.
     """
 
     def __init__(
@@ -201,7 +197,6 @@ class FleetTracker:
         back first.
 
         Args:
-            cycle: its number.
             reference_s: from then to the moment that its plans are out, and that the fleet's times
                 count from.
         """
@@ -332,12 +327,7 @@ class FleetTracker:
         now_ns: int,
         energies: Mapping[str, PlanEnergy] | None = None,
     ) -> None:
-        """Admissible plans of a cycle go out, and what was driven until now is booked.
-
-        Args:
-            plans: each is on offer to its vehicle from now on.
-            stops: of the cycle's fleet, by id.
-        """
+        """Admissible plans of a cycle go out, and what was driven until now is booked."""
         for vehicle in self._vehicles.values():
             self._life.driven.advance(vehicle, now_ns)
             for name in [name for name in vehicle.given if self._is_over(name)]:

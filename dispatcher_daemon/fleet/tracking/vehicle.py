@@ -28,13 +28,8 @@ class TrackedVehicle:
     Attributes:
         definition: in the fleet's file, as it was there last.
         depot: likewise.
-        listed: whether the fleet's file has it now.
-        position: the latest; None: it has never sent one.
-        heard_ns: when that came, by the dispatcher's clock.
-        reports_progress: whether it has ever sent its visits.
+        heard_ns: when its position came, by the dispatcher's clock.
         answered_ns: when its last message of any kind came; None: it has never sent one.
-        answer: its latest answer to a plan; None: it has sent none.
-        offered: plan that it has not answered.
         withdrawn: plan that was taken back last, as it did not answer it or let it lie.
         leg: of the accepted plan, the furthest that it has reported.
         left: whether it has left its depot by the accepted plan.

@@ -49,7 +49,6 @@ def fleet_conditions(
     Args:
         unserved: reason by stop that the last cycle could not plan. One that merely waits for the
             next free vehicle is not wrong.
-        next_cycle: its number.
     """
     for vehicle in tracker.vehicles.values():
         yield from _of_vehicle(vehicle, tracker, next_cycle, now_ns)

@@ -57,7 +57,6 @@ class RoadsideWatch:
 
     Args:
         rsus: the segments that each RSU may report on; None: any RSU may report on any segment.
-        silent_s: an RSU that was not heard of for so long is silent, s.
         healths: when each RSU was heard last, UTC ns, and what it said.
     """
 
@@ -99,11 +98,7 @@ class RoadsideWatch:
                 self._stopped.popitem(last=False)
 
     def conditions(self, receptions: Receptions, now_s: float) -> Iterator[Condition]:
-        """What is wrong; the call of one thread only.
-
-        Args:
-            now_s: monotonic time.
-        """
+        """What is wrong; the call of one thread only."""
         now_ns = self._clock()
         with self._lock:
             stopped = list(self._stopped.values())

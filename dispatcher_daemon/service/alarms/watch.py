@@ -38,7 +38,6 @@ class AlarmWatch:
 
     Args:
         store: database, for what was in force in the run before, and for what changes.
-        publish: takes all alarms for the bus.
         wake: called when `save` has something to do; it does not wait.
     """
 
@@ -81,9 +80,6 @@ class AlarmWatch:
         self, alarm: str, by: str, actor: str, reason: str | None = None
     ) -> Alarm | None:
         """Somebody knows of an alarm. It returns when that is durable.
-
-        Args:
-            actor: name of the token that said so.
 
         Returns:
             the alarm, with the first who acknowledged it; None: there is none of this id.

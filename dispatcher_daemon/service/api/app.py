@@ -57,11 +57,7 @@ _DESCRIPTION: Final = (
 
 
 def create_app(services: Services | None = None) -> FastAPI:
-    """The application.
-
-    Args:
-        services: of the dispatcher; None: only its OpenAPI document is wanted.
-    """
+    """The application."""
     app = FastAPI(
         title="Slipstream dispatcher",
         version=__version__,

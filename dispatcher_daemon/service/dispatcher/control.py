@@ -21,22 +21,14 @@ CYCLE: Final = "cycle"
 
 @dataclass(frozen=True)
 class Pause:
-    """A pause that lasts.
-
-    Attributes:
-        by: name of the token that asked for it.
-    """
+    """A pause that lasts."""
 
     by: str
     since_ns: int
 
 
 class ControlRefused(Exception):
-    """What was asked for cannot be done now.
-
-    Attributes:
-        mend: what the caller can do about it.
-    """
+    """What was asked for cannot be done now."""
 
     def __init__(self, problem: str, mend: str) -> None:
         super().__init__(f"{problem}; {mend}")
@@ -48,7 +40,6 @@ class Control:
     threads. `StorageError` means that nothing has happened.
 
     Attributes:
-        paused: the pause; None: cycles run.
         run_soon: has a cycle run at once, False where one runs already; set once cycles are
             scheduled.
     """

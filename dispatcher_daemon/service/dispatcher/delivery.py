@@ -35,7 +35,6 @@ class PlannedCycle:
 
     Attributes:
         plans: some may not fit any more.
-        problem: of its fleet; None: nothing was planned.
     """
 
     report: CycleReport
@@ -51,7 +50,6 @@ class PlanDelivery:
 
     Attributes:
         failed: of the cycles since the start, stored or not.
-        last: the last cycle, stored or not; None: there was none.
         storage_fault: the database may have to be opened anew.
         unstored: why nothing has been stored since the last cycle that was; None: it was the last.
         replaced: another dispatcher writes the database by now; None: none does.

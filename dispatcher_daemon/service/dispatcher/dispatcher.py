@@ -39,12 +39,8 @@ class Dispatcher:
         fleet: what is dispatched; None: nothing until `fleet_file` has a fleet.
         job_manager: of a quantum device, which then solves in place of the pool.
         fleet_file: the fleet of each cycle is read from it; None: it is always `fleet`.
-        records: orders, plans and vehicles of the run before.
 
     Attributes:
-        delivery: stores and sends plans, and counts cycles.
-        health: what the dispatcher says of itself.
-        pruner: deletes what is old or too much.
         cycle_began: monotonic time at which the cycle that runs began; None: none runs.
     """
 

@@ -29,11 +29,7 @@ _MAX_VEHICLES: Final = 200
 class HealthPublisher:
     """Publishes the dispatcher's health.
 
-    Args:
-        started_ns: UTC of the dispatcher's start.
-
     Attributes:
-        receptions: of each RSU's states, as they were told last.
         database_set_aside: file that a damaged database became.
     """
 

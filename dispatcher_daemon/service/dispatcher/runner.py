@@ -78,8 +78,6 @@ class CycleRunner:
     """Runs cycles of one fleet, and puts new orders into its tours between them; one at a time.
 
     Args:
-        delivery: stores and sends plans, and numbers cycles.
-        around: see `Surroundings`.
         keep_inputs: whether what a cycle was made from is stored with it.
     """
 

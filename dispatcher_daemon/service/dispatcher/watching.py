@@ -36,9 +36,6 @@ RECONNECTED_S: Final = 10.0
 class AlarmSource:
     """Finds conditions and hands them to the alarms, which are stored on a thread that may wait; a
     context manager.
-
-    Args:
-        announce: told of each change of an alarm.
     """
 
     def __init__(

@@ -29,11 +29,7 @@ FORGOTTEN_AFTER: Final = 6.0
 
 @dataclass(frozen=True)
 class Document:
-    """One publication.
-
-    Attributes:
-        time_ns: UTC at which it was made.
-    """
+    """One publication."""
 
     body: bytes
     time_ns: int

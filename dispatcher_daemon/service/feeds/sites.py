@@ -68,11 +68,7 @@ def watched_pairs(
     states: Iterable[SegmentState],
     healths: Iterable[RsuHealth],
 ) -> frozenset[Pair]:
-    """The segments that RSUs watch: those listed, or, where none are, those they told of.
-
-    Args:
-        states: admitted ones.
-    """
+    """The segments that RSUs watch: those listed, or, where none are, those they told of."""
     if rsus is not None:
         return frozenset((rsu, segment) for rsu, segments in rsus.items() for segment in segments)
     told: dict[str, set[str]] = {}
@@ -134,11 +130,7 @@ def _half_way(shape: Sequence[tuple[float, float]]) -> tuple[float, float]:
 
 
 def iso_time(time_ns: int) -> str:
-    """RFC 3339 with milliseconds, cut off.
-
-    Args:
-        time_ns: UTC, ≥ 0.
-    """
+    """RFC 3339 with milliseconds, cut off."""
     whole = datetime.fromtimestamp(time_ns // 10**9, UTC)
     return f"{whole:%Y-%m-%dT%H:%M:%S}.{time_ns % 10**9 // 10**6:03d}Z"
 

@@ -25,11 +25,7 @@ def device_feed(
     stale_after_s: float = freshness.STALE_AFTER_S,
     future_tolerance_s: float = freshness.FUTURE_TOLERANCE_S,
 ) -> bytes:
-    """The DeviceFeed of what sites measure, as UTF-8 GeoJSON.
-
-    Args:
-        healths: the latest of each RSU, by RSU.
-    """
+    """The DeviceFeed of what sites measure, as UTF-8 GeoJSON."""
     fresh = {
         rsu: health
         for rsu, health in healths.items()

@@ -172,11 +172,7 @@ class OrderIntake:
         after: str | None = None,
         limit: int = 100,
     ) -> list[OrderStatus]:
-        """Orders in some states by id: those that have not ended, or ended within a day.
-
-        Args:
-            after: the last id of the page before; None: the first page.
-        """
+        """Orders in some states by id: those that have not ended, or ended within a day."""
 
         def read(tracker: FleetTracker) -> list[OrderStatus]:
             book = tracker.book.orders

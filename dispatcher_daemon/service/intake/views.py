@@ -26,11 +26,7 @@ def receipt_of(order: OrderRecord, network: RoadNetwork) -> OrderReceipt:
 
 
 def status_of(order: OrderRecord, tracker: FleetTracker | None, now_ns: int) -> OrderStatus:
-    """An order as it is now.
-
-    Args:
-        tracker: None: it has forgotten the order.
-    """
+    """An order as it is now."""
     own = {name: getattr(order, name) for name in OrderStatus.model_fields if hasattr(order, name)}
     own |= {"request": request_of(order)}
     if tracker is not None:

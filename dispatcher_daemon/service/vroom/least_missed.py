@@ -27,7 +27,6 @@ class MissedEvent:
         windows: in which it begins without a miss.
         low: hard bound, not before it.
         high: likewise, not after it.
-        lasts: how long it takes.
         travel: from there to the next place; None: a break, which has no place.
     """
 

@@ -53,7 +53,6 @@ class VroomVisit:
     """A job, or one step of a shipment.
 
     Attributes:
-        number: in the problem.
         place: row in the matrices.
         delivery: taken off the vehicle there; a job's is loaded at the vehicle's start.
         pickup: put on the vehicle there; a job's stays to the end.
@@ -97,7 +96,6 @@ class VroomWays:
 
     Attributes:
         duration: hundredths of a second, by from and to.
-        distance: m; None: not known.
     """
 
     duration: Sequence[Sequence[int]]
@@ -110,7 +108,6 @@ class Van:
     """A vehicle with its ways.
 
     Attributes:
-        number: in the problem.
         start: row in the matrices; None: it starts at its first task.
         end: likewise.
         pauses: in the order of their first windows.
@@ -147,11 +144,7 @@ class Van:
 
 @dataclass(frozen=True)
 class VroomProblem:
-    """A request with its matrices.
-
-    Attributes:
-        coordinates: of each place; None where none are given.
-    """
+    """A request with its matrices."""
 
     request: Request
     tasks: tuple[VroomVisit, ...]

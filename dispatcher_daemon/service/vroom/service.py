@@ -45,7 +45,6 @@ def solve_vroom(
         engine: roads for coordinates; None: only requests with matrices are answered.
         deadline_s: for the whole answer; a small request takes less.
         seed: same request, same seed, same answer, unless the deadline ends the search.
-        geometry: add each route's way as an encoded polyline.
         choose_eta: VROOM's plan mode: only times are chosen, for the routes in `steps`.
     """
     ends = time.monotonic() + deadline_s

@@ -1,16 +1,9 @@
 from __future__ import annotations
 
 import logging
-import os
-import subprocess
-import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime, timedelta
-from math import inf
-from pathlib import Path
 
 import pytest
 
@@ -23,20 +16,14 @@ from dispatcher_daemon.service.schedule import CycleScheduler
 from dispatcher_daemon.service.store import PRUNE_BATCH
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.workers.pool import PoolJob, solve_in_process
-from slipstream.bus import Bus, Router
-from slipstream.config import BusSettings
 from slipstream.messages import (
-    ALL_PLANS,
     CYCLE_KEY,
-    DISPATCHER_HEALTH_KEY,
     CycleReport,
     DispatcherHealth,
     VehiclePlan,
-    decode,
     rsu_health_key,
     state_key,
 )
-from storage import open_reader
 from tests.dispatcher_daemon.service.feeds.states import health as rsu_health
 from tests.dispatcher_daemon.service.logged import SETTINGS, Log, State, feed, make
 
@@ -345,106 +332,3 @@ def test_each_cycle_has_a_seed_of_its_own() -> None:
     """Seeds are reproducible and differ from cycle to cycle and from run to run."""
     assert cycle_seed(1, 5) == cycle_seed(1, 5)
     assert len({cycle_seed(s, c) for s in range(5) for c in range(5)}) == 25
-
-
-RUN = """
-import sys
-from pathlib import Path
-from dispatcher_daemon.service.daemon import run_dispatcher
-from dispatcher_daemon.settings import DispatcherSettings
-from slipstream.prices import PriceSettings
-from slipstream.config import BusSettings
-
-if __name__ == "__main__":
-    run_dispatcher(
-        DispatcherSettings(
-            bus=BusSettings(connect=(sys.argv[1],)),
-            database_url=f"sqlite:///{sys.argv[2]}",
-            fleet=sys.argv[3],
-            interval_s=3.0,
-            deadline_s=2.5,
-            stale_after_s=30.0,
-            prices=PriceSettings(driving_hour=0.0),
-        )
-    )
-"""
-
-
-@pytest.fixture
-def endpoint() -> Iterator[str]:
-    """A zenoh router on loopback."""
-    with Router() as router:
-        yield router.endpoint
-
-
-@dataclass
-class Running:
-    """The daemon's process, and its end once it has been told to."""
-
-    process: subprocess.Popen[str]
-    bus: Bus
-    log: str = ""
-    stopping_s: float = inf
-
-
-@contextmanager
-def running(folder: Path, endpoint: str, fleet: str) -> Iterator[Running]:
-    """The real process on a database in a folder; it is stopped at the end."""
-    script = folder / "run.py"
-    script.write_text(RUN)
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])}
-    command = [sys.executable, str(script), endpoint, str(folder / "cycles.db"), fleet]
-    with (
-        Bus.open(BusSettings(connect=(endpoint,))) as bus,
-        subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True) as process,
-    ):
-        daemon = Running(process, bus)
-        try:
-            yield daemon
-        finally:
-            began = time.monotonic()
-            process.terminate()
-            _, daemon.log = process.communicate(timeout=30)
-            daemon.stopping_s = time.monotonic() - began
-
-
-@pytest.mark.process
-def test_the_daemon_turns_states_into_stored_plans(
-    tmp_path: Path, endpoint: str, state: State
-) -> None:
-    """The real process: states in over zenoh, plans out, every one of them in the database."""
-    reports: list[CycleReport] = []
-    plans: list[VehiclePlan] = []
-    health: list[DispatcherHealth] = []
-    with running(tmp_path, endpoint, "demo") as daemon:
-        bus = daemon.bus
-        bus.subscribe(CYCLE_KEY, lambda k, b: reports.append(decode(CycleReport, b, k)))
-        bus.subscribe(ALL_PLANS, lambda k, b: plans.append(decode(VehiclePlan, b, k)))
-        bus.subscribe(
-            DISPATCHER_HEALTH_KEY, lambda k, b: health.append(decode(DispatcherHealth, b, k))
-        )
-        segments = ("avenue_east", "avenue_west")
-        outlets = {s: bus.publisher(state_key(f"rsu-{s}", s)) for s in segments}
-        # Not on the key of a state: of two messages at once the later one counts.
-        broken = bus.publisher(state_key("rsu-broken", "avenue_east"))
-        ends = time.monotonic() + 120
-        while time.monotonic() < ends and daemon.process.poll() is None:
-            for segment, outlet in outlets.items():
-                outlet.put(state(segment, 1, time_ns=time.time_ns()))
-            broken.put(b"not a state")
-            if health and health[-1].cycles >= 2 and any(p.cycle >= 2 for p in plans):
-                break
-            time.sleep(0.2)
-    assert daemon.process.returncode == 0, daemon.log
-    assert daemon.stopping_s < 10
-    assert "Traceback" not in daemon.log
-    last = reports[-1]
-    assert last.status == "ok", daemon.log
-    assert [s.solver for s in last.solvers] == ["exact", "lc-qaoa"]
-    assert {g.segment: g.open for g in last.gates} == dict.fromkeys(segments, True)
-    second = {p.vehicle: p.stops[2].stop for p in plans if p.cycle == last.cycle}
-    assert (set(second), set(second.values())) == ({"van-a", "van-b"}, {"c2", "c4"})
-    assert health[-1].bad_messages > 0
-    with open_reader(f"sqlite:///{tmp_path / 'cycles.db'}") as reader:
-        stored = {report.cycle for report in reader.cycles(limit=100)}
-    assert {report.cycle for report in reports} <= stored

@@ -37,6 +37,7 @@ def url(tmp_path: Path) -> str:
     return f"sqlite:///{tmp_path / 'a.db'}"
 
 
+@pytest.mark.slow
 def test_a_van_in_mid_route_is_never_planned_from_its_depot(demo: RoutingProblem, url: str) -> None:
     """Nor after a restart; its orders are under way, and what it has served is not planned."""
     bus = Bus()
@@ -93,6 +94,7 @@ def test_a_van_in_mid_route_is_never_planned_from_its_depot(demo: RoutingProblem
         assert reader.orders(("served",))[0].order == first.stop
 
 
+@pytest.mark.slow
 def test_measured_speeds_are_learned_and_survive_a_restart(
     demo: RoutingProblem, url: str, state: Callable[..., SegmentState]
 ) -> None:
@@ -142,6 +144,7 @@ def test_messages_that_are_not_what_their_key_says_are_counted(
     assert len(bus.plans("van-a")) == 1
 
 
+@pytest.mark.slow
 def test_a_fleet_that_is_silent_does_not_look_well(demo: RoutingProblem, url: str) -> None:
     """Each order says why it waits, in the stored report and in words; health names the silent ones
     with their last place, and those that were never heard.

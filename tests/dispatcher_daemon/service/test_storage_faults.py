@@ -130,6 +130,7 @@ def fill(database: Database, real_ns: int) -> None:
         database.record_cycle(failed_report(number, started_ns, 0.1, "of before"), [], [])
 
 
+@pytest.mark.slow
 @pytest.mark.attack
 def test_a_clock_that_runs_steadily_for_a_day_is_trusted(tmp_path: Path) -> None:
     """After a stop of 100 days deletion waits for it and then goes on by itself; a clock that is
@@ -165,6 +166,7 @@ def test_a_clock_that_runs_steadily_for_a_day_is_trusted(tmp_path: Path) -> None
         assert metric("clock_untrusted") == 0
 
 
+@pytest.mark.slow
 @pytest.mark.attack
 def test_a_pause_moves_the_trusted_time_on(tmp_path: Path) -> None:
     """A pause of nine days with a restart each eighteen hours is no jump for the first cycle."""

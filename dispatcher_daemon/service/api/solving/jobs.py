@@ -47,8 +47,6 @@ class SolveJob:
     Attributes:
         started_ns: UTC; None: not yet.
         ended_ns: likewise.
-        reason: why it failed, or was cancelled.
-        error: what it failed with, of one that failed.
         result: a `SolveResult` as JSON, of one that is done.
     """
 
@@ -66,11 +64,7 @@ class SolveJob:
 
 
 class SolveJobs:
-    """Plans fleets one after the other; safe for threads.
-
-    Args:
-        overhead_s: see `OVERHEAD_S`.
-    """
+    """Plans fleets one after the other; safe for threads."""
 
     def __init__(
         self,

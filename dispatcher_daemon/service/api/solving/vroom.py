@@ -21,7 +21,6 @@ class VroomTask(RoadTask):
 
     Attributes:
         request: plain data, as JSON gives it.
-        deadline_s: for the whole answer.
         answer_by_ns: UTC; its caller waits no longer.
     """
 

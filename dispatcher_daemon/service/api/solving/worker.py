@@ -29,8 +29,6 @@ class RoadTask:
 
     Attributes:
         roads: `fingerprint` of the dispatcher's network, which the worker reads anew.
-        now_ns: moment that the traffic is judged for, UTC.
-        seed: of everything random.
     """
 
     settings: DispatcherSettings

@@ -22,6 +22,7 @@ from slipstream.messages import (
     StoppedVehicles,
     stopped_key,
 )
+from tests.dispatcher_daemon.service.feeds.states import health as rsu_health
 
 NOW_NS = 1_800_000_000_000_000_000
 SILENT_S = 5.0
@@ -49,21 +50,7 @@ class Roadside:
 
     def hear(self, rsu: str = "a", **changes: Any) -> None:
         """A health comes in."""
-        values: dict[str, Any] = {
-            "rsu": rsu,
-            "time_ns": self.now_ns,
-            "started_ns": NOW_NS,
-            "source": "rtsp://a",
-            "segments": ("avenue_east",),
-            "status": "ok",
-            "fps": 30.0,
-            "latency_ms_p50": None,
-            "latency_ms_p95": None,
-            "vehicles_in_view": 1,
-            "rss_mb": 1.0,
-        }
-        counts = ("frames", "frames_skipped", "decode_errors", "reconnects", "states")
-        health = RsuHealth(**{**values, **dict.fromkeys(counts, 0), **changes})
+        health = rsu_health(rsu, **{"time_ns": self.now_ns, "source": "rtsp://a", **changes})
         self.healths[rsu] = self.now_ns, health
 
     def see(self, *stopped_s: float, segment: str = "avenue_east", y_e: int | None = 1) -> None:

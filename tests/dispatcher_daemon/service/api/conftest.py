@@ -21,6 +21,7 @@ from dispatcher_daemon.service.api import (
     create_app,
     token_hash,
 )
+from dispatcher_daemon.service.api.solving import SolveJobs
 from dispatcher_daemon.service.dispatcher import AlarmSource, Dispatcher
 from dispatcher_daemon.service.intake import OrderIntake
 from dispatcher_daemon.settings import DispatcherSettings
@@ -138,6 +139,14 @@ def loop() -> Iterator[asyncio.AbstractEventLoop]:
     yield made
     made.call_soon_threadsafe(made.stop)
     thread.join()
+    made.close()
+
+
+@pytest.fixture(scope="session")
+def jobs() -> Iterator[SolveJobs]:
+    """A queue of fleets to plan, whose process takes seconds to start."""
+    made = SolveJobs()
+    yield made
     made.close()
 
 

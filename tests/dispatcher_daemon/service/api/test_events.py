@@ -66,6 +66,7 @@ def test_what_happens_is_told_as_it_happens(serve: Callable[..., Api], state: St
         assert cycles.event() == seen[-1]
 
 
+@pytest.mark.slow
 def test_a_caller_goes_on_where_it_stopped(serve: Callable[..., Api]) -> None:
     """Events behind the given id come first; where they are gone, `reset` says so."""
     api = serve()

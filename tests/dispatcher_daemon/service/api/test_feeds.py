@@ -72,6 +72,7 @@ def test_a_reader_gets_all_three(serve: Callable[..., Api], world: World) -> Non
     assert extension == EXTENSION_SCHEMA.read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", [SITES, DATA, DEVICES])
 def test_what_has_not_changed_is_not_sent_again(
     serve: Callable[..., Api], world: World, path: str

@@ -32,6 +32,7 @@ def states(api: Api, path: str = "/v1/orders") -> dict[str, OrderState]:
     return {row["order"]: row["state"] for row in api.get(path, "reader").json["orders"]}
 
 
+@pytest.mark.slow
 def test_an_order_is_taken_once_and_followed_to_its_plan(api: Api) -> None:
     """201 for a new one, 200 with the same receipt for the same again, then its life."""
     first = submit(api, ORDER)

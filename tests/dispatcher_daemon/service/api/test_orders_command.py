@@ -13,6 +13,7 @@ from slipstream_cli.main import main
 from .conftest import Api
 
 
+@pytest.mark.slow
 def test_orders_are_added_shown_and_cancelled(
     serve: Callable[..., Api],
     tmp_path: Path,
@@ -41,6 +42,7 @@ def test_orders_are_added_shown_and_cancelled(
     assert line.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_orders_are_pinned_and_released(
     serve: Callable[..., Api],
     tmp_path: Path,

@@ -11,7 +11,7 @@ import pytest
 
 from dispatcher_daemon.fleet.learning import Learned
 from dispatcher_daemon.forms.problem import RoutingProblem
-from dispatcher_daemon.service.api.solving import FullError, SolveJobs, jobs
+from dispatcher_daemon.service.api.solving import FullError, SolveJobs
 from dispatcher_daemon.service.api.solving.worker import SolveTask
 from dispatcher_daemon.settings import DispatcherSettings
 from slipstream.errors import InputError
@@ -61,6 +61,7 @@ def queue() -> Iterator[Callable[..., SolveJobs]]:
         one.close()
 
 
+@pytest.mark.slow
 def test_a_fleet_is_checked_without_planning_it(serve: Callable[..., Api]) -> None:
     """200 for one that fits the roads; else what is wrong with it, by its key, and no job."""
     api = serve(tokens=True)
@@ -85,9 +86,11 @@ def test_a_fleet_is_checked_without_planning_it(serve: Callable[..., Api]) -> No
 
 @pytest.mark.process
 @pytest.mark.slow
-def test_a_fleet_is_planned_in_a_process_of_its_own(serve: Callable[..., Api]) -> None:
+def test_a_fleet_is_planned_in_a_process_of_its_own(
+    serve: Callable[..., Api], jobs: SolveJobs
+) -> None:
     """Submitted, polled at `Location`, done: the plans that a cycle of the same fleet makes."""
-    api = serve(tokens=True)
+    api = serve(tokens=True, solve_jobs=jobs)
     submitted = api.ask("POST", "/v1/solve?deadline_s=5&seed=1", "controller", DEMO)
     assert submitted.status == 202
     address = submitted.headers["location"]
@@ -145,7 +148,7 @@ def test_the_queue_is_bounded_and_results_are_forgotten(
     queue: Callable[..., SolveJobs], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Beyond the limit a job is refused; an hour after its end it is gone."""
-    monkeypatch.setattr(jobs, "MAX_WAITING", 2)
+    monkeypatch.setattr("dispatcher_daemon.service.api.solving.jobs.MAX_WAITING", 2)
     now_ns = [0]
     line = queue(clock=lambda: now_ns[0])
 
@@ -164,6 +167,7 @@ def test_the_queue_is_bounded_and_results_are_forgotten(
 
 
 @pytest.mark.process
+@pytest.mark.long
 def test_a_job_that_its_caller_has_left_is_forgotten_and_costs_no_process(
     queue: Callable[..., SolveJobs],
 ) -> None:

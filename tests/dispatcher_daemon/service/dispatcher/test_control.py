@@ -44,6 +44,7 @@ def test_while_paused_no_cycle_begins_and_no_order_is_inserted(demo: RoutingProb
     ]
 
 
+@pytest.mark.slow
 def test_what_is_reported_meanwhile_is_stored(
     demo: RoutingProblem, state: Callable[..., SegmentState], tmp_path: Path
 ) -> None:
@@ -78,6 +79,7 @@ def test_what_is_reported_meanwhile_is_stored(
         assert make_stored(demo, bus, database).control.paused is None
 
 
+@pytest.mark.slow
 def test_a_pause_is_stored_in_the_database_that_took_the_place(
     demo: RoutingProblem, tmp_path: Path
 ) -> None:

@@ -298,8 +298,9 @@ SENT = st.lists(st.tuples(st.sampled_from("abc"), st.integers(0, 3)), min_size=1
 ACTIONS = st.sampled_from(["send", "send", "full", "restart"])
 
 
+@pytest.mark.slow
 @given(steps=st.lists(st.tuples(ACTIONS, SENT), max_size=8))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 def test_what_was_acknowledged_is_there_and_nothing_else(
     district: RoutingProblem, steps: list[tuple[str, list[tuple[str, int]]]]
 ) -> None:

@@ -94,6 +94,7 @@ def test_an_order_is_taken_as_the_message_that_it_is(
         assert desk.intake.show("x").request == request
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("field", ["id", "node", "\ud800"])
 def test_text_that_cannot_be_encoded_is_refused(
     district: RoutingProblem, tmp_path: Path, field: str
