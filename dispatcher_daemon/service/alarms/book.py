@@ -53,7 +53,8 @@ class AlarmBook:
         for alarm in alarms:
             known = self._held if alarm.ended_ns is None else self._ended
             seen_s = now_s + RESTART_S if alarm.ended_ns is None else now_s
-            known[alarm.kind, alarm.subject] = _Held(alarm, seen_s, now_s)
+            if alarm.kind in KINDS:
+                known[alarm.kind, alarm.subject] = _Held(alarm, seen_s, now_s)
 
     def update(
         self, conditions: Iterable[Condition], now_ns: int, now_s: float

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 
 import pytest
@@ -26,6 +26,7 @@ from slipstream.messages import (
 )
 from tests.dispatcher_daemon.service.feeds.states import health as rsu_health
 from tests.dispatcher_daemon.service.logged import SETTINGS, Log, State, feed, make
+from tests.dispatcher_daemon.service.waiting import wait_for
 
 
 def test_a_cycle_is_stored_before_it_is_published(demo: RoutingProblem, state: State) -> None:
@@ -307,16 +308,6 @@ def test_a_state_of_an_unlisted_rsu_opens_no_gate_and_is_told(
         "slipstream/v1/rsu/rsu-avenue_east/segment/avenue_east/state: state refused: implausible, "
         "mean_speed_mps = -5",
     ]
-
-
-def wait_for(condition: Callable[[], bool], timeout_s: float = 10.0) -> bool:
-    """Poll until it is true."""
-    ends = time.monotonic() + timeout_s
-    while time.monotonic() < ends:
-        if condition():
-            return True
-        time.sleep(0.01)
-    return False
 
 
 def test_a_backlog_of_old_cycles_goes_bit_by_bit(demo: RoutingProblem) -> None:

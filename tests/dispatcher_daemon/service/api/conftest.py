@@ -6,7 +6,7 @@ import json
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -28,8 +28,9 @@ from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.workers.pool import solve_in_process
 from slipstream.http.conventions import Conventions
-from slipstream.messages import Message, SegmentState, state_key
+from slipstream.messages import SegmentState, state_key
 from storage import open_database, open_reader
+from tests.dispatcher_daemon.service.reporting import Bus
 
 from .asgi import Answer, Listener, Request
 
@@ -103,25 +104,6 @@ class Api:
         return self.ask("GET", path, token)
 
 
-@dataclass
-class SilentBus:
-    """A bus that nobody listens to."""
-
-    sent: list[tuple[str, object]] = field(default_factory=list)
-
-    def publisher(self, key: str) -> _Outlet:
-        return _Outlet(self, key)
-
-
-@dataclass
-class _Outlet:
-    bus: SilentBus
-    key: str
-
-    def put(self, message: Message | bytes) -> None:
-        self.bus.sent.append((self.key, message))
-
-
 @pytest.fixture(scope="session")
 def empty_database(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     """A database with its schema and nothing in it."""
@@ -190,7 +172,7 @@ def serve(
                 settings,
                 demo.network,
                 demo.fleet,
-                SilentBus(),
+                Bus(),
                 database,
                 solve,
                 announce=server.events.publish,
@@ -202,7 +184,7 @@ def serve(
                     dispatcher,
                     settings,
                     demo.network,
-                    SilentBus(),
+                    Bus(),
                     database,
                     server.events.publish,
                 )

@@ -14,6 +14,7 @@ from dispatcher_daemon.service.api import hub
 from dispatcher_daemon.service.api.endpoints import events
 from dispatcher_daemon.service.dispatcher.reports import failed_report
 from slipstream.messages import SegmentState
+from tests.dispatcher_daemon.service.waiting import wait_for
 
 from .asgi import Listener
 from .conftest import Api
@@ -36,13 +37,6 @@ def connected(api: Api) -> Iterator[Listener]:
         listener = Listener(parts())
         assert any(line.startswith("retry") for line in listener.lines)
         yield listener
-
-
-def _until(condition: Callable[[], bool]) -> bool:
-    deadline = time.monotonic() + 30
-    while not (met := condition()) and time.monotonic() < deadline:
-        time.sleep(0.02)
-    return met
 
 
 def test_what_happens_is_told_as_it_happens(serve: Callable[..., Api], state: State) -> None:
@@ -113,7 +107,7 @@ def test_a_caller_that_does_not_read_is_dropped_and_holds_nobody_up(
             longest_s = max(longest_s, time.monotonic() - began)
             assert quick.event()[0] == "cycle", number
         assert longest_s < 5.0
-        assert _until(lambda: metrics.API_STREAMS_DROPPED._value.get() == dropped + 1)
+        assert wait_for(lambda: metrics.API_STREAMS_DROPPED._value.get() == dropped + 1)
         assert metrics.API_STREAMS._value.get() == 1
         assert slow.rest() < 300
 

@@ -3,7 +3,6 @@ from __future__ import annotations
 import http.client
 import json
 import socket
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -13,18 +12,12 @@ from dispatcher_daemon import metrics
 from dispatcher_daemon.service.api import ApiServer, RateLimit, guard
 from slipstream.errors import InputError
 from slipstream.http import bodies, server
+from tests.dispatcher_daemon.service.waiting import wait_for
 
 from .asgi import Answer
 from .conftest import Api
 
 MONKEY = pytest.MonkeyPatch
-
-
-def _until(condition: Callable[[], bool], within_s: float = 30.0) -> bool:
-    deadline = time.monotonic() + within_s
-    while not (met := condition()) and time.monotonic() < deadline:
-        time.sleep(0.02)
-    return met
 
 
 def _has_ended(connection: socket.socket) -> bool:
@@ -123,8 +116,8 @@ def test_connections_are_bounded_and_silent_ones_end(
     silent = [socket.create_connection(("127.0.0.1", api.port), timeout=30) for _ in range(3)]
     silent[0].sendall(b"GET /healthz HTTP/1.1\r\nHost: x\r\nX-Slow: ")
     try:
-        assert _until(lambda: api.get("/healthz").status == 503)
-        assert _until(lambda: api.get("/healthz").status == 200)
+        assert wait_for(lambda: api.get("/healthz").status == 503)
+        assert wait_for(lambda: api.get("/healthz").status == 200)
         assert all(map(_has_ended, silent))
     finally:
         for connection in silent:
@@ -163,7 +156,7 @@ def test_an_api_that_goes_down_comes_back(
         except OSError:
             return False
 
-    assert _until(answers)
+    assert wait_for(answers)
     assert metrics.API_FAILURES._value.get() == before + 1
     assert any("the loop broke" in record.message for record in caplog.records)
 

@@ -15,19 +15,13 @@ from dispatcher_daemon.service.api.solving import FullError, SolveJobs
 from dispatcher_daemon.service.api.solving.worker import SolveTask
 from dispatcher_daemon.settings import DispatcherSettings
 from slipstream.errors import InputError
+from tests.dispatcher_daemon.service.waiting import wait_for
 
 from .conftest import Api
 
 DEMO: dict[str, Any] = tomllib.loads(
     (resources.files("dispatcher_daemon") / "data" / "demo_fleet.toml").read_text()
 )
-
-
-def _until(condition: Callable[[], bool]) -> bool:
-    deadline = time.monotonic() + 60
-    while not (met := condition()) and time.monotonic() < deadline:
-        time.sleep(0.02)
-    return met
 
 
 def _sleep() -> bytes:
@@ -95,7 +89,7 @@ def test_a_fleet_is_planned_in_a_process_of_its_own(
     assert submitted.status == 202
     address = submitted.headers["location"]
     assert address.endswith(submitted.json["id"])
-    assert _until(lambda: api.get(address, "controller").json["ended_ns"] is not None)
+    assert wait_for(lambda: api.get(address, "controller").json["ended_ns"] is not None)
     answer = api.get(address, "controller").json
     assert (answer["state"], answer["reason"]) == ("done", None)
     api.dispatcher.run_cycle()
@@ -122,11 +116,11 @@ def test_a_worker_that_hangs_or_dies_costs_its_job_only(
     """The job fails with a reason, in time, and the next one runs."""
     hanging = queue(overhead_s=0.5)
     job = hanging.submit(0.5, lambda: _sleep)
-    assert _until(lambda: job.state == "failed")
+    assert wait_for(lambda: job.state == "failed")
     assert job.reason == "no plan within 1 s"
     dying = queue()
     first, second = (dying.submit(1.0, lambda: _die) for _ in range(2))
-    assert _until(lambda: second.state == "failed")
+    assert wait_for(lambda: second.state == "failed")
     assert "ProcessExpired" in str(first.reason)
 
 
@@ -136,10 +130,10 @@ def test_a_running_job_can_be_cancelled(queue: Callable[..., SolveJobs]) -> None
     """Its process is ended, and what waited behind it is worked on."""
     line = queue()
     running, waiting = (line.submit(300.0, lambda: _sleep) for _ in range(2))
-    assert _until(lambda: running.future is not None)
+    assert wait_for(lambda: running.future is not None)
     assert (running.state, waiting.state) == ("running", "waiting")
     assert line.cancel(running.id) is running
-    assert _until(lambda: waiting.state == "running")
+    assert wait_for(lambda: waiting.state == "running")
     assert (running.state, running.reason) == ("cancelled", "its caller cancelled it")
     assert line.cancel("nobody") is None
 
@@ -183,7 +177,7 @@ def test_a_job_that_its_caller_has_left_is_forgotten_and_costs_no_process(
     assert line.wait(first, 60.0)
     left, waiting, last = (line.submit(5.0, make) for _ in range(3))
     assert line.wait_begun(left, 60.0)
-    assert _until(lambda: left.future is not None)
+    assert wait_for(lambda: left.future is not None)
     assert not line.wait_begun(waiting, 0.0)
     line.leave(left)
     line.leave(waiting)
