@@ -11,10 +11,9 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
-from scipy.optimize import Bounds, LinearConstraint, OptimizeResult, milp
-from scipy.sparse import coo_array
 
 from dispatcher_daemon.service.vroom.model import FOREVER, Windows
 
@@ -111,8 +110,12 @@ def _solved(
     high: np.ndarray,
     whole_from: int,
     ends: float,
-) -> OptimizeResult | None:
+) -> Any:
     """The least of an aim, rows being (factors, lower bound); None: there is no solution."""
+    # The dispatcher imports this module, and only its worker solves.
+    from scipy.optimize import Bounds, LinearConstraint, milp
+    from scipy.sparse import coo_array
+
     left_s = ends - time.monotonic()
     if left_s <= 0:
         raise TimeoutError
