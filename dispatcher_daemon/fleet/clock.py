@@ -70,8 +70,6 @@ def seconds_after(
 
     Args:
         clocks: by key, in the order in which they follow each other; None: not given.
-        zone: of times without one.
-        reference_ns: the moment, UTC.
     """
     found = clock_moments(clocks, zone, reference_ns)
     return {key: (utc_ns(at) - reference_ns) / 1e9 for key, at in found.items()}
@@ -96,8 +94,6 @@ def clock_moments(
 
     Args:
         clocks: as of `seconds_after`; of several breaks, each key after its break's number.
-        zone: of times without one.
-        reference_ns: the moment, UTC.
         shift: when the shift over midnight begins that breaks are in; None: there is none.
     """
     now = datetime.fromtimestamp(reference_ns // 10**9, zone)

@@ -13,8 +13,6 @@ class Moving:
 
     Attributes:
         share: of the segment that lies behind it.
-        speed_mps: measured there.
-        time_ns: UTC of the measurement.
     """
 
     share: float
@@ -28,7 +26,6 @@ class CommittedLeg:
 
     Attributes:
         path: its segments in order, the one that the vehicle is on first; none: any path may do.
-        complete: True if it leads to the leg's end.
     """
 
     path: tuple[str, ...]
@@ -42,11 +39,7 @@ class Commitment:
     It begins with ``place``, drives the committed legs first, and serves exactly ``stops``.
 
     Attributes:
-        vehicle: its id.
-        plan: that it follows.
         place: stop or depot that it left last, or stands at.
-        node: of that place.
-        arrived_ns: at that place, UTC.
         ends_ns: when service there ends, or has ended, UTC; not used of one that moves.
         departs_ns: when its plan has it leave, later where it waits for others; likewise.
         moving: where it is on its first committed segment; None: it stands at the place.

@@ -19,7 +19,6 @@ class FleetFile:
     Writers should write another file and rename it, so that no partial file is read.
 
     Args:
-        reference: as for `load_fleet`.
         network: roads that it must fit; None: they are not known.
 
     Raises:

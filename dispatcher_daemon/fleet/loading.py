@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from datetime import datetime
 from importlib import resources
 from itertools import pairwise
@@ -14,7 +14,7 @@ from zoneinfo import ZoneInfo
 from dispatcher_daemon.fleet.clock import given_twice, parse_clock
 from dispatcher_daemon.fleet.models import Fleet
 from dispatcher_daemon.fleet.places import located, served, with_unknown_nodes
-from dispatcher_daemon.fleet.stops import DEPOT, Stop
+from dispatcher_daemon.fleet.stops import DEPOT, Place, Stop
 from dispatcher_daemon.fleet.vehicles import Break, Vehicle
 from slipstream.config import check, read_data
 from slipstream.errors import InputError, refuse
@@ -60,10 +60,7 @@ def fleet_from(
     of the fleet may stop (`slipstream.roads.snapping`).
 
     Args:
-        data: of the file.
         network: the roads; None: they are not known, and nothing is compared with them.
-        source: what errors name.
-        may_lack_stops: a fleet without any is right.
         may_have_clock_times: its times may be of a day.
     """
     fleet = check(with_unknown_nodes(data), Fleet, source)
@@ -111,7 +108,6 @@ def check_fleet(
     `dispatcher_daemon.planning.routes.servability.unservable` names them.
 
     Args:
-        source: what errors name.
         prefix: put before the keys in errors, where the fleet is part of a larger file.
 
     Raises:
@@ -125,70 +121,43 @@ def check_fleet(
 def _faults(
     fleet: Fleet, network: RoadNetwork | None, source: str | Path, prefix: str
 ) -> Iterator[InputError]:
-    yield from _no_duplicates(source, f"{prefix}depots", "id", (d.id for d in fleet.depots))
-    yield from _no_duplicates(source, f"{prefix}stops", "id", (s.id for s in fleet.stops))
-    yield from _no_duplicates(source, f"{prefix}vehicles", "id", (v.id for v in fleet.vehicles))
-    yield from _no_duplicates(
-        source, f"{prefix}vehicle_types", "id", (t.id for t in fleet.vehicle_types)
-    )
-    yield from _no_duplicates(
-        source, f"{prefix}charging_stops", "id", (c.id for c in fleet.charging_stops)
-    )
-    yield from _no_duplicates(source, f"{prefix}hubs", "id", (h.id for h in fleet.hubs))
-    for name in (DEPOT, *fleet.depot_by_id):
-        if name in fleet.stop_by_id:
-            yield InputError(
-                source, "a stop has a depot's id", "rename it", key=f"{prefix}stops.{name}"
-            )
-    for name in fleet.charging_stop_by_id:
-        if name == DEPOT or name in fleet.stop_by_id or name in fleet.depot_by_id:
-            problem = "a charging stop has the id of a stop or depot"
-            yield InputError(source, problem, "rename it", key=f"{prefix}charging_stops.{name}")
-    for name in fleet.hub_by_id:
-        others = (fleet.stop_by_id, fleet.depot_by_id, fleet.charging_stop_by_id)
-        if name == DEPOT or any(name in other for other in others):
-            problem = "a hub has the id of a stop, charging stop or depot"
-            yield InputError(source, problem, "rename it", key=f"{prefix}hubs.{name}")
-    places: dict[str, Mapping[str, object]] = {
-        "depots": fleet.depot_by_id,
-        "stops": fleet.stop_by_id,
-        "charging_stops": fleet.charging_stop_by_id,
-        "hubs": fleet.hub_by_id,
+    places: dict[str, tuple[Place, ...]] = {
+        "depots": fleet.depots,
+        "stops": fleet.stops,
+        "charging_stops": fleet.charging_stops,
+        "hubs": fleet.hubs,
     }
-    for table, known in places.items():
-        for name in sorted(fleet.break_ids.intersection(known)):
-            problem = "it has the name that a vehicle's break has in plans"
-            yield InputError(source, problem, "rename it", key=f"{prefix}{table}.{name}")
-    for kind in fleet.vehicle_types:
-        if kind.id in PRESETS:
-            key = f"{prefix}vehicle_types.{kind.id}"
-            yield InputError(source, "a vehicle type has a preset's id", "rename it", key=key)
-    for place, node in (
-        *((f"depots.{d.id}", d.node) for d in fleet.depots),
-        *((f"stops.{s.id}", s.node) for s in fleet.stops),
-        *((f"charging_stops.{c.id}", c.node) for c in fleet.charging_stops),
-        *((f"hubs.{h.id}", h.node) for h in fleet.hubs),
+    taken = {DEPOT: "depot"}
+    for table, rows in places.items():
+        kind = table.removesuffix("s").replace("_", " ")
+        yield from _no_duplicates(source, f"{prefix}{table}", "id", (row.id for row in rows))
+        for row in rows:
+            key = f"{prefix}{table}.{row.id}"
+            if (other := taken.setdefault(row.id, kind)) != kind:
+                yield InputError(source, f"a {kind} has a {other}'s id", "rename it", key=key)
+            if row.id in fleet.break_ids:
+                problem = "it has the name that a vehicle's break has in plans"
+                yield InputError(source, problem, "rename it", key=key)
+            if network is not None and row.node not in network.junctions:
+                mend = f"use a junction of network {network.name!r}"
+                yield InputError(source, f"unknown node {row.node!r}", mend, key=f"{key}.node")
+    for table, ids in (
+        ("vehicles", [vehicle.id for vehicle in fleet.vehicles]),
+        ("vehicle_types", [kind.id for kind in fleet.vehicle_types]),
     ):
-        if network is not None and node not in network.junctions:
-            yield InputError(
-                source,
-                f"unknown node {node!r}",
-                f"use a junction of network {network.name!r}",
-                key=f"{prefix}{place}.node",
-            )
+        yield from _no_duplicates(source, f"{prefix}{table}", "id", ids)
+    for own in fleet.vehicle_types:
+        if own.id in PRESETS:
+            key = f"{prefix}vehicle_types.{own.id}"
+            yield InputError(source, "a vehicle type has a preset's id", "rename it", key=key)
     for vehicle in fleet.vehicles:
         key = f"{prefix}vehicles.{vehicle.id}"
         if vehicle.depot is not None and vehicle.depot not in fleet.depot_by_id:
-            yield InputError(
-                source, f"no depot {vehicle.depot!r}", "name one of the depots", key=f"{key}.depot"
-            )
+            problem, mend = f"no depot {vehicle.depot!r}", "name one of the depots"
+            yield InputError(source, problem, mend, key=f"{key}.depot")
         if vehicle.first_stop is not None and vehicle.first_stop not in fleet.stop_by_id:
-            yield InputError(
-                source,
-                f"no stop {vehicle.first_stop!r}",
-                "name one of the stops",
-                key=f"{key}.first_stop",
-            )
+            problem, mend = f"no stop {vehicle.first_stop!r}", "name one of the stops"
+            yield InputError(source, problem, mend, key=f"{key}.first_stop")
         yield from _check_type(fleet, vehicle, source, key)
         yield from _break_faults(fleet, vehicle, source, key)
     yield from _check_carriers(fleet, source, prefix)

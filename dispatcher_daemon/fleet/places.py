@@ -68,9 +68,6 @@ class Served:
     """Where a place that has latitude and longitude is served.
 
     Attributes:
-        key: of the place in the fleet.
-        node: junction.
-        to_node_m: from the place to it.
         road: that was found near the place; None: the file names the junction.
     """
 

@@ -17,11 +17,8 @@ class RoadUser:
 
     Attributes:
         vehicle: of the fleet; the cycle does not plan it.
-        now_ns: the cycle's start, UTC.
         ahead: remaining segments in order: passage of its plan and segment, with times in UTC.
         legs: of its plan by number: node of the place that it left, and path.
-        cycle: of its plan.
-        late_s: by how much it is behind its plan.
     """
 
     vehicle: str
@@ -41,13 +38,7 @@ class RoadUser:
 def on_road(
     plans: Iterable[VehiclePlan], now_ns: int, late_s: Mapping[str, float] | None = None
 ) -> tuple[RoadUser, ...]:
-    """The vehicles of earlier plans that still have segments to enter after a moment.
-
-    Args:
-        plans: at most one a vehicle.
-        now_ns: a cycle's start, UTC.
-        late_s: by how much vehicles are behind their plans.
-    """
+    """The vehicles of earlier plans that still have segments to enter after a moment."""
     late = late_s or {}
     users = []
     for plan in sorted(plans, key=lambda plan: plan.vehicle):

@@ -140,11 +140,7 @@ class Stop(_Point):
         return timed
 
     def window_ns(self, reference_ns: int) -> tuple[int | None, int | None]:
-        """(begin, end) of its window in UTC: clock times as they are, also where they have passed.
-
-        Args:
-            reference_ns: UTC that its times count from.
-        """
+        """(begin, end) of its window, UTC: clock times as they are, also where they have passed."""
 
         def at(name: str, seconds: float) -> int:
             return self._utc_ns.get(name, reference_ns + round(1e9 * seconds))

@@ -135,21 +135,13 @@ class Vehicle(Settings):
     )
 
     def break_id(self, number: int) -> str:
-        """Name that the stop for one of its breaks has in plans.
-
-        Args:
-            number: of the break, from 0.
-        """
+        """Name that the stop for one of its breaks has in plans."""
         return f"{self.id} break {number + 1}"
 
     def breaks_at_depot(self, leaves_s: float, back_s: float) -> frozenset[int]:
         """Numbers of the breaks that a tour leaves to the time at the depot, before it or after it.
 
         They follow one another there too, so that each takes a time of its own.
-
-        Args:
-            leaves_s: when the tour begins, s as all times of the fleet.
-            back_s: when it ends.
         """
         before, ended_s = 0, -math.inf
         for own in self.breaks:

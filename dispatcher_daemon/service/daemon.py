@@ -21,7 +21,16 @@ from dispatcher_daemon.settings import ApiSettings, DispatcherSettings
 from dispatcher_daemon.solvers import configured_solvers
 from dispatcher_daemon.solvers.quantum.hardware import open_job_manager
 from slipstream.bus import Bus
-from slipstream.messages import ALL_RSU_HEALTH, ALL_STATES, ALL_STOPPED, position_key
+from slipstream.messages import (
+    ALL_ACKNOWLEDGEMENTS,
+    ALL_ORDERS,
+    ALL_POSITIONS,
+    ALL_PROGRESS,
+    ALL_RSU_HEALTH,
+    ALL_STATES,
+    ALL_STOPPED,
+    position_key,
+)
 from slipstream.roads import RoadNetwork
 from slipstream.roads.admission import check_rsus
 from slipstream.roads.sumo_net import load_network
@@ -70,12 +79,6 @@ def _open_api(settings: ApiSettings) -> AbstractContextManager[ApiServer | None]
 
 class DispatcherParts:
     """The parts of the dispatcher's process, joined. Its service owns them.
-
-    Args:
-        settings: checked settings.
-        service: starts the parts in order and stops them in reverse.
-        network: roads.
-        fleet_file: what is dispatched.
 
     Raises:
         InputError: the settings do not fit the fleet, or name solvers that cannot be used.
@@ -171,11 +174,11 @@ class DispatcherParts:
             self._solving.slots,
         )
         self._alarms = service.start("alarms", alarms)
-        dispatcher.receiver.health_to.append(self._alarms.roadside.on_health)
-        if self._api is not None:
-            dispatcher.receiver.health_to.append(dispatcher.feeds.on_health)
         bus.subscribe(ALL_STATES, dispatcher.receiver.on_state, history=False)
-        dispatcher.fleet_watch.subscribe(bus)
+        watch = dispatcher.fleet_watch
+        bus.subscribe(ALL_POSITIONS, watch.on_position, history=False)
+        bus.subscribe(ALL_ACKNOWLEDGEMENTS, watch.on_acknowledgement, every=True)
+        bus.subscribe(ALL_PROGRESS, watch.on_progress)
         bus.expect(position_key(one.id) for one in (fleet.vehicles if fleet else ()))
         bus.subscribe(ALL_RSU_HEALTH, dispatcher.receiver.on_health, history=False)
         bus.subscribe(ALL_STOPPED, self._alarms.roadside.on_stopped, history=False)
@@ -193,7 +196,7 @@ class DispatcherParts:
             announce=lambda change: announce("order", change),
             taken=inserter.put,
         )
-        OrderAnswers(self._orders, dispatcher.control.note).listen(self._bus)
+        self._bus.answer(ALL_ORDERS, OrderAnswers(self._orders, dispatcher.control.note).answer)
 
     def _start_cycles(self) -> None:
         dispatcher, settings, checks = self._dispatcher, self._settings, self._service.checks
@@ -276,10 +279,6 @@ def _collect_garbage_less() -> None:
 
 def run_dispatcher(settings: DispatcherSettings, *, standby: bool = False) -> None:
     """Run until SIGTERM or SIGINT.
-
-    Args:
-        settings: checked settings.
-        standby: wait, with all that takes time done, until no other dispatcher writes the database.
 
     Raises:
         InputError: the network, list of RSUs, fleet, database, bus, metrics port, or the API's

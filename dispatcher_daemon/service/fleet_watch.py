@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Final, NamedTuple, Protocol, TypeVar
+from typing import Final, NamedTuple, TypeVar
 
 from dispatcher_daemon.fleet import Fleet, Stop
 from dispatcher_daemon.fleet.learning import Learned, Learning
@@ -14,16 +14,12 @@ from dispatcher_daemon.fleet.tracking import (
     FRESH_NS,
     FleetSituation,
     FleetTracker,
-    OpenTour,
     TrackedVehicle,
 )
 from dispatcher_daemon.traffic import TrafficSnapshot
 from slipstream.energy.ledger import PlanEnergy
 from slipstream.errors import InputError
 from slipstream.messages import (
-    ALL_ACKNOWLEDGEMENTS,
-    ALL_POSITIONS,
-    ALL_PROGRESS,
     OrderState,
     PlanAcknowledgement,
     SilentVehicle,
@@ -47,27 +43,11 @@ _COPY_WITHIN_S: Final = 0.1
 Save = Callable[[tuple[VehiclePlan, ...], FleetRecords], None]
 
 
-class Subscriber(Protocol):
-    """The part of `slipstream.bus.session.Bus` that is used here."""
-
-    def subscribe(
-        self,
-        key_expression: str,
-        handler: Callable[[str, bytes], None],
-        *,
-        history: bool = True,
-        every: bool = False,
-    ) -> None:
-        """Call a handler for samples."""
-        ...
-
-
 @dataclass(frozen=True)
 class FleetCopy:
     """The tracked vehicles at one moment.
 
     Attributes:
-        time_ns: the moment, UTC.
         vehicles: by id, which they are sorted by; nobody changes them any more.
         plan_changes: of plans' statuses that were not stored yet.
         orders: that each has by its plan, or has left with.
@@ -83,9 +63,7 @@ class FleetFigures(NamedTuple):
     """The fleet in figures.
 
     Attributes:
-        reporting: vehicles that have ever reported.
-        silent: those of them that do not now.
-        orders: by state.
+        silent: vehicles that have reported before, and do not now.
         unheard: vehicles that have orders and have never reported.
     """
 
@@ -99,12 +77,6 @@ class FleetWatch:
     """The tracked fleet; safe for threads.
 
     Args:
-        network: roads.
-        records: of the run before.
-        started_ns: UTC at the start.
-        clock: UTC now, ns.
-        refuse: told of each message that is not what its key promises.
-        plan_ahead_s: as for `FleetTracker`.
         learning: in place of that from the fleet's positions and the states.
 
     Attributes:
@@ -146,10 +118,6 @@ class FleetWatch:
     def take(self, report: VehicleReport, source: str) -> None:
         """Take in what a vehicle says of itself, whichever way it came.
 
-        Args:
-            report: its message.
-            source: for the error line.
-
         Raises:
             InputError: it is on a segment that the network does not have.
         """
@@ -174,12 +142,6 @@ class FleetWatch:
         with self._lock:
             return vehicle in self._tracker.vehicles
 
-    def subscribe(self, bus: Subscriber) -> None:
-        """Listen to the fleet."""
-        bus.subscribe(ALL_POSITIONS, self.on_position, history=False)
-        bus.subscribe(ALL_ACKNOWLEDGEMENTS, self.on_acknowledgement, every=True)
-        bus.subscribe(ALL_PROGRESS, self.on_progress)
-
     def situation(
         self, fleet: Fleet | None, cycle: int, now_ns: int, reference_s: float
     ) -> FleetSituation:
@@ -202,10 +164,7 @@ class FleetWatch:
 
         Args:
             plans: of the cycle; some may not fit any more.
-            stops: of the cycle's fleet, by id.
-            reference_ns: UTC that its times count from.
             save: stores them or raises; then nothing has happened.
-            energies: of plans, by vehicle; nothing is booked of others.
         """
         with self._lock:
             tracker, now_ns = self._tracker, self._clock()
@@ -221,7 +180,7 @@ class FleetWatch:
         return plans
 
     def read(self, read: Callable[[FleetTracker], T]) -> T:
-        """What a function finds in the tracker, which it must not change or keep."""
+        """What a function finds or does in the tracker, which it must not keep."""
         with self._lock:
             return read(self._tracker)
 
@@ -231,18 +190,6 @@ class FleetWatch:
         """
         with self._lock, self._tracker.book.stored_at_once(save):
             return edit(self._tracker)
-
-    def insertion(
-        self, wanted: Collection[str], cycle: int, now_ns: int, reference_s: float
-    ) -> tuple[list[OpenTour], list[Stop]]:
-        """Tours and orders between cycles; see `FleetTracker`."""
-        with self._lock:
-            return self._tracker.insertion(self.fleet, wanted, cycle, now_ns, reference_s)
-
-    def skip_number(self, cycle: int) -> None:
-        """See `FleetTracker`."""
-        with self._lock:
-            self._tracker.skip_number(cycle)
 
     def note_unserved(self, unserved: Mapping[str, str]) -> None:
         """Reason by order that the last cycle has not planned, beside those that were kept back."""
@@ -266,25 +213,13 @@ class FleetWatch:
 
     def vehicles(self) -> FleetCopy:
         """The vehicles now; while a cycle is being stored, as they were before that."""
-        if self._lock.acquire(timeout=_COPY_WITHIN_S):
-            try:
-                tracked = self._tracker.vehicles
-                copies = {name: replace(tracked[name]) for name in sorted(tracked)}
-                held = {name: len(self._tracker.book.held_by(name)) for name in copies}
-                changes = self._tracker.plan_changes
-                self._copy = FleetCopy(self._clock(), copies, changes, held)
-            finally:
-                self._lock.release()
+        self._copy = self.read_soon(self._copied) or self._copy
         return self._copy
 
-    def vehicle(self, name: str) -> tuple[TrackedVehicle, int] | None:
-        """(one vehicle now, which nobody changes any more; orders that it has); None: it is not
-        tracked.
-        """
-        with self._lock:
-            tracked = self._tracker.vehicles.get(name)
-            held = self._tracker.book.held_by(name)
-            return None if tracked is None else (replace(tracked), len(held))
+    def _copied(self, tracker: FleetTracker) -> FleetCopy:
+        copies = {name: replace(one) for name, one in sorted(tracker.vehicles.items())}
+        held = {name: len(tracker.book.held_by(name)) for name in copies}
+        return FleetCopy(self._clock(), copies, tracker.plan_changes, held)
 
     def speaks_itself(self, vehicle: str) -> bool:
         """Whether a vehicle is heard on the bus now, on the keys of its own agent."""
@@ -295,11 +230,6 @@ class FleetWatch:
     def now_ns(self) -> int:
         """UTC now, by the clock that reports are dated with."""
         return self._clock()
-
-    def store_all(self) -> None:
-        """The next cycle stores the whole fleet: the database is another one."""
-        with self._lock:
-            self._tracker.mark_all()
 
     def figures(self) -> FleetFigures:
         """The fleet now; while a cycle is being stored, as it was before that."""

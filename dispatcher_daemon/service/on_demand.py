@@ -15,7 +15,6 @@ class Gathering:
     context manager.
 
     Args:
-        name: of the thread.
         work: what it raises is logged and survived.
     """
 

@@ -30,10 +30,7 @@ class CycleScheduler:
     that is set does not delay the next run.
 
     Args:
-        run: the cycle.
-        interval_s: from start to start, s.
         on_fault: called with "overlapped", "missed", "raised" or "clock".
-        first_after_s: time to the first run, s.
     """
 
     def __init__(

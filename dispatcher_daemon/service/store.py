@@ -6,7 +6,7 @@ import logging
 import math
 import os
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
 from dispatcher_daemon import metrics
@@ -17,11 +17,8 @@ from slipstream.service import LogLimiter, Service, notify
 from storage import (
     CycleInputs,
     Database,
-    Event,
     OwnedError,
     Reader,
-    RollUp,
-    Room,
     StorageError,
     UntrustedClockError,
     open_or_set_aside,
@@ -75,52 +72,6 @@ class PlanStore(Protocol):
         ...
 
 
-class CycleStore(PlanStore, Protocol):
-    """What the dispatcher needs of the database."""
-
-    def save_events(self, changed: Sequence[Event]) -> None:
-        """Store what operators are told of."""
-        ...
-
-    def load_alarms(self, ended_ns: int) -> tuple[Event, ...]:
-        """Alarms in force, and those that ended then or later."""
-        ...
-
-    def last_event(self, kinds: Collection[str]) -> Event | None:
-        """The event of some kinds that was stored last."""
-        ...
-
-    def room(self) -> Room | None:
-        """Room of the database and on its disk."""
-        ...
-
-    def note_time(self, now_ns: int) -> None:
-        """Move the trusted time on, unless the clock has jumped."""
-        ...
-
-    def trust_clock(self, now_ns: int) -> None:
-        """Take this for the time, whatever was trusted before."""
-        ...
-
-    def prune(self, keep_days: float, now_ns: int, *, limit: int, budget_s: float) -> int:
-        """Delete old cycles, at most ``limit``, and begin no deletion after a time."""
-        ...
-
-    def trim(self, keep_mb: float, *, limit: int) -> int:
-        """Delete the oldest cycles until the others fit, at most about ``limit``."""
-        ...
-
-    def add_rollups(self, minutes: Sequence[RollUp]) -> None:
-        """Store what was reported of segments, by minute."""
-        ...
-
-    def tidy(self, now_ns: int, *, budget_s: float) -> bool:
-        """Delete states, roll-ups and gates that are too old, in small steps; whether there may be
-        more.
-        """
-        ...
-
-
 def database_fault(reader: Reader) -> str | None:
     """Why a database cannot be used now; None: it can."""
     try:
@@ -129,20 +80,12 @@ def database_fault(reader: Reader) -> str | None:
         return str(error)
 
 
-class TrafficStore(Protocol):
-    """What deleting old traffic needs."""
-
-    def tidy(self, now_ns: int, *, budget_s: float) -> bool:
-        """As `CycleStore.tidy`."""
-        ...
-
-
-def delete_old_traffic(store: TrafficStore, now_ns: int) -> None:
+def delete_old_traffic(tidy: Callable[..., bool], now_ns: int) -> None:
     """Delete traffic that is too old after a cycle: until there is none, for `CATCH_UP_S` at most,
     in calls of `TIDY_S`.
     """
     ends = time.monotonic() + CATCH_UP_S
-    while store.tidy(now_ns, budget_s=TIDY_S) and time.monotonic() < ends:
+    while tidy(now_ns, budget_s=TIDY_S) and time.monotonic() < ends:
         pass
 
 
@@ -153,12 +96,7 @@ class SteadyClock:
         self._since: tuple[float, float] | None = None
 
     def steady_s(self, now_ns: int, monotonic_s: float) -> float:
-        """Since the first call, or since the clock was set, s.
-
-        Args:
-            now_ns: UTC by this machine's clock.
-            monotonic_s: at the same moment.
-        """
+        """Since the first call, or since the clock was set, s."""
         apart_s = now_ns / 1e9 - monotonic_s
         if self._since is None or abs(apart_s - self._since[0]) > CLOCK_SET_S:
             self._since = apart_s, monotonic_s
@@ -172,19 +110,13 @@ class CyclePruner:
     A clock that is far ahead of the cycles stored deletes nothing for its age until it has run
     steadily for `STEADY_S`.
 
-    Args:
-        store: the database.
-        keep_days: age limit, days.
-        keep_mb: limit of the database's size, MB.
-        monotonic: s.
-
     Attributes:
         clock_fault: why nothing is deleted for its age, and until when; None: it is.
     """
 
     def __init__(
         self,
-        store: CycleStore,
+        store: Database,
         keep_days: float,
         keep_mb: float,
         monotonic: Callable[[], float] = time.monotonic,
@@ -208,7 +140,7 @@ class CyclePruner:
             self._note_time(now_ns, steady_s)
             # Before what is tidied: a row that cannot be read would keep all cycles for ever.
             self._prune(now_ns)
-            delete_old_traffic(self._store, now_ns)
+            delete_old_traffic(self._store.tidy, now_ns)
             self.clock_fault = None
             metrics.CLOCK_UNTRUSTED.set(0)
         except UntrustedClockError as error:
@@ -260,10 +192,6 @@ def open_checked_database(url: str) -> Database:
 
 def open_in_turn(url: str, service: Service) -> Database | None:
     """Wait until no other dispatcher writes the database, and open it.
-
-    Args:
-        url: the database.
-        service: gives the time to stop; it is ready while it waits.
 
     Returns:
         The database; None: the service was stopped meanwhile.

@@ -337,7 +337,7 @@ def test_deletion_keeps_up_where_a_call_has_time_for_one_step(
                 buffer.add(_state(cycle, "a", now_ns + (minute - 5) * MINUTE_NS, 9.0))
             database.add_rollups(buffer.take())
             database.record_cycle(*_cycle(cycle, number, now_ns, {"a": True}))
-            store.delete_old_traffic(database, now_ns)
+            store.delete_old_traffic(database.tidy, now_ns)
         minutes = len(reader.rollups("a", 0, 2**62))
         assert minutes >= left if catch_up_s == 0.0 else minutes <= left
         assert not database.tidy(now_ns)

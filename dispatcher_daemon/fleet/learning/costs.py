@@ -20,12 +20,7 @@ MIN_PASSAGES: Final = 1000.0
 
 
 class MovementCosts:
-    """Sums over passages, and what they lead to expect.
-
-    Args:
-        network: roads.
-        sums: of the runs before.
-    """
+    """Sums over passages, and what they lead to expect."""
 
     def __init__(self, network: RoadNetwork, sums: Iterable[MovementSum] = ()) -> None:
         self._network = network
@@ -69,9 +64,6 @@ class MovementCosts:
     ) -> Expectations | None:
         """What movements are expected to cost at this hour, computed once in it; None: too little
         is known.
-
-        Args:
-            usual_mps: speeds of segments that RSUs watch.
         """
         hour = now_ns // HOUR_NS
         if self._expected is None or self._expected[0] != hour:

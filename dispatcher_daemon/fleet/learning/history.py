@@ -8,27 +8,22 @@ or of all others (shrinkage with a fixed number of pseudo-observations).
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from dispatcher_daemon.traffic import Expectations, Movement
-from slipstream.energy.consumption import PAPER_CAR, steady_energy_kwh
-from slipstream.errors import InputError
-from slipstream.files import MAX_RESULTS_BYTES, read_file
+from slipstream.energy.consumption import steady_energy_kwh
 from slipstream.roads import RoadNetwork
 
 Array = npt.NDArray[np.float64]
 
 HOURS: Final = 24
 HOUR_NS: Final = 3600 * 10**9
-_KIND: Final = "slipstream movements 1"
 _OF_DAY: Final = 8.0
 """So many passages at the mean that is drawn towards are added to a movement's and a segment's."""
 OF_HOUR: Final = 16.0
@@ -43,10 +38,7 @@ class History:
     """Sums over passages, by movement and hour of the day; arrays of shape (movements, 24).
 
     Attributes:
-        movements: sorted.
-        count: passages.
         loss_kwh: energy that was gone for good; see `Expectations` of traffic.
-        seconds: time, as there.
         stops: times that vehicles came to a stand.
     """
 
@@ -67,9 +59,6 @@ class History:
 
         Where no vehicle drove, it is the physics of the segment's usual speed, or of the limit, and
         what signals, or other junctions, cost on average.
-
-        Args:
-            usual_mps: of segments of which it is known.
         """
         usual = usual_mps or {}
         pairs = [(a, b) for a in network.segments for b in network.turns(a)]
@@ -98,68 +87,10 @@ class History:
         by_pair = (dict(zip(pairs, v.tolist(), strict=True)) for v in (loss, seconds, stops))
         return Expectations(*by_pair)
 
-    def time_worth_kw(self, network: RoadNetwork) -> float:
-        """What an hour is worth at least to those who drive at the limit, kWh.
-
-        With a factor f on all speeds, drag and braking grow with f² and time falls with 1/f, so
-        driving at the limit is best only if time costs 2 (E − E_rolling) / T. A path with less
-        time has that value: its vehicle may drive slower on the rest.
-        """
-        # Others drive beyond the network too, where it is the connected part of a larger net.
-        inside = np.array([a in network.segments for a, _ in self.movements], dtype=np.bool_)
-        passed = self.count[inside].sum(axis=1)
-        length_m = np.array(
-            [network.segments[a].length_m for a, _ in self.movements if a in network.segments]
-        )
-        rolling_j = PAPER_CAR.rolling_force_n * float(passed @ length_m)
-        beyond_kwh = float(self.loss_kwh[inside].sum()) - PAPER_CAR.electrical_kwh(rolling_j)
-        hours = float(self.seconds[inside].sum()) / 3600
-        return 2 * max(0.0, beyond_kwh) / hours if hours > 0 else 0.0
-
     @staticmethod
     def _taken(values: Array, at: npt.NDArray[np.int64]) -> Array:
         """Values at rows; 0 for the row -1, a movement without observations."""
         return np.append(values, 0.0)[at]
-
-    def save(self, path: Path) -> None:
-        """Write it as JSON, byte for byte the same for the same history."""
-        rows = []
-        for i, (a, b) in enumerate(self.movements):
-            hours = np.flatnonzero(self.count[i]).tolist()
-            columns = (
-                [int(self.count[i, h]) for h in hours],
-                [round(1e6 * self.loss_kwh[i, h]) for h in hours],
-                [round(float(self.seconds[i, h]), 2) for h in hours],
-                [int(self.stops[i, h]) for h in hours],
-            )
-            rows.append([a, b, hours, *columns])
-        lines = ",\n".join(json.dumps(row, separators=(",", ":")) for row in rows)
-        text = f'{{"kind": "{_KIND}", "movements": [\n{lines}\n]}}\n'
-        unfinished = path.with_name(path.name + ".part")
-        unfinished.write_text(text, encoding="utf-8")
-        unfinished.replace(path)
-
-    @classmethod
-    def load(cls, path: Path) -> History:
-        """Read what `save` wrote.
-
-        Raises:
-            InputError: the file is missing or no history.
-        """
-        mend = "delete it, so that it is recorded again"
-        try:
-            data = json.loads(read_file(path, MAX_RESULTS_BYTES, mend))
-            if data["kind"] != _KIND:
-                raise InputError(path, f"not of the kind {_KIND!r}", mend)
-            rows = data["movements"]
-            table = np.zeros((4, len(rows), HOURS))
-            for i, (_, _, hours, *columns) in enumerate(rows):
-                table[:, i, hours] = columns
-            count, loss, seconds, stops = table
-            pairs = tuple((str(a), str(b)) for a, b, *_ in rows)
-            return cls(pairs, count, loss / 1e6, seconds, stops)
-        except (ValueError, KeyError, TypeError, IndexError, RecursionError) as error:
-            raise InputError(path, f"not a history: {error}", mend) from None
 
 
 def hour_weights(hour: int) -> Array:

@@ -19,7 +19,6 @@ class Learned:
     """What was learned of an hour of the day.
 
     Attributes:
-        usual_mps: speeds of segments that were seen often enough.
         open_shares: of the states that opened a segment's gate.
         expected: costs of movements; None: too little is known.
     """
@@ -35,12 +34,7 @@ class Learned:
 
 
 class Learning:
-    """Learns from the fleet's positions and the states; not safe for threads.
-
-    Args:
-        network: roads.
-        records: of the run before.
-    """
+    """Learns from the fleet's positions and the states; not safe for threads."""
 
     def __init__(self, network: RoadNetwork, records: FleetRecords) -> None:
         self._costs = MovementCosts(network, records.movements)

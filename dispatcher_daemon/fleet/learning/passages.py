@@ -32,8 +32,6 @@ class Passages:
     """Sums up passages of movements.
 
     Args:
-        limits_mps: of each segment.
-        step_s: between a trace's speeds.
         style: gaining speed by which time is put down to the movement that lost it.
     """
 

@@ -30,9 +30,6 @@ class _TracedDrive:
 class PositionTraces:
     """One trace a drive without a break: from where a vehicle begins to report on the road to where
     it stands at a stop, is not heard of, or leaves segments out.
-
-    Args:
-        network: roads.
     """
 
     def __init__(self, network: RoadNetwork) -> None:

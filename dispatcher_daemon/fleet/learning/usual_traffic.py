@@ -20,10 +20,6 @@ now."""
 class UsualTraffic:
     """Sums of the mean speeds and flags that RSUs have measured, once a cycle, and what they lead
     to expect.
-
-    Args:
-        network: roads.
-        sums: of the runs before.
     """
 
     def __init__(self, network: RoadNetwork, sums: Iterable[SpeedSum] = ()) -> None:

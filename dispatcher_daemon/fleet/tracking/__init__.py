@@ -6,11 +6,10 @@ Nothing here reads a clock, the bus or the database: the daemon and the simulati
 from __future__ import annotations
 
 from dispatcher_daemon.fleet.tracking.claims import Claim
-from dispatcher_daemon.fleet.tracking.lateness import lateness_s
+from dispatcher_daemon.fleet.tracking.lateness import at_risk, lateness, lateness_s
 from dispatcher_daemon.fleet.tracking.open_tours import OpenTour, fleet_of
 from dispatcher_daemon.fleet.tracking.order_stops import NO_PLACE, OPENS_LATER, stop_of
 from dispatcher_daemon.fleet.tracking.orders import OrderBook
-from dispatcher_daemon.fleet.tracking.risk import at_risk, lateness
 from dispatcher_daemon.fleet.tracking.situation import HIDDEN, FleetSituation
 from dispatcher_daemon.fleet.tracking.tracker import FleetTracker
 from dispatcher_daemon.fleet.tracking.vehicle import FRESH_NS, TrackedVehicle

@@ -13,12 +13,7 @@ RESUME_NS: Final = 10 * 10**9
 
 
 class Availability:
-    """Judges vehicles by what they have reported.
-
-    Args:
-        network: roads.
-        started_ns: UTC at the start.
-    """
+    """Judges vehicles by what they have reported."""
 
     def __init__(self, network: RoadNetwork, started_ns: int) -> None:
         self._network, self._started_ns = network, started_ns

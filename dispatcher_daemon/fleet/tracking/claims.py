@@ -22,14 +22,7 @@ _UNTOLD: Final = "arrived"
 
 @dataclass(frozen=True)
 class Claim:
-    """A visit that a vehicle tells, and that does not count.
-
-    Attributes:
-        vehicle: that tells it.
-        visit: as it was told last.
-        since_ns: since when, UTC.
-        reason: why it does not count.
-    """
+    """A visit that a vehicle tells, and that does not count."""
 
     vehicle: str
     visit: Visit
@@ -47,10 +40,6 @@ class Claim:
 class Claims:
     """Settles what vehicles say: their orders end where the vehicle holds them by a plan and was at
     their place. What does not count stays, and is looked at again with each report of its vehicle.
-
-    Args:
-        book: of the orders.
-        network: roads.
     """
 
     def __init__(self, book: OrderBook, network: RoadNetwork) -> None:

@@ -22,9 +22,6 @@ def commitment(
     have entered when the new plan is out, and the order of the stops that these lead to.
 
     Args:
-        vehicle: with a plan that it has accepted.
-        held: orders that it still has to serve.
-        now_ns: the cycle's start, UTC.
         horizon_ns: when the new plan is out, UTC.
     """
     assert vehicle.accepted is not None
@@ -145,7 +142,6 @@ def _committed(
         legs: of the plan, the present one first.
         targets: the stops that they end at, without the depot.
         stops: those that are still to be served, in the same order.
-        horizon_ns: in the plan's time.
         at: index of the segment in the first leg that the vehicle is on; None: it stands.
     """
     found: list[CommittedLeg] = []

@@ -21,7 +21,6 @@ class OpenTour:
 
     Attributes:
         vehicle: leaves no sooner than by its present plan.
-        depot: of it.
         stops: that it has, in the order of its plan; none: it stays idle.
     """
 
@@ -44,15 +43,6 @@ def open_tours(
     Left out are plans with platoons, as partners count on them, and with hubs or charging stops;
     and vehicles with a time to be back, once they have a plan, as that time counts from a cycle
     of before.
-
-    Args:
-        fleet: of the file.
-        vehicles: tracked ones.
-        available: says which of them may be planned.
-        book: of the orders.
-        cycle: number of the plans to come.
-        now_ns: UTC.
-        reference_ns: when these plans are out, and what the tours' times count from, UTC.
     """
     for tracked in vehicles:
         if not tracked.listed or available.obstacle(tracked, cycle, now_ns) is not None:
@@ -92,11 +82,7 @@ def _has_ended(book: OrderBook, name: str) -> bool:
 
 
 def fleet_of(fleet: Fleet, tours: Sequence[OpenTour], stops: Iterable[Stop]) -> Fleet:
-    """The fleet of tours, with their stops and others.
-
-    Args:
-        fleet: of the file, for vehicle types, charging stops and hubs.
-    """
+    """The fleet of tours, with their stops and others."""
     depots = dict(fleet.depot_by_id)
     vehicles = []
     for tour in tours:

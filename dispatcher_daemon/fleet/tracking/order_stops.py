@@ -115,16 +115,7 @@ def requested_stops(
     reference_ns: int,
     ahead_s: float,
 ) -> tuple[list[Stop], dict[str, str]]:
-    """(callers' orders as stops of a cycle, why others that are open are not among them).
-
-    Args:
-        orders: all.
-        may_plan: whether an order may be planned for any vehicle.
-        fleet: of the file.
-        junctions: of the network.
-        reference_ns: UTC that the cycle's times count from.
-        ahead_s: how long before its window opens an order is planned.
-    """
+    """(callers' orders as stops of a cycle, why others that are open are not among them)."""
     places = _places(fleet)
     found, kept = list[Stop](), dict[str, str]()
     for order in orders:

@@ -65,9 +65,6 @@ class OrderBook:
     def stored_at_once(self, save: Callable[[FleetRecords], None]) -> Iterator[None]:
         """What happens to orders inside is stored before it ends, with what else is pending of
         these orders. If that fails, or anything inside, nothing has happened.
-
-        Args:
-            save: stores durably, or raises.
         """
         pending, changes = self._changed, self._changes
         self._changed, self._changes, self._before = {}, list(changes), {}
@@ -180,10 +177,6 @@ class OrderBook:
         """A published plan has its stops.
 
         Args:
-            plan: from a depot.
-            stops: of the fleet, by id.
-            reference_ns: UTC that the fleet's times count from.
-            now_ns: UTC.
             before: what its vehicle has accepted; only stops beside these are planned.
         """
         known = () if before is None else {visit.stop for visit in before.stops}

@@ -26,8 +26,6 @@ class PlanLife:
     """Moves vehicles from plan to plan, and their orders with them.
 
     Args:
-        book: of the orders.
-        claims: of what vehicles say of them.
         may_have: whether an order is there for any vehicle at a moment, UTC ns.
     """
 

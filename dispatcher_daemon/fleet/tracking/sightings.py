@@ -64,11 +64,7 @@ def is_at(network: RoadNetwork, position: VehiclePosition, node: str) -> bool:
 
 
 class VehicleSightings:
-    """What is kept of one vehicle's positions. Times are of its own clock, as those of its visits.
-
-    Args:
-        last: where it was before; None: it was never heard.
-    """
+    """What is kept of one vehicle's positions, with times of its own clock, as of its visits."""
 
     def __init__(self, last: Sighting | None = None) -> None:
         self._last = last
@@ -82,8 +78,6 @@ class VehicleSightings:
         """A position that is later than those before.
 
         Args:
-            position: on a segment of the network.
-            network: roads.
             places: junctions of the orders that matter, by order; stays at others are forgotten.
         """
         now, last = Sighting(position.time_ns, where(network, position)), self._last
@@ -116,9 +110,6 @@ class VehicleSightings:
         Args:
             order: one of those that `take` was given.
             place: its junction's; None: the network does not have it any more.
-            since_ns: when it was given the order.
-            arrived_ns: begin of the visit.
-            ended_ns: its end.
         """
         begin_ns, end_ns = max(since_ns, arrived_ns) - LEEWAY_NS, ended_ns + EARLY_NS
         if any(begin <= end_ns and begin_ns <= end for begin, end in self._stays.get(order, ())):

@@ -28,14 +28,12 @@ class FleetSituation:
         fleet: free vehicles and open orders, the file's before those of callers, then the vehicles
             with commitments and their stops. The fleet's file itself where no vehicle has ever
             reported and nobody has submitted an order. None: nothing to plan.
-        commitments: of those vehicles.
         left_out: reason by vehicle that is not planned in this cycle; it keeps what it has.
         hidden: stops of the file that are not planned, as a caller's order that has not ended has
             their id.
         on_road: of these, those on their way to charge or to a hub: others may meet them.
         waiting: reason by order that is due and that the fleet does not have: nothing can be
             planned of it in this cycle.
-        nobody: why no vehicle is free, where none is.
     """
 
     fleet: Fleet | None
@@ -48,13 +46,7 @@ class FleetSituation:
 
 
 def nobody_free(fleet: Fleet | None, left_out: Mapping[str, str], bound: int) -> str:
-    """Why no vehicle is there for an order, with how many there are of each kind.
-
-    Args:
-        fleet: of the file.
-        left_out: as of `FleetSituation`.
-        bound: vehicles on their way.
-    """
+    """Why no vehicle is there for an order, with how many there are of each kind."""
     counts = Counter(left_out.values())
     kinds = [f"{count} {what}" for what, count in counts.most_common()]
     kinds += [f"{bound} on the way"] if bound else []
@@ -76,14 +68,7 @@ def cycle_fleet(
     """The fleet of a cycle; see `FleetSituation`.
 
     Args:
-        fleet: of the file.
         free: vehicles of it that may be planned from their depots.
-        bound: vehicles that have to keep to something.
-        vehicles: all, by id.
-        orders: all, by id.
-        may_plan: whether an order may be planned for any vehicle.
-        reference_ns: UTC that the fleet's times count from.
-        requested: callers' orders that may be planned.
     """
     stops = () if fleet is None else tuple(_of_file(fleet.stops, orders))
     listed = () if fleet is None else fleet.vehicles

@@ -46,12 +46,6 @@ class FleetTracker:
     fleet's file has it. Any other is planned when it says that it is free and stands at its depot,
     and is bound to a plan from the moment that it acknowledges it, or says that it follows it.
     Not safe for threads.
-
-    Args:
-        network: roads.
-        records: of the run before.
-        started_ns: UTC at the start.
-        plan_ahead_s: how long before its window opens a caller's order is planned, s.
     """
 
     def __init__(
@@ -203,9 +197,6 @@ class FleetTracker:
         back first.
 
         Args:
-            fleet: of the file, as listed.
-            cycle: its number.
-            now_ns: its start, UTC.
             reference_s: from then to the moment that its plans are out, and that the fleet's times
                 count from.
         """
@@ -336,15 +327,7 @@ class FleetTracker:
         now_ns: int,
         energies: Mapping[str, PlanEnergy] | None = None,
     ) -> None:
-        """Admissible plans of a cycle go out, and what was driven until now is booked.
-
-        Args:
-            plans: each is on offer to its vehicle from now on.
-            stops: of the cycle's fleet, by id.
-            reference_ns: UTC that its times count from.
-            now_ns: UTC.
-            energies: of plans, by vehicle; nothing is booked of others.
-        """
+        """Admissible plans of a cycle go out, and what was driven until now is booked."""
         for vehicle in self._vehicles.values():
             self._life.driven.advance(vehicle, now_ns)
             for name in [name for name in vehicle.given if self._is_over(name)]:

@@ -13,6 +13,10 @@ from slipstream.orders import PlanRecord, PlanStatus, VehicleRecord
 
 FRESH_NS: Final = 15 * 10**9
 """A vehicle whose last position is older is silent: some fifteen are missing."""
+_STORED: Final = (
+    *("position", "reports_progress", "answered_ns", "left_out_until", "booked"),
+    *("rested_ns", "rested_break", "answer"),
+)
 _AHEAD_NS: Final = 10**9
 """A report dated further ahead than this may not keep later ones out."""
 
@@ -24,15 +28,8 @@ class TrackedVehicle:
     Attributes:
         definition: in the fleet's file, as it was there last.
         depot: likewise.
-        listed: whether the fleet's file has it now.
-        position: the latest; None: it has never sent one.
-        heard_ns: when that came, by the dispatcher's clock.
-        reports_progress: whether it has ever sent its visits.
-        progress: the latest since the start.
+        heard_ns: when its position came, by the dispatcher's clock.
         answered_ns: when its last message of any kind came; None: it has never sent one.
-        answer: its latest answer to a plan; None: it has sent none.
-        offered: plan that it has not answered.
-        accepted: plan that it has acknowledged.
         withdrawn: plan that was taken back last, as it did not answer it or let it lie.
         leg: of the accepted plan, the furthest that it has reported.
         left: whether it has left its depot by the accepted plan.
@@ -41,10 +38,9 @@ class TrackedVehicle:
         left_out_until: cycle from which on it is planned again.
         booked: up to where the accepted plan is in the energy ledger, in segments of its way.
         rested_ns: when its last break ended, UTC; 0: it has had none.
-        rested_break: number of that break; None: not known, as it was stored by a version before.
+        rested_break: number of that break; None: the vehicle has none of that name now.
         back_ns: when its last tour ended, UTC; 0: none has since the start.
         given: orders of the plans that it was sent, and when, by its clock.
-        sightings: where it was.
     """
 
     definition: Vehicle
@@ -100,9 +96,6 @@ class TrackedVehicle:
         """`charged`, with the breaks that it has had as breaks that are over. They are taken in
         their order, so that those behind the last one are still to come. At its depot it can have
         had none before its last tour ended.
-
-        Args:
-            reference_ns: UTC that its times count from.
         """
         vehicle = self.charged()
         last = len(vehicle.breaks) if self.rested_break is None else self.rested_break
@@ -164,14 +157,7 @@ class TrackedVehicle:
             vehicle=self.id,
             definition=self.definition.model_dump(mode="json"),
             depot=self.depot.model_dump(mode="json"),
-            position=self.position,
-            reports_progress=self.reports_progress,
-            answered_ns=self.answered_ns,
-            left_out_until=self.left_out_until,
-            booked=self.booked,
-            rested_ns=self.rested_ns,
-            rested_break=self.rested_break,
-            answer=self.answer,
+            **{name: getattr(self, name) for name in _STORED},
         )
 
 
@@ -181,14 +167,7 @@ def loaded(record: VehicleRecord) -> TrackedVehicle:
         definition=Vehicle.model_validate(record.definition),
         depot=Depot.model_validate(record.depot),
         listed=False,
-        position=record.position,
-        reports_progress=record.reports_progress,
-        answered_ns=record.answered_ns,
-        left_out_until=record.left_out_until,
-        booked=record.booked,
-        rested_ns=record.rested_ns,
-        rested_break=record.rested_break,
-        answer=record.answer,
+        **{name: getattr(record, name) for name in _STORED},
     )
 
 

@@ -4,12 +4,11 @@ from dispatcher_daemon.service.alarms.conditions import KINDS, AlarmKind, Condit
 from dispatcher_daemon.service.alarms.fleet import fleet_conditions
 from dispatcher_daemon.service.alarms.roadside import RoadsideWatch
 from dispatcher_daemon.service.alarms.service import ServiceFacts, service_conditions
-from dispatcher_daemon.service.alarms.watch import AlarmStore, AlarmWatch
+from dispatcher_daemon.service.alarms.watch import AlarmWatch
 
 __all__ = [
     "KINDS",
     "AlarmKind",
-    "AlarmStore",
     "AlarmWatch",
     "Condition",
     "RoadsideWatch",

@@ -44,7 +44,6 @@ class AlarmBook:
 
     Args:
         alarms: of the run before: in force, or ended within `TOLD_S`.
-        now_s: monotonic time.
     """
 
     def __init__(self, alarms: Iterable[Alarm] = (), now_s: float = 0.0) -> None:
@@ -64,8 +63,6 @@ class AlarmBook:
 
         Args:
             conditions: all of now; those of a kind in the order of their weight, or of no order.
-            now_ns: UTC.
-            now_s: monotonic time.
         """
         changed: list[Alarm] = []
         seen: set[Key] = set()

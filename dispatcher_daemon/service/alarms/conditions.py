@@ -14,8 +14,6 @@ class AlarmKind:
     """How a kind of condition is told of.
 
     Attributes:
-        severity: unless a condition has its own.
-        mend: what to do about it.
         raise_after_s: how long a condition lasts before it is an alarm, s.
         end_after_s: how long it is gone before the alarm has ended, s.
         many: what several subjects are or have, where one alarm stands for many: "12 `many`".
@@ -33,11 +31,7 @@ class Condition:
     """Something that is wrong now.
 
     Attributes:
-        kind: of `KINDS`.
         subject: as `slipstream.messages.Alarm` has it. There is one of each kind and subject.
-        text: in words, for people.
-        since_ns: UTC of its begin; None: it is not known.
-        severity: None: that of its kind.
     """
 
     kind: str

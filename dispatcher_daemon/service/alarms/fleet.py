@@ -47,11 +47,8 @@ def fleet_conditions(
     """What is wrong.
 
     Args:
-        tracker: of the fleet.
         unserved: reason by stop that the last cycle could not plan. One that merely waits for the
             next free vehicle is not wrong.
-        next_cycle: its number.
-        now_ns: UTC.
     """
     for vehicle in tracker.vehicles.values():
         yield from _of_vehicle(vehicle, tracker, next_cycle, now_ns)

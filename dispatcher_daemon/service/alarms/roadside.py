@@ -17,8 +17,6 @@ from slipstream.roads.admission import refusal
 
 STARTED_S: Final = 60.0
 """By then after a start each listed RSU has been heard, s."""
-FORGOTTEN_S: Final = 86_400.0
-"""An unlisted RSU that has been silent for so long is none any more, s."""
 AHEAD_S: Final = 0.5
 BEHIND_S: Final = 2.5
 """Arrival less a state's time: above it, its clock is behind, or what it sends is held up, s."""
@@ -55,14 +53,11 @@ class MissedRates:
 
 
 class RoadsideWatch:
-    """The health of RSUs and the vehicles that stand; the bus's threads tell, others ask.
+    """What RSUs say of themselves and which vehicles stand; the bus's threads tell, others ask.
 
     Args:
-        network: roads.
         rsus: the segments that each RSU may report on; None: any RSU may report on any segment.
-        silent_s: an RSU that was not heard of for so long is silent, s.
-        refuse: told of each message that is not what its key promises.
-        clock: UTC now, ns.
+        healths: when each RSU was heard last, UTC ns, and what it said.
     """
 
     def __init__(
@@ -70,6 +65,7 @@ class RoadsideWatch:
         network: RoadNetwork,
         rsus: Mapping[str, tuple[str, ...]] | None,
         silent_s: float,
+        healths: Callable[[], Mapping[str, tuple[int, RsuHealth]]],
         refuse: Callable[[InputError], None],
         clock: Callable[[], int],
     ) -> None:
@@ -77,20 +73,9 @@ class RoadsideWatch:
         self._refuse, self._clock = refuse, clock
         self._started_ns = clock()
         self._lock = threading.Lock()
-        # The one heard last at the end.
-        self._healths: OrderedDict[str, tuple[int, RsuHealth]] = OrderedDict()
+        self._healths = healths
         self._stopped: OrderedDict[tuple[str, str], tuple[int, StoppedVehicles]] = OrderedDict()
         self._rates = MissedRates()
-
-    def on_health(self, health: RsuHealth) -> None:
-        """Take in what an RSU says of itself."""
-        if self._rsus is not None and health.rsu not in self._rsus:
-            return
-        with self._lock:
-            self._healths[health.rsu] = self._clock(), health
-            self._healths.move_to_end(health.rsu)
-            if len(self._healths) > MAX_RSUS:
-                self._healths.popitem(last=False)
 
     def on_stopped(self, key: str, payload: bytes) -> None:
         """Take in one message from `slipstream.messages.ALL_STOPPED`."""
@@ -113,17 +98,11 @@ class RoadsideWatch:
                 self._stopped.popitem(last=False)
 
     def conditions(self, receptions: Receptions, now_s: float) -> Iterator[Condition]:
-        """What is wrong; the call of one thread only.
-
-        Args:
-            receptions: of all RSUs' states.
-            now_s: monotonic time.
-        """
+        """What is wrong; the call of one thread only."""
         now_ns = self._clock()
         with self._lock:
-            if self._rsus is None:
-                self._forget(now_ns)
-            healths, stopped = dict(self._healths), list(self._stopped.values())
+            stopped = list(self._stopped.values())
+        healths = self._healths()
         fresh = {
             rsu for rsu, (heard_ns, _) in healths.items() if now_ns - heard_ns <= self._silent_ns
         }
@@ -160,13 +139,6 @@ class RoadsideWatch:
             if missed >= MISSED_LEAST and missed >= MISSED_SHARE * sent:
                 text = f"{missed} of its last {sent} states have not come"
                 yield Condition("rsu_states_missed", f"rsu/{rsu}", text)
-
-    def _forget(self, now_ns: int) -> None:
-        while self._healths:
-            rsu, (heard_ns, _) = next(iter(self._healths.items()))
-            if now_ns - heard_ns < FORGOTTEN_S * 1e9:
-                return
-            del self._healths[rsu]
 
 
 def _of_health(health: RsuHealth) -> Iterator[Condition]:

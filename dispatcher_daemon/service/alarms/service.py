@@ -22,19 +22,12 @@ class ServiceFacts:
     """The dispatcher and what it needs, at one moment.
 
     Attributes:
-        interval_s: from cycle to cycle.
-        cycle: the last cycle; None: there was none.
         running_s: how long the cycle that runs now has been; None: none runs.
         paused: by whom, and UTC ns since when; None: it is not.
         storage_fault: why the last cycle could not be stored; None: it could.
         clock_fault: why nothing is deleted for its age; None: it is.
-        bus_fault: why no router lets the dispatcher in; None: one does.
         set_aside: file that a damaged database became.
-        keep_mb: as in the settings.
         room: of the database and on its disk; None: it is on a server.
-        device: a quantum device; None: there is none.
-        solver_fault: why no solver works, or no search for routes; None: they do.
-        cluster_slots: processes of the cluster that are ready; None: there is no cluster.
     """
 
     interval_s: float

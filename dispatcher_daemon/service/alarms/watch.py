@@ -5,17 +5,16 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import replace
-from typing import Final, Protocol
+from collections.abc import Callable, Collection, Iterable
+from typing import Final
 
 from dispatcher_daemon import metrics
 from dispatcher_daemon.service.alarms.book import TOLD_S, AlarmBook
-from dispatcher_daemon.service.alarms.conditions import KINDS, Condition
+from dispatcher_daemon.service.alarms.conditions import Condition
 from slipstream.messages import SEVERITIES, Alarm, Alarms
 from slipstream.orders import with_reason
 from slipstream.service import LogLimiter
-from storage import Event, StorageError
+from storage import Database, Event, StorageError
 
 log = logging.getLogger(__name__)
 
@@ -34,47 +33,27 @@ _FIELDS: Final = (
 )
 
 
-class AlarmStore(Protocol):
-    """What is needed of the database here."""
-
-    def save_events(self, changed: Sequence[Event]) -> None:
-        """Store durably, or raise."""
-        ...
-
-    def load_alarms(self, ended_ns: int) -> tuple[Event, ...]:
-        """Those in force and those that ended then or later."""
-        ...
-
-
 class AlarmWatch:
     """The alarms; safe for threads.
 
     Args:
         store: database, for what was in force in the run before, and for what changes.
-        publish: takes all alarms for the bus.
-        announce: told of each change; it does not wait.
         wake: called when `save` has something to do; it does not wait.
     """
 
     def __init__(
         self,
-        store: AlarmStore,
+        store: Database,
         publish: Callable[[Alarms], None] = lambda alarms: None,
         announce: Callable[[Alarm], None] = lambda alarm: None,
         wake: Callable[[Collection[str]], None] = lambda names: None,
     ) -> None:
         self._store, self._publish = store, publish
         self._announce, self._wake = announce, wake
-        now_ns = time.time_ns()
-        stored = store.load_alarms(now_ns - round(1e9 * TOLD_S))
+        stored = store.load_alarms(time.time_ns() - round(1e9 * TOLD_S))
         self._book = AlarmBook(map(alarm_of, stored), time.monotonic())
         self._lock = threading.Lock()
-        # Nothing finds these any more, so that nothing would end them.
-        self._unsaved = {
-            str(event.alarm): _of_unknown_kind(event, now_ns)
-            for event in stored
-            if event.ended_ns is None and event.kind not in KINDS
-        }
+        self._unsaved: dict[str, Alarm] = {}
         self._save_from_s = 0.0
         self._told_s = -TELL_EVERY_S
         self._limiter = LogLimiter()
@@ -102,12 +81,6 @@ class AlarmWatch:
     ) -> Alarm | None:
         """Somebody knows of an alarm. It returns when that is durable.
 
-        Args:
-            alarm: its id.
-            by: who.
-            actor: name of the token that said so.
-            reason: in words, for the log; None: none.
-
         Returns:
             the alarm, with the first who acknowledged it; None: there is none of this id.
 
@@ -130,7 +103,7 @@ class AlarmWatch:
         self._tell(time.monotonic())
         return told
 
-    def save(self, _names: Collection[str] = ()) -> None:
+    def save(self) -> None:
         """Store what has changed; what cannot be stored now is tried again later."""
         with self._lock:
             waiting = dict(self._unsaved)
@@ -169,13 +142,6 @@ class AlarmWatch:
         for severity, count in counts.items():
             metrics.ALARMS.labels(severity).set(count)
         self._publish(alarms)
-
-
-def _of_unknown_kind(event: Event, now_ns: int) -> Alarm:
-    """An alarm in force that another version has raised, ended."""
-    log.warning("alarm over, %s %s: this version does not know it", event.subject, event.kind)
-    text = f"{event.text} (ended at a start: this version does not know the kind)"
-    return alarm_of(replace(event, text=text, ended_ns=max(now_ns, event.time_ns)))
 
 
 def event_of(alarm: Alarm) -> Event:

@@ -23,13 +23,14 @@ from dispatcher_daemon.service.api.endpoints import (
     vroom,
 )
 from dispatcher_daemon.service.api.parameters import refuse_unknown_parameters
-from dispatcher_daemon.service.api.problems import (
+from dispatcher_daemon.service.api.services import Services
+from slipstream import __version__
+from slipstream.http.problems import (
     PROBLEM_RESPONSES,
     ProblemDocument,
     handle_problems,
 )
-from dispatcher_daemon.service.api.services import Services
-from slipstream import __version__
+from storage import StorageError
 
 ROUTERS: Final[tuple[APIRouter, ...]] = (
     orders.router,
@@ -56,11 +57,7 @@ _DESCRIPTION: Final = (
 
 
 def create_app(services: Services | None = None) -> FastAPI:
-    """The application.
-
-    Args:
-        services: of the dispatcher; None: only its OpenAPI document is wanted.
-    """
+    """The application."""
     app = FastAPI(
         title="Slipstream dispatcher",
         version=__version__,
@@ -74,18 +71,10 @@ def create_app(services: Services | None = None) -> FastAPI:
     app.state.services = services
     for router in ROUTERS:
         app.include_router(router)
-    handle_problems(app)
+    handle_problems(app, paths="docs/api.md", unavailable=(StorageError,))
     orders.handle_refusals(app)
     control.handle_refusals(app)
-    document: dict[str, Any] = {}
-
-    def openapi() -> dict[str, Any]:
-        if not document:
-            document.update(_document(app))
-        return document
-
-    app.openapi = openapi  # type: ignore[method-assign]
-    openapi()
+    app.openapi = lambda: _document(app)  # type: ignore[method-assign]
     return app
 
 

@@ -17,10 +17,10 @@ from fastapi.security import HTTPBearer
 from pydantic import Field, model_validator
 from starlette.datastructures import Headers
 
-from dispatcher_daemon.service.api.problems import Problem
 from dispatcher_daemon.settings import Scope
 from slipstream.config import Settings, credential_path, load
 from slipstream.errors import InputError
+from slipstream.http.problems import Problem
 from slipstream.messages import Identifier
 from slipstream.service import LogLimiter
 
@@ -101,7 +101,6 @@ class Client:
 
     Attributes:
         name: of its token; None: it sent none.
-        scopes: what it may do.
     """
 
     name: str | None
@@ -117,7 +116,6 @@ def identify(headers: Headers, tokens: tuple[Token, ...] | None) -> Client:
     """The sender of a request.
 
     Args:
-        headers: of the request.
         tokens: that count; None: there is no file of tokens. Then callers of this machine may
             read, but for those that a proxy or a foreign page's name leads here.
 

@@ -8,9 +8,9 @@ from fastapi import Depends, Request
 from fastapi.concurrency import run_in_threadpool
 from pydantic import BaseModel
 
-from dispatcher_daemon.service.api.problems import Problem, from_input_error
 from slipstream.config import check, parse_json
 from slipstream.errors import InputError
+from slipstream.http.problems import Problem, from_input_error
 
 SOURCE: Final = "body"
 S = TypeVar("S", bound=BaseModel)
@@ -42,7 +42,6 @@ def body_of(model: type[S], joint: str | None = None) -> Any:
     refused with 422, what is no JSON with 400, any other media type with 415.
 
     Args:
-        model: of the body.
         joint: key that is named where several do not fit together; None: none is.
     """
 
@@ -73,7 +72,6 @@ def describe_body(model: type[BaseModel], prefix: str = "") -> dict[str, Any]:
     """The `openapi_extra` of an operation whose body is read by `body_of` or `json_body`.
 
     Args:
-        model: of the body.
         prefix: of its definitions' names, where others have the same.
     """
     schema = model.model_json_schema(ref_template=f"{_COMPONENTS}{prefix}{{model}}")

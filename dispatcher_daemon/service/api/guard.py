@@ -11,10 +11,10 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from dispatcher_daemon import metrics
 from dispatcher_daemon.service.api.auth import TokenFile, identify
-from dispatcher_daemon.service.api.problems import Problem
 from slipstream.config import MAX_JSON_BYTES
 from slipstream.http.bodies import WITH_BODY, received
 from slipstream.http.guard import answer
+from slipstream.http.problems import Problem
 from slipstream.http.rate import RateLimit
 from slipstream.service import LogLimiter
 
@@ -39,9 +39,7 @@ class ApiGuard:
     """ASGI middleware around the whole application; used in one event loop.
 
     Args:
-        app: behind it.
         tokens: None: there is no file of tokens.
-        rate: of each caller.
     """
 
     def __init__(self, app: ASGIApp, tokens: TokenFile | None, rate: RateLimit) -> None:

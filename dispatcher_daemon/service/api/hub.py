@@ -37,7 +37,6 @@ class HubEvent:
 
     Attributes:
         kind: of it, or "reset": events between the caller's last one and now are lost.
-        value: what is told.
         id: its number, with the run of the dispatcher; None: not numbered.
     """
 
@@ -58,12 +57,7 @@ class HubEvent:
 
 
 class Stream(EventQueue[HubEvent]):
-    """The events that one caller has not taken yet.
-
-    Args:
-        kinds: that it wants.
-        loop: of the caller.
-    """
+    """The events that one caller has not taken yet."""
 
     def __init__(self, kinds: Collection[Kind], loop: asyncio.AbstractEventLoop) -> None:
         super().__init__(loop)
@@ -120,7 +114,6 @@ class EventHub:
         """A new stream in the running event loop; None: there are `MAX_STREAMS`.
 
         Args:
-            kinds: that it wants.
             last_id: of the last event that its caller has had; None: it wants what comes from now.
         """
         stream = Stream(kinds, asyncio.get_running_loop())

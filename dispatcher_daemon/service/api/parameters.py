@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Final
 
-from fastapi import FastAPI, Path, Query, Request
+from fastapi import Path, Query, Request
 
-from dispatcher_daemon.service.api.problems import Problem
+from slipstream.http.problems import Problem
 
 Name = Annotated[str, Path(min_length=1, max_length=200, pattern=r"^[^\x00]+$")]
 """An id in a path, declared as ``{name:path}``: ids may have any characters, percent-encoded."""
@@ -39,8 +39,7 @@ def refuse_unknown_parameters(request: Request) -> None:
     Raises:
         Problem: 422.
     """
-    app: FastAPI = request.app
-    names = _query_names(app, request)
+    names = [parameter.alias for parameter in request.scope["route"].dependant.query_params]
     given = [name for name, _ in request.query_params.multi_items()]
     for name in given:
         if name not in names:
@@ -48,11 +47,3 @@ def refuse_unknown_parameters(request: Request) -> None:
             raise Problem(422, "unknown query parameter", known, field=name)
         if given.count(name) > 1:
             raise Problem(422, "given twice", "give it once", field=name)
-
-
-def _query_names(app: FastAPI, request: Request) -> tuple[str, ...]:
-    """Query parameters of the operation that a request is for, by the OpenAPI document."""
-    route = request.scope["route"]
-    operation = app.openapi()["paths"].get(route.path_format, {}).get(request.method.lower(), {})
-    parameters = operation.get("parameters", ())
-    return tuple(p["name"] for p in parameters if p["in"] == "query")

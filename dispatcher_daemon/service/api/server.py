@@ -6,6 +6,8 @@ import time
 from pathlib import Path
 from typing import Final, Self
 
+from starlette.types import ASGIApp
+
 from dispatcher_daemon import metrics
 from dispatcher_daemon.service.api.app import create_app
 from dispatcher_daemon.service.api.auth import TokenFile
@@ -25,12 +27,6 @@ class ApiServer:
     Args:
         port: on `HOST`; 0: a free one.
         tokens: file of bearer tokens; None: callers of this machine may read.
-        rate: of each caller.
-
-    Attributes:
-        port: that is served on.
-        events: what happens is published there.
-        solve_jobs: fleets that callers have planned.
 
     Raises:
         InputError: the port is taken, or the file of tokens is missing or faulty.
@@ -53,9 +49,13 @@ class ApiServer:
         self.events = EventHub(time.time_ns())
         self.solve_jobs = SolveJobs()
 
+    def guarded(self, app: ASGIApp) -> ASGIApp:
+        """An application behind what every request passes."""
+        return ApiGuard(app, self._tokens, self._rate)
+
     def start(self, services: Services) -> None:
         """Serve; connections that came since the port was bound have waited."""
-        self._server.start(ApiGuard(create_app(services), self._tokens, self._rate))
+        self._server.start(self.guarded(create_app(services)))
 
     def __enter__(self) -> Self:
         return self

@@ -30,20 +30,8 @@ class Services:
     waits for a running cycle.
 
     Attributes:
-        settings: of the dispatcher.
-        network: its roads.
-        fleet: the tracked fleet.
-        states: the latest states.
-        orders: of callers.
-        feeds: for road authorities.
-        reader: of the database.
-        alarms: in force, and lately ended.
-        control: of the dispatcher.
         events: that callers follow; what happens is published there.
-        solve_jobs: fleets that callers have planned.
         is_live: the condition that feeds the watchdog.
-        solver_fault: why there is no solver.
-        checks: of readiness, by name.
     """
 
     settings: DispatcherSettings

@@ -5,12 +5,12 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Final
 
 from slipstream.orders import with_reason
-from storage import Event, StorageError
+from storage import Database, Event, StorageError
 
 log = logging.getLogger(__name__)
 
@@ -19,38 +19,16 @@ RESUME: Final = "resume"
 CYCLE: Final = "cycle"
 
 
-class EventStore(Protocol):
-    """What is needed of the database here."""
-
-    def save_events(self, changed: Sequence[Event]) -> None:
-        """Store durably, or raise."""
-        ...
-
-    def last_event(self, kinds: Collection[str]) -> Event | None:
-        """The one of some kinds that was stored last."""
-        ...
-
-
 @dataclass(frozen=True)
 class Pause:
-    """A pause that lasts.
-
-    Attributes:
-        by: name of the token that asked for it.
-        since_ns: UTC of its begin.
-    """
+    """A pause that lasts."""
 
     by: str
     since_ns: int
 
 
 class ControlRefused(Exception):
-    """What was asked for cannot be done now.
-
-    Attributes:
-        problem: why.
-        mend: what the caller can do about it.
-    """
+    """What was asked for cannot be done now."""
 
     def __init__(self, problem: str, mend: str) -> None:
         super().__init__(f"{problem}; {mend}")
@@ -61,16 +39,12 @@ class Control:
     """Each use is stored as an event before it counts; a pause lasts over restarts. Safe for
     threads. `StorageError` means that nothing has happened.
 
-    Args:
-        store: database.
-
     Attributes:
-        paused: the pause; None: cycles run.
         run_soon: has a cycle run at once, False where one runs already; set once cycles are
             scheduled.
     """
 
-    def __init__(self, store: EventStore) -> None:
+    def __init__(self, store: Database) -> None:
         self._store = store
         self._lock = threading.Lock()
         self.run_soon: Callable[[], bool] = lambda: False

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from dispatcher_daemon import metrics
+from dispatcher_daemon.fleet.tracking import FleetTracker
 from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.service.dispatcher.publishing import (
     Announce,
@@ -33,12 +34,7 @@ class PlannedCycle:
     """What a cycle has planned, to be stored and sent.
 
     Attributes:
-        report: of it.
-        states: that its traffic is by.
         plans: some may not fit any more.
-        problem: of its fleet; None: nothing was planned.
-        energies: of plans, by vehicle; nothing is booked of others.
-        made_from: its inputs.
     """
 
     report: CycleReport
@@ -52,17 +48,8 @@ class PlannedCycle:
 class PlanDelivery:
     """Stores cycles and sends their plans.
 
-    Args:
-        bus: to publish through.
-        store: database.
-        fleet_watch: the tracked fleet.
-        announce: told of what was stored.
-
     Attributes:
-        next_number: of the next cycle.
-        cycles: stored since the start.
         failed: of the cycles since the start, stored or not.
-        last: the last cycle, stored or not; None: there was none.
         storage_fault: the database may have to be opened anew.
         unstored: why nothing has been stored since the last cycle that was; None: it was the last.
         replaced: another dispatcher writes the database by now; None: none does.
@@ -168,7 +155,7 @@ class PlanDelivery:
         try:
             self.next_number = max(self.next_number, self._store.next_cycle_number())
             self.storage_fault = False
-            self._fleet_watch.store_all()
+            self._fleet_watch.read(FleetTracker.mark_all)
         except OwnedError as error:
             # Its orders and plans would be overwritten by what was known before.
             self.replaced = error

@@ -19,7 +19,7 @@ from dispatcher_daemon.service.dispatcher.reports import error_text, failed_repo
 from dispatcher_daemon.service.dispatcher.runner import CycleRunner, Surroundings
 from dispatcher_daemon.service.feeds.publisher import Feeds
 from dispatcher_daemon.service.fleet_watch import FleetWatch
-from dispatcher_daemon.service.store import CyclePruner, CycleStore
+from dispatcher_daemon.service.store import CyclePruner
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.quantum.hardware import JobManager
 from dispatcher_daemon.solvers.workers import Solve
@@ -27,6 +27,7 @@ from slipstream.orders import FleetRecords
 from slipstream.roads import RoadNetwork
 from slipstream.service import LogLimiter
 from slipstream.service.tracing import span
+from storage import Database
 
 log = logging.getLogger(__name__)
 
@@ -35,26 +36,11 @@ class Dispatcher:
     """The running dispatcher. The bus's thread delivers states, the scheduler's runs cycles.
 
     Args:
-        settings: checked settings.
-        network: roads.
         fleet: what is dispatched; None: nothing until `fleet_file` has a fleet.
-        bus: to publish through.
-        store: database.
-        solve: solver pool.
-        executor: for the search of the route form's base routes; None: the cycle's own thread.
         job_manager: of a quantum device, which then solves in place of the pool.
         fleet_file: the fleet of each cycle is read from it; None: it is always `fleet`.
-        records: orders, plans and vehicles of the run before.
-        announce: told of accepted states, and of what was stored; it does not wait.
 
     Attributes:
-        control: what operators do.
-        receiver: takes in segment states.
-        fleet_watch: the tracked fleet.
-        delivery: stores and sends plans, and counts cycles.
-        health: what the dispatcher says of itself.
-        feeds: for road authorities.
-        pruner: deletes what is old or too much.
         cycle_began: monotonic time at which the cycle that runs began; None: none runs.
     """
 
@@ -64,7 +50,7 @@ class Dispatcher:
         network: RoadNetwork,
         fleet: Fleet | None,
         bus: MessageBus,
-        store: CycleStore,
+        store: Database,
         solve: Solve,
         executor: Executor | None = None,
         job_manager: JobManager | None = None,
@@ -80,7 +66,7 @@ class Dispatcher:
         self.cycle_began: float | None = None
         self.control = Control(store)
         self.receiver = StateReceiver(network, settings, announce)
-        self.feeds = Feeds(network, settings, self.receiver.latest.latest)
+        self.feeds = Feeds(network, settings, self.receiver.latest.latest, self.receiver.healths)
         self.fleet_watch = FleetWatch(
             network,
             records or FleetRecords(),

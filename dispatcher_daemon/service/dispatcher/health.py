@@ -30,20 +30,8 @@ _MAX_VEHICLES: Final = 200
 class HealthPublisher:
     """Publishes the dispatcher's health.
 
-    Args:
-        bus: to publish through.
-        settings: of the dispatcher.
-        receiver: of segment states.
-        fleet_watch: the tracked fleet.
-        delivery: counts cycles.
-        job_manager: of a quantum device.
-        started_ns: UTC of the dispatcher's start.
-        control: knows whether it is paused.
-
     Attributes:
-        receptions: of each RSU's states, as they were told last.
         database_set_aside: file that a damaged database became.
-        solver_fault: why no solver works, or no search for routes; None: they do.
     """
 
     def __init__(

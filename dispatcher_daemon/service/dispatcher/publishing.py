@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Literal, Protocol
 
 from slipstream.messages import Message
@@ -24,17 +25,10 @@ class MessageBus(Protocol):
         ...
 
 
-class Announce(Protocol):
-    """Tells callers of the API what has happened."""
-
-    def __call__(
-        self,
-        kind: Literal["plan", "state", "cycle", "order", "alarm"],
-        value: Message | OrderChange,
-        /,
-    ) -> None:
-        """Tell."""
-        ...
+Announce = Callable[
+    [Literal["plan", "state", "cycle", "order", "alarm"], Message | OrderChange], None
+]
+"""Tells callers of the API what has happened."""
 
 
 def announce_nothing(kind: str, value: Message | OrderChange, /) -> None:

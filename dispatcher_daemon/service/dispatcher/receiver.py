@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import logging
+import threading
 import time
-from collections.abc import Callable, Sequence
-from typing import Protocol
 
 from dispatcher_daemon import metrics
 from dispatcher_daemon.service.dispatcher.publishing import Announce
 from dispatcher_daemon.settings import DispatcherSettings
-from dispatcher_daemon.traffic import HARMLESS, LatestStates, TrafficSnapshot, Verdict, traffic_by
+from dispatcher_daemon.traffic import (
+    HARMLESS,
+    MAX_RSUS,
+    LatestStates,
+    TrafficSnapshot,
+    Verdict,
+    traffic_by,
+)
 from slipstream.errors import InputError
 from slipstream.freshness import age_s
 from slipstream.messages import RsuHealth, SegmentState, decode, rsu_health_key, state_key
@@ -18,36 +24,21 @@ from slipstream.roads import RoadNetwork
 from slipstream.roads.admission import implausibility
 from slipstream.service import LogLimiter
 from slipstream.service.tracing import is_on, note, sparse_span, traced
-from storage import RollUp, RollUpBuffer
+from storage import Database, RollUpBuffer
 
 log = logging.getLogger(__name__)
 
+FORGOTTEN_S = 86_400.0
+"""An unlisted RSU that has been silent for so long is none any more, s."""
 _NAMED_STATES = 1000
 """States that a trace names."""
-
-
-class RollUpStore(Protocol):
-    """What is needed of the database here."""
-
-    def add_rollups(self, minutes: Sequence[RollUp]) -> None:
-        """Store what was reported of segments, by minute."""
-        ...
 
 
 class StateReceiver:
     """Takes in states on the bus's thread; cycles take snapshots of them on theirs.
 
-    Args:
-        network: roads.
-        settings: of the dispatcher.
-        announce: told of accepted states.
-
     Attributes:
-        latest: the latest states.
-        received: states read.
-        refused: states read and not admitted.
         bad_messages: messages that were not what their key promises.
-        health_to: told of each RSU's health.
     """
 
     def __init__(
@@ -66,7 +57,9 @@ class StateReceiver:
         self.received = 0
         self.refused = 0
         self.bad_messages = 0
-        self.health_to: list[Callable[[RsuHealth], None]] = []
+        # The one heard last at the end.
+        self._healths: dict[str, tuple[int, RsuHealth]] = {}
+        self._health_lock = threading.Lock()
 
     def on_state(self, key: str, payload: bytes) -> None:
         """Take in one message from `ALL_STATES`; what is not a SegmentState is counted."""
@@ -94,7 +87,7 @@ class StateReceiver:
             self._limiter.warn(log, verdict.value, f"{key}: state refused: {what}")
 
     def on_health(self, key: str, payload: bytes) -> None:
-        """Take in one message from `ALL_RSU_HEALTH`, and tell who wants to know of it."""
+        """Take in one message from `ALL_RSU_HEALTH`."""
         try:
             health = decode(RsuHealth, payload, key)
             if rsu_health_key(health.rsu) != key:
@@ -102,8 +95,24 @@ class StateReceiver:
         except InputError as error:
             self.refuse(error)
             return
-        for tell in self.health_to:
-            tell(health)
+        rsus = self._settings.rsus
+        if rsus is not None and health.rsu not in rsus:
+            return
+        with self._health_lock:
+            self._healths.pop(health.rsu, None)
+            self._healths[health.rsu] = time.time_ns(), health
+            if len(self._healths) > MAX_RSUS:
+                del self._healths[next(iter(self._healths))]
+
+    def healths(self) -> dict[str, tuple[int, RsuHealth]]:
+        """When each RSU was heard last, UTC, and what it said; unlisted ones are forgotten after
+        `FORGOTTEN_S`.
+        """
+        oldest_ns = time.time_ns() - round(FORGOTTEN_S * 1e9)
+        with self._health_lock:
+            if self._settings.rsus is None:
+                self._healths = {r: one for r, one in self._healths.items() if one[0] > oldest_ns}
+            return dict(self._healths)
 
     def refuse(self, error: InputError) -> None:
         """Count a message that is not what its key promises."""
@@ -122,7 +131,7 @@ class StateReceiver:
             note(states=named)
         return snapshot
 
-    def store_rollups(self, store: RollUpStore, now_ns: int | None = None) -> None:
+    def store_rollups(self, store: Database, now_ns: int | None = None) -> None:
         """Store what was reported in the minutes that have ended; None: in those begun, too.
 
         Plans do not wait for it, and what cannot be stored is tried again after the next cycle.

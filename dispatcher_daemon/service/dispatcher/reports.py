@@ -21,11 +21,7 @@ def idle_report(
     snapshot: TrafficSnapshot,
     waiting: Mapping[str, str],
 ) -> CycleReport:
-    """The report of a cycle that had nothing to dispatch.
-
-    Args:
-        waiting: reason by order that is due all the same.
-    """
+    """The report of a cycle that had nothing to dispatch."""
     reason = "no open order, or no free vehicle"
     if waiting:
         orders = "1 order waits" if len(waiting) == 1 else f"{len(waiting)} orders wait"

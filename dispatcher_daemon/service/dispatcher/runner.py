@@ -48,8 +48,6 @@ class CycleOutcome:
     """What became of a cycle.
 
     Attributes:
-        planned: what it planned.
-        error: that its planning failed with.
         stored: its report as it was stored, before plans were sent; None: it was not.
         abandoned: whether the dispatcher stops, and it was not to be stored.
     """
@@ -67,9 +65,6 @@ class Surroundings:
     Attributes:
         listed: the fleet's list, its times counted from a moment, UTC ns; None: nothing is listed.
         traffic: the roads at a moment, UTC ns, without what was learned.
-        problem_of: a fleet's problem.
-        solve: runs solvers.
-        executor: for the search of the route form's base routes; None: the cycle's own thread.
     """
 
     listed: Callable[[int], Fleet | None]
@@ -83,11 +78,6 @@ class CycleRunner:
     """Runs cycles of one fleet, and puts new orders into its tours between them; one at a time.
 
     Args:
-        settings: of the dispatcher.
-        fleet_watch: the tracked fleet.
-        delivery: stores and sends plans, and numbers cycles.
-        around: see `Surroundings`.
-        reference_delay_s: see `Cycle`.
         keep_inputs: whether what a cycle was made from is stored with it.
     """
 
@@ -110,11 +100,7 @@ class CycleRunner:
         self._limiter = LogLimiter()
 
     def run(self, now_ns: int) -> CycleOutcome:
-        """One cycle: traffic and fleet, plans, stored, sent. A fault of planning is reported.
-
-        Args:
-            now_ns: its start, UTC.
-        """
+        """One cycle: traffic and fleet, plans, stored, sent. A fault of planning is reported."""
         number, began = self._delivery.next_number, time.monotonic()
         error: Exception | None = None
         states: tuple[SegmentState, ...] = ()
@@ -174,14 +160,12 @@ class CycleRunner:
     def insert(self, orders: Collection[str], now_ns: int) -> None:
         """Put new orders into tours that have not begun. Those for which there is none wait for the
         next cycle.
-
-        Args:
-            orders: their ids.
-            now_ns: now, UTC.
         """
         delivery, watch, began = self._delivery, self._watch, time.monotonic()
         number, fleet = delivery.next_number, watch.fleet
-        tours, stops = watch.insertion(orders, number, now_ns, INSERTION_S)
+        tours, stops = watch.read(
+            lambda tracker: tracker.insertion(fleet, orders, number, now_ns, INSERTION_S)
+        )
         if fleet is None or not tours or delivery.stopping.is_set() or delivery.storage_fault:
             return
         snapshot = watch.learned(now_ns).onto(self._around.traffic(now_ns))
@@ -215,7 +199,7 @@ class CycleRunner:
         planned = PlannedCycle(report, snapshot.states, found.plans, problem, energies, made_from)
         stored = delivery.store_and_send(planned, INSERTION_S)
         if stored is not None:
-            watch.skip_number(number)
+            watch.read(lambda tracker: tracker.skip_number(number))
             metrics.INSERTION_SECONDS.observe(time.monotonic() - began)
             log.info("orders inserted between cycles: %d plans", stored.plans)
 

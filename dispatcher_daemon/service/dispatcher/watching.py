@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Final, Self
 
 from dispatcher_daemon.fleet.tracking import HIDDEN
@@ -19,12 +20,12 @@ from dispatcher_daemon.service.alarms import (
 from dispatcher_daemon.service.dispatcher.dispatcher import Dispatcher
 from dispatcher_daemon.service.dispatcher.publishing import Announce, MessageBus
 from dispatcher_daemon.service.on_demand import Gathering
-from dispatcher_daemon.service.store import CycleStore
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.quantum.hardware import JobManager
-from slipstream.messages import ALARMS_KEY, Alarm
+from slipstream.messages import ALARMS_KEY
 from slipstream.roads import RoadNetwork
 from slipstream.service import LogLimiter
+from storage import Database
 
 log = logging.getLogger(__name__)
 
@@ -35,21 +36,6 @@ RECONNECTED_S: Final = 10.0
 class AlarmSource:
     """Finds conditions and hands them to the alarms, which are stored on a thread that may wait; a
     context manager.
-
-    Args:
-        dispatcher: that is watched.
-        settings: of it.
-        network: its roads.
-        bus: to publish alarms through.
-        store: database.
-        announce: told of each change of an alarm.
-        bus_fault: why no router lets this in; None: one does.
-        job_manager: of a quantum device.
-        cluster_slots: processes of the cluster that are ready; None: there is no cluster.
-
-    Attributes:
-        alarms: in force, and lately ended.
-        roadside: to be told of RSUs.
     """
 
     def __init__(
@@ -58,7 +44,7 @@ class AlarmSource:
         settings: DispatcherSettings,
         network: RoadNetwork,
         bus: MessageBus,
-        store: CycleStore,
+        store: Database,
         announce: Announce,
         bus_fault: Callable[[], str | None] = lambda: None,
         job_manager: JobManager | None = None,
@@ -74,21 +60,17 @@ class AlarmSource:
         self._limiter = LogLimiter()
         publisher = bus.publisher(ALARMS_KEY)
 
-        def tell(alarm: Alarm) -> None:
-            announce("alarm", alarm)
-
-        self._saver = Gathering("alarms", self._save)
+        self._saver = Gathering("alarms", lambda _: self.alarms.save())
+        tell = partial(announce, "alarm")
         self.alarms = AlarmWatch(store, publisher.put, tell, self._saver.put)
         self.roadside = RoadsideWatch(
             network,
             settings.rsus,
             settings.stale_after_s,
+            dispatcher.receiver.healths,
             dispatcher.receiver.refuse,
             time.time_ns,
         )
-
-    def _save(self, names: Collection[str]) -> None:
-        self.alarms.save(names)
 
     def close(self) -> None:
         """Store what is not stored yet, and end the thread."""

@@ -19,8 +19,7 @@ from dispatcher_daemon.service.feeds.measurements import (
     flow_vph,
     speed_cv,
 )
-from dispatcher_daemon.service.feeds.sites import Site, digest
-from dispatcher_daemon.service.feeds.times import iso_time, window
+from dispatcher_daemon.service.feeds.sites import Site, digest, iso_time, window
 from dispatcher_daemon.settings import FeedSettings
 from slipstream.errors import InputError
 from slipstream.messages import Estimate, KinematicFeatures, SegmentState
@@ -66,8 +65,6 @@ def measured_data(measured: Sequence[Measurement], settings: FeedSettings, now_n
 
     Args:
         measured: of all sites of the table that it refers to.
-        settings: who publishes.
-        now_ns: UTC.
 
     Raises:
         InputError: as `site_table`.

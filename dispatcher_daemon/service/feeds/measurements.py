@@ -27,7 +27,6 @@ class Measurement:
     """A site's latest window.
 
     Attributes:
-        site: the site.
         state: its latest state, however old; None: there is none, or its time cannot be true.
         y_e: 1 stable, 0 turbulent, None unknown.
         reason: why y_e is unknown: the state's reason, "stale", "future" or "no_state".
@@ -66,10 +65,6 @@ def measurements(
 
     Args:
         states: the latest of each RSU and segment; those of other sites are left out.
-        network: the roads of the sites.
-        now_ns: UTC.
-        stale_after_s: age limit of a state.
-        future_tolerance_s: see `slipstream.freshness.is_ahead`.
     """
     latest: Mapping[tuple[str, str], SegmentState] = {
         (state.rsu, state.segment): state

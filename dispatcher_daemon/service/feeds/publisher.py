@@ -6,7 +6,7 @@ import gzip
 import hashlib
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -23,22 +23,13 @@ MIN_INTERVAL_S: Final = 1.0
 """A document of states is that old at least before another one is made: RSUs send each second."""
 IDLE_SHARE: Final = 10.0
 """After a document has been made no other of its kind is for so many times as long as that took."""
-MAX_RSUS: Final = 20_000
-"""RSUs whose health is kept where the settings list none."""
-MAX_RSUS_PER_SEGMENT: Final = 16
-"""Of these, those that tell of the same segment: as many as their states are kept of."""
 FORGOTTEN_AFTER: Final = 6.0
 """Times the age limit of a state after which the health of a silent one is forgotten."""
 
 
 @dataclass(frozen=True)
 class Document:
-    """One publication.
-
-    Attributes:
-        body: as it is sent.
-        time_ns: UTC at which it was made.
-    """
+    """One publication."""
 
     body: bytes
     time_ns: int
@@ -62,77 +53,31 @@ class _Made:
 
 
 class Feeds:
-    """What road authorities get. The bus's thread tells of RSUs' health, others ask.
-
-    Args:
-        network: the roads.
-        settings: of the dispatcher.
-        states: gives the latest admitted states.
-        now_ns: the clock, UTC.
-    """
+    """What road authorities get. The bus's thread tells of RSUs' health, others ask."""
 
     def __init__(
         self,
         network: RoadNetwork,
         settings: DispatcherSettings,
         states: Callable[[], tuple[SegmentState, ...]],
+        healths: Callable[[], Mapping[str, tuple[int, RsuHealth]]],
         now_ns: Callable[[], int] = time.time_ns,
     ) -> None:
         self._network = network
         self._settings = settings
         self._states = states
         self._now_ns = now_ns
-        # When each was heard last, and its health; the one heard last at the end.
-        self._healths: dict[str, tuple[int, RsuHealth]] = {}
-        self._rsus_of: dict[str, set[str]] = {}
-        self._health_lock = threading.Lock()
+        self._healths = healths
         self._sites: tuple[frozenset[Pair], tuple[Site, ...]] = (frozenset(), ())
         self._made: dict[str, _Made] = {}
         # Documents are made one at a time: a city's takes a second of a core.
         self._lock = threading.Lock()
 
-    def on_health(self, health: RsuHealth) -> None:
-        """Take in what an RSU says of itself."""
-        listed = self._settings.rsus
-        if listed is not None and health.rsu not in listed:
-            return
-        known = [name for name in set(health.segments) if name in self._network.segments]
-        now_ns = self._now_ns()
-        with self._health_lock:
-            self._drop(health.rsu)
-            if listed is None:
-                self._forget_silent(now_ns)
-            if len(self._healths) >= MAX_RSUS:
-                return
-            kept = []
-            for name in sorted(known):
-                rsus = self._rsus_of.setdefault(name, set())
-                if listed is not None or len(rsus) < MAX_RSUS_PER_SEGMENT:
-                    rsus.add(health.rsu)
-                    kept.append(name)
-            told = health.model_copy(update={"segments": tuple(kept)})
-            self._healths[health.rsu] = now_ns, told
-
-    def _forget_silent(self, now_ns: int) -> None:
-        """Forget RSUs that have not been heard of for long; the others come after them."""
-        before_ns = now_ns - round(1e9 * FORGOTTEN_AFTER * self._settings.stale_after_s)
-        while self._healths:
-            rsu, (heard_ns, _) = next(iter(self._healths.items()))
-            if heard_ns >= before_ns:
-                return
-            self._drop(rsu)
-
-    def _drop(self, rsu: str) -> None:
-        _, health = self._healths.pop(rsu, (0, None))
-        for name in () if health is None else health.segments:
-            self._rsus_of[name].discard(rsu)
-
     def _heard(self, now_ns: int) -> dict[str, RsuHealth]:
-        """The latest health of each RSU."""
-        with self._health_lock:
-            if self._settings.rsus is None:
-                self._forget_silent(now_ns)
-            return {rsu: health for rsu, (_, health) in self._healths.items()}
+        """The latest health of each RSU that has not been silent for long."""
+        silent_ns = round(1e9 * FORGOTTEN_AFTER * self._settings.stale_after_s)
+        known = self._healths().items()
+        return {rsu: told for rsu, (heard_ns, told) in known if now_ns - heard_ns <= silent_ns}
 
     def sites(self) -> Document:
         """DATEX II: the measurement site table.
@@ -207,7 +152,8 @@ class Feeds:
         )
 
     def _find_sites(self, states: tuple[SegmentState, ...], now_ns: int) -> tuple[Site, ...]:
-        pairs = watched_pairs(self._settings.rsus, states, self._heard(now_ns).values())
+        heard = self._heard(now_ns).values()
+        pairs = watched_pairs(self._settings.rsus, states, heard)
         if pairs != self._sites[0] or not pairs:
             self._sites = pairs, find_sites(self._network, pairs)
         return self._sites[1]

@@ -1,4 +1,6 @@
-"""Measurement sites: each road segment that an RSU watches, by latitude and longitude."""
+"""Measurement sites: each road segment that an RSU watches, by latitude and longitude; and times as
+both feeds write them.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +8,7 @@ import hashlib
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from functools import cached_property
 from itertools import pairwise
 from typing import Final
@@ -17,6 +20,8 @@ from slipstream.roads import RoadNetwork
 
 Pair = tuple[str, str]
 """An RSU and a segment."""
+MAX_RSUS_PER_SEGMENT: Final = 16
+"""Unlisted RSUs whose health tells of the same segment: as many as their states are kept of."""
 _DEGREES: Final = ".7f"
 """1 cm on the ground."""
 
@@ -26,12 +31,9 @@ class Site:
     """One road segment as one RSU measures it.
 
     Attributes:
-        rsu: the RSU.
-        segment: the segment's id.
         lanes: its number of lanes; states cover all of them.
         line: its centre line in driving direction, latitude and longitude in degrees (WGS 84),
             written as both feeds show them; at least two points.
-        middle: the point half-way along it.
     """
 
     rsu: str
@@ -66,17 +68,17 @@ def watched_pairs(
     states: Iterable[SegmentState],
     healths: Iterable[RsuHealth],
 ) -> frozenset[Pair]:
-    """The segments that RSUs watch: those listed, or, where none are, those they told of.
-
-    Args:
-        rsus: the dispatcher's list of RSUs.
-        states: admitted ones.
-        healths: any.
-    """
+    """The segments that RSUs watch: those listed, or, where none are, those they told of."""
     if rsus is not None:
         return frozenset((rsu, segment) for rsu, segments in rsus.items() for segment in segments)
+    told: dict[str, set[str]] = {}
+    for health in sorted(healths, key=lambda health: health.rsu):
+        for segment in health.segments:
+            known = told.setdefault(segment, set())
+            if len(known) < MAX_RSUS_PER_SEGMENT:
+                known.add(health.rsu)
     heard = {(state.rsu, state.segment) for state in states}
-    return frozenset(heard | {(h.rsu, segment) for h in healths for segment in h.segments})
+    return frozenset(heard | {(rsu, segment) for segment, some in told.items() for rsu in some})
 
 
 def find_sites(network: RoadNetwork, pairs: Iterable[Pair]) -> tuple[Site, ...]:
@@ -125,3 +127,14 @@ def _half_way(shape: Sequence[tuple[float, float]]) -> tuple[float, float]:
             return begin[0] + share * (end[0] - begin[0]), begin[1] + share * (end[1] - begin[1])
         left -= length
     return shape[-1]
+
+
+def iso_time(time_ns: int) -> str:
+    """RFC 3339 with milliseconds, cut off."""
+    whole = datetime.fromtimestamp(time_ns // 10**9, UTC)
+    return f"{whole:%Y-%m-%dT%H:%M:%S}.{time_ns % 10**9 // 10**6:03d}Z"
+
+
+def window(time_ns: int, window_s: float) -> tuple[str, str]:
+    """Begin and end of a window that ends at a time."""
+    return iso_time(max(0, time_ns - round(window_s * 1e9))), iso_time(time_ns)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from dispatcher_daemon.service.feeds.measurements import Measurement, flow_vph
-from dispatcher_daemon.service.feeds.times import iso_time, window
+from dispatcher_daemon.service.feeds.sites import iso_time, window
 from dispatcher_daemon.settings import FeedSettings
 from slipstream import freshness
 from slipstream.messages import CAMERA_FAULTS, RsuHealth
@@ -25,16 +25,7 @@ def device_feed(
     stale_after_s: float = freshness.STALE_AFTER_S,
     future_tolerance_s: float = freshness.FUTURE_TOLERANCE_S,
 ) -> bytes:
-    """The DeviceFeed of what sites measure, as UTF-8 GeoJSON.
-
-    Args:
-        measured: of all sites.
-        healths: the latest of each RSU, by RSU.
-        settings: who publishes.
-        now_ns: UTC.
-        stale_after_s: age limit of a health.
-        future_tolerance_s: see `slipstream.freshness.is_ahead`.
-    """
+    """The DeviceFeed of what sites measure, as UTF-8 GeoJSON."""
     fresh = {
         rsu: health
         for rsu, health in healths.items()
@@ -117,7 +108,6 @@ def device_status(measured: Measurement, health: RsuHealth | None) -> tuple[str,
     Without a fresh health its fresh state tells: one with a flag comes from a device that works.
 
     Args:
-        measured: what the device measures.
         health: its RSU's fresh health; None: there is none.
     """
     messages = [] if measured.reason is None else [f"stability unknown: {measured.reason}"]

@@ -4,6 +4,15 @@ from __future__ import annotations
 
 from dispatcher_daemon.service.intake.intake import MAX_AT_ONCE, OrderIntake, OrdersRefused
 from dispatcher_daemon.service.intake.over_bus import OrderAnswers
-from dispatcher_daemon.service.intake.reading import read_request
+from dispatcher_daemon.service.intake.reading import Given, Pin, Settlement, read_request
 
-__all__ = ["MAX_AT_ONCE", "OrderAnswers", "OrderIntake", "OrdersRefused", "read_request"]
+__all__ = [
+    "MAX_AT_ONCE",
+    "Given",
+    "OrderAnswers",
+    "OrderIntake",
+    "OrdersRefused",
+    "Pin",
+    "Settlement",
+    "read_request",
+]

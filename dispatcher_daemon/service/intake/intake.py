@@ -5,7 +5,7 @@ from __future__ import annotations
 import heapq
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import Final, Protocol, TypeVar
+from typing import Final, TypeVar
 
 from dispatcher_daemon import metrics
 from dispatcher_daemon.fleet import Fleet
@@ -31,36 +31,12 @@ from slipstream.messages import (
 )
 from slipstream.orders import ORDER_STATES, FleetRecords, OrderChange, OrderRecord, OrderRefused
 from slipstream.roads import RoadNetwork
-from storage import OrderKnownError
+from storage import Database, OrderKnownError, Reader
 
 T = TypeVar("T")
 
 MAX_AT_ONCE: Final = 1000
 """Orders of one submission."""
-
-
-class OrderStore(Protocol):
-    """The dispatcher's own database, as it is used here."""
-
-    def save_fleet(self, records: FleetRecords) -> None:
-        """Store durably, or raise."""
-        ...
-
-    def add_orders(self, records: FleetRecords) -> None:
-        """Store new ones durably, or raise; `OrderKnownError`: some are stored already."""
-        ...
-
-    def find_orders(self, names: Collection[str]) -> tuple[OrderRecord, ...]:
-        """Those that are stored."""
-        ...
-
-
-class OrderArchive(Protocol):
-    """A reader of it: it waits for nobody who writes."""
-
-    def order_changes(self, order: str) -> tuple[OrderChange, ...]:
-        """The life of one."""
-        ...
 
 
 class OrdersRefused(Exception):
@@ -80,11 +56,7 @@ class OrderIntake:
     Every method raises `StorageError` if the database cannot be used; then nothing has happened.
 
     Args:
-        watch: the tracked fleet.
         store: to write to, and to look up what the fleet's tracker has forgotten.
-        archive: for the lives of orders.
-        network: roads.
-        clock: UTC now, ns.
         announce: told of each change that is stored; it does not wait.
         taken: told of orders that are new; likewise.
     """
@@ -92,8 +64,8 @@ class OrderIntake:
     def __init__(
         self,
         watch: FleetWatch,
-        store: OrderStore,
-        archive: OrderArchive,
+        store: Database,
+        archive: Reader,
         network: RoadNetwork,
         clock: Callable[[], int] = time.time_ns,
         announce: Callable[[OrderChange], None] = lambda change: None,
@@ -200,13 +172,7 @@ class OrderIntake:
         after: str | None = None,
         limit: int = 100,
     ) -> list[OrderStatus]:
-        """Orders in some states by id: those that have not ended, or ended within a day.
-
-        Args:
-            states: wanted.
-            after: the last id of the page before; None: the first page.
-            limit: orders of a page.
-        """
+        """Orders in some states by id: those that have not ended, or ended within a day."""
 
         def read(tracker: FleetTracker) -> list[OrderStatus]:
             book = tracker.book.orders
@@ -222,10 +188,6 @@ class OrderIntake:
 
     def cancel(self, name: str, reason: str | None = None) -> OrderStatus:
         """Cancel an order that no vehicle has left with; one that was cancelled stays so.
-
-        Args:
-            name: of the order.
-            reason: for its history; None: none is given.
 
         Raises:
             OrderRefused: it is not known, is the file's, has ended, or is under way.
@@ -246,9 +208,7 @@ class OrderIntake:
         """Keep an order for one vehicle in all plans to come.
 
         Args:
-            name: of the order.
             vehicle: None: that whose plan has it.
-            reason: as of `cancel`.
 
         Raises:
             OrderRefused: it is not known or has ended, no vehicle has it, the one that is named
@@ -284,10 +244,6 @@ class OrderIntake:
 
     def release(self, name: str, reason: str | None = None) -> OrderStatus:
         """Let any vehicle serve an order that is pinned; one that is not stays so.
-
-        Args:
-            name: of the order.
-            reason: as of `cancel`.
 
         Raises:
             OrderRefused: it is not known, or has ended.

@@ -3,68 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final, Protocol
+from typing import Final, TypeVar
 from urllib.parse import unquote
 
-from pydantic import Field
-
 from dispatcher_daemon.service.intake.intake import OrderIntake, OrdersRefused
-from dispatcher_daemon.service.intake.reading import read_request
-from slipstream.bus.answers import Answerer
-from slipstream.config import parse_json
+from dispatcher_daemon.service.intake.reading import Given, Pin, Settlement, read_request
+from slipstream.config import Settings, check, parse_json
 from slipstream.errors import InputError
-from slipstream.messages import (
-    ALL_ORDERS,
-    Identifier,
-    Message,
-    Model,
-    OrderRefusal,
-    Reason,
-    decode,
-)
+from slipstream.messages import Message, OrderRefusal
 from slipstream.orders import OrderRefused
 from storage import StorageError
 
 ACTOR: Final = "bus"
 """Who the log names: the bus's users are its router's, and no message says which one asked."""
 _LOGGED: Final = frozenset({"cancel", "pin", "release", "settle"})
+S = TypeVar("S", bound=Settings)
 _Done = tuple[Message, str | None]
 """The answer, and why its caller says that it was asked for."""
 
 
-class WhyRequest(Model):
-    """Why something is done to an order."""
-
-    reason: Reason | None = Field(default=None, description="In words; null: none.")
-
-
-class PinRequest(WhyRequest):
-    """For which vehicle an order is kept."""
-
-    vehicle: Identifier | None = Field(
-        default=None, description="Null: the one whose plan has the order."
-    )
-
-
-class SettleRequest(WhyRequest):
-    """What became of an order."""
-
-    served: bool = Field(description="False: it was not served, and is open again.")
-
-
-class Questioned(Protocol):
-    """The part of `slipstream.bus.session.Bus` that is used here."""
-
-    def answer(self, key_expression: str, answerer: Answerer) -> None:
-        """Answer questions."""
-        ...
-
-
 class OrderAnswers:
-    """Answers to questions on `ALL_ORDERS`.
+    """Answers to questions on `slipstream.messages.ALL_ORDERS`.
 
     Args:
-        intake: of the orders.
         note: told of what was done to an order: kind, subject, who did it, which is `ACTOR`, and
             why.
     """
@@ -75,10 +36,6 @@ class OrderAnswers:
         note: Callable[[str, str, str, str | None], None] = lambda kind, subject, actor, why: None,
     ) -> None:
         self._intake, self._note = intake, note
-
-    def listen(self, bus: Questioned) -> None:
-        """Answer from now on."""
-        bus.answer(ALL_ORDERS, self.answer)
 
     def answer(self, key: str, payload: bytes) -> tuple[bool, bytes]:
         """(True, receipt or status) or (False, an `OrderRefusal`), as JSON."""
@@ -125,35 +82,37 @@ def _submit(intake: OrderIntake, order: str, payload: bytes) -> _Done:
     return receipt, None
 
 
-def _cancel(intake: OrderIntake, order: str, payload: bytes) -> _Done:
-    reason = _why(payload, "cancel")
-    return intake.cancel(order, reason), reason
-
-
 def _pin(intake: OrderIntake, order: str, payload: bytes) -> _Done:
-    pin = decode(PinRequest, payload, "pin") if payload else PinRequest()
+    pin = _read(Pin, payload)
     return intake.pin(order, pin.vehicle, pin.reason), pin.reason
 
 
-def _release(intake: OrderIntake, order: str, payload: bytes) -> _Done:
-    reason = _why(payload, "release")
-    return intake.release(order, reason), reason
+def _plain(
+    act: Callable[[OrderIntake, str, str | None], Message],
+) -> Callable[[OrderIntake, str, bytes], _Done]:
+    """What needs nothing but a reason, if one is given."""
+
+    def done(intake: OrderIntake, order: str, payload: bytes) -> _Done:
+        reason = _read(Given, payload).reason
+        return act(intake, order, reason), reason
+
+    return done
 
 
 def _settle(intake: OrderIntake, order: str, payload: bytes) -> _Done:
-    asked = decode(SettleRequest, payload, "settle")
+    asked = _read(Settlement, payload)
     return intake.settle(order, served=asked.served, reason=asked.reason), asked.reason
 
 
-def _why(payload: bytes, action: str) -> str | None:
-    return decode(WhyRequest, payload, action).reason if payload else None
+def _read(model: type[S], payload: bytes) -> S:
+    return check(parse_json(payload, "payload") if payload else {}, model, "payload")
 
 
 _ACTIONS: Final[dict[str, Callable[[OrderIntake, str, bytes], _Done]]] = {
     "submit": _submit,
     "show": lambda intake, order, _: (intake.show(order), None),
-    "cancel": _cancel,
+    "cancel": _plain(OrderIntake.cancel),
     "pin": _pin,
-    "release": _release,
+    "release": _plain(OrderIntake.release),
     "settle": _settle,
 }

@@ -1,13 +1,35 @@
-"""Plain data as an order request."""
+"""What callers send of orders, over HTTP or the bus."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-from slipstream.config import check
+from pydantic import Field
+
+from slipstream.config import Settings, check
 from slipstream.errors import InputError
-from slipstream.messages import OrderRequest
+from slipstream.messages import Identifier, OrderRequest, Reason
 from slipstream.orders import OrderRefused
+
+
+class Given(Settings):
+    """Why something is done."""
+
+    reason: Reason | None = Field(default=None, description="In words, for the log; null: none.")
+
+
+class Pin(Given):
+    """For which vehicle an order is kept."""
+
+    vehicle: Identifier | None = Field(
+        default=None, description="Null: the one whose plan has the order."
+    )
+
+
+class Settlement(Given):
+    """What became of an order."""
+
+    served: bool = Field(description="False: it was not served, and is open again.")
 
 
 def read_request(data: object) -> OrderRequest:

@@ -21,7 +21,6 @@ class ServiceArea:
     """The places and loads that some vehicle of a fleet can serve, whatever the traffic.
 
     Args:
-        network: roads.
         fleet: of the file; None: it has no vehicle, and any may come.
     """
 
@@ -65,7 +64,6 @@ class ServiceArea:
         """Check that a vehicle of the fleet could serve a stop.
 
         Args:
-            stop: its window does not count.
             vehicle: the only one that may; None: any.
 
         Raises:

@@ -26,34 +26,16 @@ def receipt_of(order: OrderRecord, network: RoadNetwork) -> OrderReceipt:
 
 
 def status_of(order: OrderRecord, tracker: FleetTracker | None, now_ns: int) -> OrderStatus:
-    """An order as it is now.
-
-    Args:
-        order: as the tracker has it.
-        tracker: None: it has forgotten the order.
-        now_ns: UTC.
-    """
-    waits = tracker is not None and order.state == "open"
-    return OrderStatus(
-        order=order.order,
-        source=order.source,
-        state=order.state,
-        since_ns=order.since_ns,
-        reason=order.reason,
-        vehicle=order.vehicle,
-        cycle=order.cycle,
-        pinned=order.pinned,
-        arrival_ns=None if tracker is None else tracker.arrival_ns(order),
-        unplanned=tracker.unplanned.get(order.order) if tracker is not None and waits else None,
-        at_risk=None if tracker is None else at_risk(order, tracker, now_ns),
-        node=order.node,
-        service_s=order.service_s,
-        demand=order.demand,
-        earliest_ns=order.earliest_ns,
-        latest_ns=order.latest_ns,
-        received_ns=order.received_ns,
-        request=request_of(order),
-    )
+    """An order as it is now."""
+    own = {name: getattr(order, name) for name in OrderStatus.model_fields if hasattr(order, name)}
+    own |= {"request": request_of(order)}
+    if tracker is not None:
+        own |= {
+            "arrival_ns": tracker.arrival_ns(order),
+            "unplanned": tracker.unplanned.get(order.order) if order.state == "open" else None,
+            "at_risk": at_risk(order, tracker, now_ns),
+        }
+    return OrderStatus(**{"arrival_ns": None, "unplanned": None, **own})
 
 
 def request_of(order: OrderRecord) -> OrderRequest | None:
@@ -69,12 +51,6 @@ def steps_of(stored: Iterable[OrderChange], pending: Iterable[OrderChange]) -> l
     known = list(stored)
     known += [change for change in pending if change not in known]
     return [
-        OrderStep(
-            time_ns=change.time_ns,
-            state=change.state,
-            reason=change.reason,
-            vehicle=change.vehicle,
-            cycle=change.cycle,
-        )
+        OrderStep(**{name: getattr(change, name) for name in OrderStep.model_fields})
         for change in known
     ]

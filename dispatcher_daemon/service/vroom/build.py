@@ -72,9 +72,6 @@ def build_problem(
 ) -> VroomProblem:
     """Join a request with matrices.
 
-    Args:
-        coordinates: of each row of the matrices.
-
     Raises:
         InputError: amounts of different lengths, ids twice, costs that contradict each other, or
             more than fits into memory.

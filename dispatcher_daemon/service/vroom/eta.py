@@ -7,7 +7,6 @@ everything between as early as possible.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from typing import Final
 
 from dispatcher_daemon.service.vroom.given_routes import GivenRoute, described
@@ -27,10 +26,8 @@ from dispatcher_daemon.service.vroom.timing import (
     Step,
     Timetable,
     actions,
-    legs,
-    loads,
+    timed,
     travels,
-    user_cost,
 )
 from slipstream.errors import InputError
 
@@ -70,7 +67,7 @@ def chosen_times(
         if begins is None:
             mend = "mend service_at, service_after or service_before"
             raise InputError(source, "no times meet these constraints", mend, key=key)
-        route = _timed(given, begins)
+        route = timed(given.van, given.of, lambda number, *_, at=begins: at[number])
         routes.append(route)
         violations[given.van.number] = _violations(problem, route)
     return routes, violations
@@ -96,40 +93,6 @@ def _events(given: GivenRoute) -> list[MissedEvent]:
 
 def _hard(step: VehicleStep) -> tuple[int | None, int | None, int | None]:
     return step.service_at, step.service_after, step.service_before
-
-
-def _timed(given: GivenRoute, begins: Sequence[int]) -> Timetable:
-    """The route with its times; travel comes before breaks as far as there is time."""
-    van, tasks = given.van, given.tasks
-    driven, worked, at = (
-        travels(van, tasks),
-        actions(van, tasks),
-        loads(tasks, len(van.spec.capacity)),
-    )
-    distance, ways = van.ways.distance, legs(van, tasks)
-    steps: list[Step] = []
-    over, left, travelled, number = begins[0], driven[0], 0, 0
-    metres = None if distance is None else 0
-    for one, begin in zip(given.of, begins, strict=True):
-        if not steps:
-            steps.append(Step(None, begin, begin, 0, 0, 0, metres, at[0]))
-            continue
-        share = min(left, begin - over) if isinstance(one, VroomPause) else left
-        arrival, left, travelled = over + share, left - share, travelled + share
-        setup = service = 0
-        if isinstance(one, VroomPause):
-            service = one.service
-        else:
-            leg = ways[number]
-            if metres is not None and distance is not None and leg is not None:
-                metres += distance[leg[0]][leg[1]]
-            if one is not None:
-                setup, service = worked[number]
-                number += 1
-                left = driven[number]
-        steps.append(Step(one, arrival, begin, setup, service, travelled, metres, at[number]))
-        over = begin + setup + service
-    return Timetable(van, tuple(tasks), tuple(steps), user_cost(van, tasks))
 
 
 def _violations(problem: VroomProblem, route: Timetable) -> list[Violations]:

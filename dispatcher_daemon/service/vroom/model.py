@@ -39,7 +39,6 @@ class Matrices:
     """Ways between places, (from, to), shape (n, n) each; -1 where none leads.
 
     Attributes:
-        durations: s.
         distances: m; None: not known.
         costs: instead of what time and distance cost; None: none are given.
     """
@@ -54,7 +53,6 @@ class VroomVisit:
     """A job, or one step of a shipment.
 
     Attributes:
-        number: in the problem.
         place: row in the matrices.
         delivery: taken off the vehicle there; a job's is loaded at the vehicle's start.
         pickup: put on the vehicle there; a job's stays to the end.
@@ -80,11 +78,7 @@ class VroomVisit:
 
 @dataclass(frozen=True)
 class VroomPause:
-    """A break.
-
-    Attributes:
-        spec: as requested.
-    """
+    """A break."""
 
     spec: VroomBreak
     windows: Windows
@@ -102,8 +96,6 @@ class VroomWays:
 
     Attributes:
         duration: hundredths of a second, by from and to.
-        distance: m; None: not known.
-        cost: internal.
     """
 
     duration: Sequence[Sequence[int]]
@@ -116,11 +108,8 @@ class Van:
     """A vehicle with its ways.
 
     Attributes:
-        number: in the problem.
-        spec: as requested.
         start: row in the matrices; None: it starts at its first task.
         end: likewise.
-        window: of its whole route.
         pauses: in the order of their first windows.
     """
 
@@ -155,13 +144,7 @@ class Van:
 
 @dataclass(frozen=True)
 class VroomProblem:
-    """A request with its matrices.
-
-    Attributes:
-        coordinates: of each place; None where none are given.
-        by_profile: matrices.
-        has_distances: whether answers report distances.
-    """
+    """A request with its matrices."""
 
     request: Request
     tasks: tuple[VroomVisit, ...]

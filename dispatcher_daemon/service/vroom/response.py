@@ -26,7 +26,6 @@ def response(
 
     Args:
         unassigned: reason by number of each task that is on no route.
-        violations: by number of the vehicle and step; None: there are none.
         geometries: encoded polylines by number of the vehicle; None: not asked for.
     """
     rows = [_route(problem, route, violations or {}, geometries) for route in routes]

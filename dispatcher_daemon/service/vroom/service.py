@@ -42,13 +42,10 @@ def solve_vroom(
     """The answer to a request in VROOM's format, as plain data; never an exception.
 
     Args:
-        request: plain data, as JSON gives it.
         engine: roads for coordinates; None: only requests with matrices are answered.
         deadline_s: for the whole answer; a small request takes less.
         seed: same request, same seed, same answer, unless the deadline ends the search.
-        geometry: add each route's way as an encoded polyline.
         choose_eta: VROOM's plan mode: only times are chosen, for the routes in `steps`.
-        source: what errors name.
     """
     ends = time.monotonic() + deadline_s
     try:

@@ -5,9 +5,9 @@ A break needs no place: travel before and after it counts as one. Breaks come in
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import islice, pairwise
 from typing import Final
 
 from dispatcher_daemon.service.vroom.model import (
@@ -20,20 +20,21 @@ from dispatcher_daemon.service.vroom.model import (
     Windows,
 )
 
+StepOf = VroomVisit | VroomPause | None
+"""A task, a break, or an end of the route."""
+
 
 @dataclass(frozen=True)
 class Step:
-    """A task, a break, or an end of the route (None).
+    """One of a route.
 
     Attributes:
         arrival: hundredths of a second, as all times here.
-        begin: of set-up and service.
         travelled: before it, on the whole route.
         metres: likewise; None: not known.
-        load: after it.
     """
 
-    of: VroomVisit | VroomPause | None
+    of: StepOf
     arrival: int
     begin: int
     setup: int
@@ -45,11 +46,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Timetable:
-    """A route with its times.
-
-    Attributes:
-        cost: of the answer.
-    """
+    """A route with its times."""
 
     van: Van
     tasks: tuple[VroomVisit, ...]
@@ -160,9 +157,56 @@ def timetable(van: Van, tasks: Sequence[VroomVisit]) -> Timetable | None:
         return None
     pauses, end = known
     begin = _latest_start(van, tasks, driven, pauses, end)
-    return Timetable(
-        van, tuple(tasks), _steps(van, tasks, pauses, begin, at), user_cost(van, tasks)
-    )
+    left = iter(van.pauses)
+    of: list[StepOf] = [None]
+    for one, before in zip([*tasks, None], pauses, strict=True):
+        of += [*islice(left, before), one]
+
+    def soonest(number: int, one: StepOf, time: int) -> int:
+        found = time if one is None else _first_from(one.windows, time)
+        assert found is not None  # `_pauses_before` found it
+        return found if number else begin
+
+    return timed(van, of, soonest)
+
+
+def timed(
+    van: Van,
+    of: Sequence[StepOf],
+    when: Callable[[int, StepOf, int], int],
+) -> Timetable:
+    """A route with its times; travel comes before breaks as far as there is time.
+
+    Args:
+        of: the steps, its start and its end first and last.
+        when: begin of a step, from its number, itself and the moment at which it can begin.
+    """
+    tasks = [one for one in of if isinstance(one, VroomVisit)]
+    driven, worked, ways = travels(van, tasks), actions(van, tasks), legs(van, tasks)
+    at, distance = loads(tasks, len(van.spec.capacity)), van.ways.distance
+    driven_m = None if distance is None else 0
+    over = when(0, None, 0)
+    steps = [Step(None, over, over, 0, 0, 0, driven_m, at[0])]
+    left, travelled, number = driven[0], 0, 0
+    for one in of[1:]:
+        is_pause = isinstance(one, VroomPause)
+        start = when(len(steps), one, over if is_pause else over + left)
+        share = min(left, start - over) if is_pause else left
+        arrival, left, travelled = over + share, left - share, travelled + share
+        setup = service = 0
+        if isinstance(one, VroomPause):
+            service = one.service
+        else:
+            leg = ways[number]
+            if driven_m is not None and distance is not None and leg is not None:
+                driven_m += distance[leg[0]][leg[1]]
+            if one is not None:
+                setup, service = worked[number]
+                number += 1
+                left = driven[number]
+        steps.append(Step(one, arrival, start, setup, service, travelled, driven_m, at[number]))
+        over = start + setup + service
+    return Timetable(van, tuple(tasks), tuple(steps), user_cost(van, tasks))
 
 
 def metres(van: Van, tasks: Sequence[VroomVisit]) -> int:
@@ -239,41 +283,3 @@ def _latest_start(
             task = tasks[position - 1]
             begin = _last_until(task.windows, begin - sum(worked[position - 1]))
     return begin
-
-
-def _steps(
-    van: Van,
-    tasks: Sequence[VroomVisit],
-    pauses: Sequence[int],
-    begin: int,
-    at: Sequence[tuple[int, ...]],
-) -> tuple[Step, ...]:
-    """All as soon as possible from a start on."""
-    driven, worked, ways = travels(van, tasks), actions(van, tasks), legs(van, tasks)
-    distance = van.ways.distance
-    driven_m = None if distance is None else 0
-    steps = [Step(None, begin, begin, 0, 0, 0, driven_m, at[0])]
-    time, travelled, number = begin, 0, 0
-    for position, (left, leg, load) in enumerate(zip(driven, ways, at, strict=True)):
-        for pause in van.pauses[number : number + pauses[position]]:
-            start = _first_from(pause.windows, time)
-            assert start is not None  # `_pauses_before` found it
-            share = min(left, start - time)
-            left, travelled = left - share, travelled + share
-            steps.append(
-                Step(pause, time + share, start, 0, pause.service, travelled, driven_m, load)
-            )
-            time = start + pause.service
-        number += pauses[position]
-        time, travelled = time + left, travelled + left
-        if driven_m is not None and distance is not None and leg is not None:
-            driven_m += distance[leg[0]][leg[1]]
-        if position == len(tasks):
-            steps.append(Step(None, time, time, 0, 0, travelled, driven_m, load))
-            break
-        task, (setup, service) = tasks[position], worked[position]
-        start = _first_from(task.windows, time)
-        assert start is not None
-        steps.append(Step(task, time, start, setup, service, travelled, driven_m, at[position + 1]))
-        time = start + setup + service
-    return tuple(steps)

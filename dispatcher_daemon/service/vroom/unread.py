@@ -27,10 +27,6 @@ class _Unread(NamedTuple):
 def unread(request: object, source: str) -> list[str]:
     """A line for each key that is not read, the same one of all rows of a table together; at most
     `MAX_FAULTS`.
-
-    Args:
-        request: plain data, as JSON gives it.
-        source: what the lines name.
     """
     if not isinstance(request, Mapping):
         return []

@@ -342,11 +342,11 @@ def test_a_vehicles_data_are_checked(vehicle: dict[str, object], said: str) -> N
     ("table", "row", "said"),
     [
         ("charging_stops", {"id": "x", "node": "nowhere", "power_kw": 1}, "unknown node 'nowhere'"),
-        ("charging_stops", {"id": "c1", "node": "c1", "power_kw": 1}, "the id of a stop"),
+        ("charging_stops", {"id": "c1", "node": "c1", "power_kw": 1}, "has a stop's id"),
         ("charging_stops", {"id": "x", "node": "c1", "power_kw": 0}, "power_kw"),
         ("vehicle_types", {"id": "van"}, "a preset's id"),
         ("hubs", {"id": "rest", "node": "nowhere"}, "unknown node 'nowhere'"),
-        ("hubs", {"id": "c1", "node": "c1"}, "the id of a stop"),
+        ("hubs", {"id": "c1", "node": "c1"}, "has a stop's id"),
     ],
 )
 def test_charging_stops_hubs_and_types_are_checked(

@@ -1,17 +1,9 @@
 from __future__ import annotations
 
-import json
 import logging
-import os
-import subprocess
-import sys
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
-from math import inf
-from pathlib import Path
 
 import pytest
 
@@ -22,141 +14,19 @@ from dispatcher_daemon.service.daemon import check_health
 from dispatcher_daemon.service.dispatcher import Dispatcher
 from dispatcher_daemon.service.schedule import CycleScheduler
 from dispatcher_daemon.service.store import PRUNE_BATCH
-from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.workers.pool import PoolJob, Solve, solve_in_process
-from slipstream.bus import Bus, Router
-from slipstream.config import BusSettings
-from slipstream.energy.ledger import PlanEnergy
+from dispatcher_daemon.solvers.workers.pool import PoolJob, solve_in_process
 from slipstream.messages import (
-    ALL_PLANS,
     CYCLE_KEY,
-    DISPATCHER_HEALTH_KEY,
     CycleReport,
     DispatcherHealth,
-    Message,
-    RsuHealth,
-    SegmentState,
     VehiclePlan,
-    decode,
     rsu_health_key,
     state_key,
 )
-from slipstream.orders import FleetRecords
-from storage import CycleInputs, Event, RollUp, Room, StorageError, open_reader
 from tests.dispatcher_daemon.service.feeds.states import health as rsu_health
-
-State = Callable[..., SegmentState]
-SETTINGS = DispatcherSettings(solvers=("exact",))
-
-
-@dataclass
-class Log:
-    """A bus and a store that write down what happens, in order."""
-
-    events: list[tuple[str, object]] = field(default_factory=list)
-    broken: bool = False
-    old: int = 0
-    pruned: list[int] = field(default_factory=list)
-    rollups: list[RollUp] = field(default_factory=list)
-    told: list[Event] = field(default_factory=list)
-
-    def publisher(self, key: str) -> _Outlet:
-        """A publisher that writes down."""
-        return _Outlet(self, key)
-
-    def record_cycle(
-        self,
-        report: CycleReport,
-        plans: Sequence[VehiclePlan],
-        states: Sequence[SegmentState],
-        records: FleetRecords | None = None,
-        made_from: CycleInputs | None = None,
-        energies: Mapping[str, PlanEnergy] | None = None,
-    ) -> None:
-        """Store, or fail as a full disk does."""
-        if self.broken:
-            raise StorageError("x.db: disk full")
-        self.events.append(("stored", (report, plans, states)))
-
-    def next_cycle_number(self) -> int:
-        """Six cycles came before."""
-        return 7
-
-    def prune(self, keep_days: float, now_ns: int, *, limit: int, budget_s: float) -> int:
-        """Delete of what is old as much as is allowed."""
-        deleted = min(self.old, limit)
-        self.old -= deleted
-        self.pruned.append(deleted)
-        return deleted
-
-    def note_time(self, now_ns: int) -> None:
-        """It is as trusted as before."""
-
-    def trust_clock(self, now_ns: int) -> None:
-        """It is right."""
-
-    def trim(self, keep_mb: float, *, limit: int) -> int:
-        """Nothing is too much."""
-        return 0
-
-    def add_rollups(self, minutes: Sequence[RollUp]) -> None:
-        """Store, or fail as a full disk does."""
-        if self.broken:
-            raise StorageError("x.db: disk full")
-        self.rollups += minutes
-
-    def save_fleet(self, records: FleetRecords) -> None:
-        """Store what vehicles reported."""
-        self.events.append(("stored", records))
-
-    def save_events(self, changed: Sequence[Event]) -> None:
-        """Store, or fail as a full disk does."""
-        if self.broken:
-            raise StorageError("x.db: disk full")
-        self.told += changed
-
-    def load_alarms(self, ended_ns: int) -> tuple[Event, ...]:
-        """None was in force."""
-        return ()
-
-    def last_event(self, kinds: Collection[str]) -> Event | None:
-        """As `Database.last_event`."""
-        return next((event for event in reversed(self.told) if event.kind in kinds), None)
-
-    def room(self) -> Room | None:
-        """Enough."""
-        return Room(10**6, 10**12)
-
-    def tidy(self, now_ns: int, *, budget_s: float) -> bool:
-        """No traffic is old."""
-        return False
-
-    def published(self, kind: type[Message]) -> list[object]:
-        """Messages of one type, in order."""
-        return [what for _, what in self.events if isinstance(what, kind)]
-
-
-@dataclass
-class _Outlet:
-    log: Log
-    key: str
-
-    def put(self, message: Message | bytes) -> None:
-        self.log.events.append((self.key, message))
-
-
-def make(demo: RoutingProblem, log: Log, solve: Solve | None = None) -> Dispatcher:
-    """A dispatcher on a written-down bus."""
-    return Dispatcher(
-        SETTINGS, demo.network, demo.fleet, log, log, solve or solve_in_process([ExactSolver()])
-    )
-
-
-def feed(dispatcher: Dispatcher, state: State, segment: str, y_e: int | None) -> None:
-    """Send a fresh state."""
-    seen = state(segment, y_e, time_ns=time.time_ns())
-    dispatcher.receiver.on_state(state_key(seen.rsu, seen.segment), seen.to_bytes())
+from tests.dispatcher_daemon.service.logged import SETTINGS, Log, State, feed, make
+from tests.dispatcher_daemon.service.waiting import wait_for
 
 
 def test_a_cycle_is_stored_before_it_is_published(demo: RoutingProblem, state: State) -> None:
@@ -307,17 +177,32 @@ def test_bad_messages_are_counted_and_logged_once(
     assert dispatcher.receiver.received == 1
 
 
-def test_an_rsus_health_is_read_once_for_all(demo: RoutingProblem) -> None:
-    """What is none, or another RSU's, is counted once and told to nobody."""
+def test_an_rsus_health_is_kept_until_it_is_silent_for_a_day(
+    demo: RoutingProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is none, or another RSU's, is counted; of strangers so many are kept, where none are
+    listed, those heard last.
+    """
     receiver = make(demo, Log()).receiver
-    told: list[RsuHealth] = []
-    receiver.health_to += [told.append, told.append]
-    key = rsu_health_key("rsu-1")
-    receiver.on_health(key, b"{}")
-    receiver.on_health(key, rsu_health("rsu-2").to_bytes())
-    assert (receiver.bad_messages, told) == (2, [])
-    receiver.on_health(key, rsu_health("rsu-1").to_bytes())
-    assert [message.rsu for message in told] == ["rsu-1", "rsu-1"]
+
+    def tell(rsu: str) -> None:
+        receiver.on_health(rsu_health_key(rsu), rsu_health(rsu).to_bytes())
+
+    receiver.on_health(rsu_health_key("rsu-1"), b"{}")
+    receiver.on_health(rsu_health_key("rsu-1"), rsu_health("rsu-2").to_bytes())
+    assert (receiver.bad_messages, receiver.healths()) == (2, {})
+    monkeypatch.setattr("dispatcher_daemon.service.dispatcher.receiver.MAX_RSUS", 2)
+    for rsu in ("rsu-1", "rsu-2", "rsu-1", "rsu-3"):
+        tell(rsu)
+    assert set(receiver.healths()) == {"rsu-1", "rsu-3"}
+    later_ns = time.time_ns() + 86_401 * 10**9
+    monkeypatch.setattr(time, "time_ns", lambda: later_ns)
+    assert receiver.healths() == {}
+    settings = SETTINGS.model_copy(update={"rsus": {"rsu-1": ()}})
+    receiver = Dispatcher(settings, demo.network, demo.fleet, Log(), Log(), print).receiver
+    for rsu in ("rsu-1", "rsu-2"):
+        tell(rsu)
+    assert set(receiver.healths()) == {"rsu-1"}
 
 
 def test_a_dispatcher_that_stood_still_says_it_of_itself(
@@ -425,16 +310,6 @@ def test_a_state_of_an_unlisted_rsu_opens_no_gate_and_is_told(
     ]
 
 
-def wait_for(condition: Callable[[], bool], timeout_s: float = 10.0) -> bool:
-    """Poll until it is true."""
-    ends = time.monotonic() + timeout_s
-    while time.monotonic() < ends:
-        if condition():
-            return True
-        time.sleep(0.01)
-    return False
-
-
 def test_a_backlog_of_old_cycles_goes_bit_by_bit(demo: RoutingProblem) -> None:
     """Each cycle deletes a bounded number of old ones until none is left for this hour."""
     log = Log(old=2 * PRUNE_BATCH + 5)
@@ -448,131 +323,3 @@ def test_each_cycle_has_a_seed_of_its_own() -> None:
     """Seeds are reproducible and differ from cycle to cycle and from run to run."""
     assert cycle_seed(1, 5) == cycle_seed(1, 5)
     assert len({cycle_seed(s, c) for s in range(5) for c in range(5)}) == 25
-
-
-RUN = """
-import sys
-from pathlib import Path
-from dispatcher_daemon.service.daemon import run_dispatcher
-from dispatcher_daemon.settings import DispatcherSettings
-from slipstream.prices import PriceSettings
-from slipstream.config import BusSettings
-
-if __name__ == "__main__":
-    run_dispatcher(
-        DispatcherSettings(
-            bus=BusSettings(connect=(sys.argv[1],)),
-            database_url=f"sqlite:///{sys.argv[2]}",
-            fleet=sys.argv[3],
-            interval_s=3.0,
-            deadline_s=2.5,
-            stale_after_s=30.0,
-            prices=PriceSettings(driving_hour=0.0),
-        )
-    )
-"""
-
-
-@pytest.fixture
-def endpoint() -> Iterator[str]:
-    """A zenoh router on loopback."""
-    with Router() as router:
-        yield router.endpoint
-
-
-@dataclass
-class Running:
-    """The daemon's process, and its end once it has been told to."""
-
-    process: subprocess.Popen[str]
-    bus: Bus
-    log: str = ""
-    stopping_s: float = inf
-
-
-@contextmanager
-def running(folder: Path, endpoint: str, fleet: str) -> Iterator[Running]:
-    """The real process on a database in a folder; it is stopped at the end."""
-    script = folder / "run.py"
-    script.write_text(RUN)
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])}
-    command = [sys.executable, str(script), endpoint, str(folder / "cycles.db"), fleet]
-    with (
-        Bus.open(BusSettings(connect=(endpoint,))) as bus,
-        subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True) as process,
-    ):
-        daemon = Running(process, bus)
-        try:
-            yield daemon
-        finally:
-            began = time.monotonic()
-            process.terminate()
-            _, daemon.log = process.communicate(timeout=30)
-            daemon.stopping_s = time.monotonic() - began
-
-
-@pytest.mark.long
-@pytest.mark.process
-def test_a_daemon_started_between_two_waves_waits_for_orders(tmp_path: Path, endpoint: str) -> None:
-    """The real process: an order file with nothing to do is a cycle without plans, then plans."""
-    orders = tmp_path / "orders.json"
-    fleet = {"depots": [{"node": "depot"}], "stops": [], "vehicles": [{"id": "van-1"}]}
-    orders.write_text(json.dumps(fleet))
-    reports: list[CycleReport] = []
-    with running(tmp_path, endpoint, str(orders)) as daemon:
-        daemon.bus.subscribe(CYCLE_KEY, lambda k, b: reports.append(decode(CycleReport, b, k)))
-        ends = time.monotonic() + 120
-        while time.monotonic() < ends and daemon.process.poll() is None:
-            if reports and reports[-1].plans:
-                break
-            if reports and not fleet["stops"]:
-                fleet["stops"] = [{"id": "s1", "node": "c1"}]
-                part = orders.with_suffix(".part")
-                part.write_text(json.dumps(fleet))
-                part.replace(orders)
-            time.sleep(0.2)
-    assert daemon.process.returncode == 0, daemon.log
-    assert (reports[0].status, reports[0].plans) == ("ok", 0)
-    assert reports[-1].plans == 1
-
-
-@pytest.mark.process
-def test_the_daemon_turns_states_into_stored_plans(
-    tmp_path: Path, endpoint: str, state: State
-) -> None:
-    """The real process: states in over zenoh, plans out, every one of them in the database."""
-    reports: list[CycleReport] = []
-    plans: list[VehiclePlan] = []
-    health: list[DispatcherHealth] = []
-    with running(tmp_path, endpoint, "demo") as daemon:
-        bus = daemon.bus
-        bus.subscribe(CYCLE_KEY, lambda k, b: reports.append(decode(CycleReport, b, k)))
-        bus.subscribe(ALL_PLANS, lambda k, b: plans.append(decode(VehiclePlan, b, k)))
-        bus.subscribe(
-            DISPATCHER_HEALTH_KEY, lambda k, b: health.append(decode(DispatcherHealth, b, k))
-        )
-        segments = ("avenue_east", "avenue_west")
-        outlets = {s: bus.publisher(state_key(f"rsu-{s}", s)) for s in segments}
-        # Not on the key of a state: of two messages at once the later one counts.
-        broken = bus.publisher(state_key("rsu-broken", "avenue_east"))
-        ends = time.monotonic() + 120
-        while time.monotonic() < ends and daemon.process.poll() is None:
-            for segment, outlet in outlets.items():
-                outlet.put(state(segment, 1, time_ns=time.time_ns()))
-            broken.put(b"not a state")
-            if health and health[-1].cycles >= 2 and any(p.cycle >= 2 for p in plans):
-                break
-            time.sleep(0.2)
-    assert daemon.process.returncode == 0, daemon.log
-    assert daemon.stopping_s < 10
-    assert "Traceback" not in daemon.log
-    last = reports[-1]
-    assert last.status == "ok", daemon.log
-    assert [s.solver for s in last.solvers] == ["exact", "lc-qaoa"]
-    assert {g.segment: g.open for g in last.gates} == dict.fromkeys(segments, True)
-    second = {p.vehicle: p.stops[2].stop for p in plans if p.cycle == last.cycle}
-    assert (set(second), set(second.values())) == ({"van-a", "van-b"}, {"c2", "c4"})
-    assert health[-1].bad_messages > 0
-    with open_reader(f"sqlite:///{tmp_path / 'cycles.db'}") as reader:
-        stored = {report.cycle for report in reader.cycles(limit=100)}
-    assert {report.cycle for report in reports} <= stored

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -13,19 +13,12 @@ import pytest
 from dispatcher_daemon.fleet.tracking import FRESH_NS
 from dispatcher_daemon.forms.problem import RoutingProblem
 from dispatcher_daemon.service.dispatcher import Dispatcher
-from dispatcher_daemon.settings import DispatcherSettings
-from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.workers.pool import solve_in_process
 from dispatcher_daemon.traffic.snapshot import take_snapshot
 from slipstream.explain import explanation
 from slipstream.messages import (
     CycleReport,
     DispatcherHealth,
-    Message,
-    PlanAcknowledgement,
     SegmentState,
-    VehiclePlan,
-    VehiclePosition,
     VehicleProgress,
     Visit,
     acknowledgement_key,
@@ -34,42 +27,8 @@ from slipstream.messages import (
     state_key,
 )
 from slipstream.orders import FleetRecords
-from storage import Database, open_database, open_reader
-
-SETTINGS = DispatcherSettings(solvers=("exact",))
-
-
-@dataclass
-class Bus:
-    """Keeps what is published, by key."""
-
-    sent: list[Message] = field(default_factory=list)
-
-    def publisher(self, key: str) -> Bus:
-        """Any key."""
-        return self
-
-    def put(self, message: Message | bytes) -> None:
-        """Keep it."""
-        assert isinstance(message, Message)
-        self.sent.append(message)
-
-    def plans(self, vehicle: str) -> list[VehiclePlan]:
-        """Of one vehicle, in order."""
-        return [m for m in self.sent if isinstance(m, VehiclePlan) and m.vehicle == vehicle]
-
-
-def make(demo: RoutingProblem, bus: Bus, database: Database) -> Dispatcher:
-    """A dispatcher on a database, as it starts."""
-    return Dispatcher(
-        SETTINGS,
-        demo.network,
-        demo.fleet,
-        bus,
-        database,
-        solve_in_process([ExactSolver()]),
-        records=database.load_fleet(time.time_ns()),
-    )
+from storage import open_database, open_reader
+from tests.dispatcher_daemon.service.reporting import Bus, accept, at, make, tell
 
 
 @pytest.fixture
@@ -78,40 +37,7 @@ def url(tmp_path: Path) -> str:
     return f"sqlite:///{tmp_path / 'a.db'}"
 
 
-def tell(dispatcher: Dispatcher, message: VehiclePosition | VehicleProgress) -> None:
-    """A vehicle reports."""
-    watch = dispatcher.fleet_watch
-    if isinstance(message, VehiclePosition):
-        watch.on_position(position_key(message.vehicle), message.to_bytes())
-    else:
-        watch.on_progress(progress_key(message.vehicle), message.to_bytes())
-
-
-def accept(dispatcher: Dispatcher, plan: VehiclePlan) -> None:
-    """Its vehicle takes a plan."""
-    answer = PlanAcknowledgement(
-        vehicle=plan.vehicle, time_ns=time.time_ns(), cycle=plan.cycle, accepted=True, reason=None
-    )
-    key = acknowledgement_key(plan.vehicle)
-    dispatcher.fleet_watch.on_acknowledgement(key, answer.to_bytes())
-
-
-def at(
-    plan: VehiclePlan | None, segment: str, share: float, leg: int = 0, vehicle: str = "van-a"
-) -> VehiclePosition:
-    """A vehicle on a segment; standing without a plan."""
-    return VehiclePosition(
-        vehicle=vehicle,
-        time_ns=time.time_ns(),
-        segment=segment,
-        share=share,
-        speed_mps=0.0 if plan is None else 10.0,
-        on_road=plan is not None,
-        cycle=None if plan is None else plan.cycle,
-        leg=None if plan is None else leg,
-    )
-
-
+@pytest.mark.slow
 def test_a_van_in_mid_route_is_never_planned_from_its_depot(demo: RoutingProblem, url: str) -> None:
     """Nor after a restart; its orders are under way, and what it has served is not planned."""
     bus = Bus()
@@ -168,6 +94,7 @@ def test_a_van_in_mid_route_is_never_planned_from_its_depot(demo: RoutingProblem
         assert reader.orders(("served",))[0].order == first.stop
 
 
+@pytest.mark.slow
 def test_measured_speeds_are_learned_and_survive_a_restart(
     demo: RoutingProblem, url: str, state: Callable[..., SegmentState]
 ) -> None:
@@ -217,6 +144,7 @@ def test_messages_that_are_not_what_their_key_says_are_counted(
     assert len(bus.plans("van-a")) == 1
 
 
+@pytest.mark.slow
 def test_a_fleet_that_is_silent_does_not_look_well(demo: RoutingProblem, url: str) -> None:
     """Each order says why it waits, in the stored report and in words; health names the silent ones
     with their last place, and those that were never heard.

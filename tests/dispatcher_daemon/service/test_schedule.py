@@ -7,17 +7,7 @@ from datetime import datetime, timedelta, tzinfo
 import pytest
 
 from dispatcher_daemon.service.schedule import CycleScheduler
-
-
-def wait_for(condition: object, timeout_s: float = 30.0) -> bool:
-    """Poll a callable until it is true."""
-    assert callable(condition)
-    ends = time.monotonic() + timeout_s
-    while time.monotonic() < ends:
-        if condition():
-            return True
-        time.sleep(0.01)
-    return False
+from tests.dispatcher_daemon.service.waiting import wait_for
 
 
 def test_first_run_is_immediate_and_others_follow() -> None:

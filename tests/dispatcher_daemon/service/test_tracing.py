@@ -9,7 +9,7 @@ from dispatcher_daemon.service.dispatcher import Dispatcher
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.workers.pool import SolverPool
 from slipstream.service.tracing import Tracing
-from tests.dispatcher_daemon.service.test_daemon import SETTINGS, Log, State, feed
+from tests.dispatcher_daemon.service.logged import SETTINGS, Log, State, feed
 from tests.slipstream.collector import collector
 
 

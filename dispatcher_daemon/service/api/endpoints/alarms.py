@@ -11,10 +11,11 @@ from pydantic import BaseModel, Field
 
 from dispatcher_daemon.service.api.auth import requires
 from dispatcher_daemon.service.api.body import describe_optional_body, optional_body_of
-from dispatcher_daemon.service.api.endpoints.control import Given, actor_of
+from dispatcher_daemon.service.api.endpoints.control import actor_of
 from dispatcher_daemon.service.api.parameters import Before, Limit
-from dispatcher_daemon.service.api.problems import Problem
 from dispatcher_daemon.service.api.services import Dispatch
+from dispatcher_daemon.service.intake import Given
+from slipstream.http.problems import Problem
 from slipstream.messages import Alarm, Alarms, Identifier, Severity
 
 DAY_NS: Final = 86_400_000_000_000

@@ -9,19 +9,12 @@ from pydantic import BaseModel, Field
 
 from dispatcher_daemon.service.api.auth import Client, requires
 from dispatcher_daemon.service.api.body import describe_optional_body, optional_body_of
-from dispatcher_daemon.service.api.problems import Problem
 from dispatcher_daemon.service.api.services import Dispatch
 from dispatcher_daemon.service.dispatcher import ControlRefused
-from slipstream.config import Settings
-from slipstream.messages import Reason
+from dispatcher_daemon.service.intake import Given
+from slipstream.http.problems import Problem
 
 router = APIRouter(prefix="/v1/control", tags=["control"], dependencies=[requires("control")])
-
-
-class Given(Settings):
-    """Why something is done."""
-
-    reason: Reason | None = Field(default=None, description="In words, for the log; null: none.")
 
 
 Why = Annotated[Given, optional_body_of(Given)]

@@ -9,9 +9,9 @@ from pydantic import BaseModel, Field
 
 from dispatcher_daemon.service.api.auth import requires
 from dispatcher_daemon.service.api.parameters import Before, Limit, Moment, Number, check_range
-from dispatcher_daemon.service.api.problems import Problem
 from dispatcher_daemon.service.api.services import Dispatch
 from slipstream.explain import Explanation, explanation
+from slipstream.http.problems import Problem
 from slipstream.messages import CycleReport, VehiclePlan
 from storage import StoredCycle
 
@@ -49,9 +49,8 @@ def list_cycles(
     """
     check_range(since, until)
     # A city's cycle has some 10,000 gates.
-    found = dispatch.reader.cycles(limit + 1, before, gates=False, begin_ns=since, end_ns=until)[
-        ::-1
-    ]
+    some = dispatch.reader.cycles(limit + 1, before, gates=False, begin_ns=since, end_ns=until)
+    found = some[::-1]
     following = found[limit - 1].cycle if len(found) > limit else None
     page = [report.model_copy(update={"gates": ()}) for report in found[:limit]]
     return CyclePage(cycles=page, next=following)
@@ -81,12 +80,8 @@ def explain_cycle(
     stored: StoredCycle | None = dispatch.reader.stored_cycle(number)
     if stored is None:
         raise _unknown(number)
-    try:
-        record = None if stored.inputs is None else stored.inputs.record
-        found = explanation(stored.report, stored.plans, record)
-    except ValueError:
-        mend = "ask the version of Slipstream that stored it"
-        raise Problem(404, f"the inputs of cycle {number} cannot be read", mend) from None
+    record = None if stored.inputs is None else stored.inputs.record
+    found = explanation(stored.report, stored.plans, record)
     if vehicle is None:
         return found
     own = found.of_vehicle(vehicle)

@@ -11,9 +11,9 @@ from pydantic import BaseModel, Field
 from dispatcher_daemon.service.api.auth import requires
 from dispatcher_daemon.service.api.endpoints.vehicles import unknown_vehicle
 from dispatcher_daemon.service.api.parameters import Moment, check_range
-from dispatcher_daemon.service.api.problems import Problem
 from dispatcher_daemon.service.api.services import Dispatch
 from slipstream.energy.ledger import HOUR_NS, EnergySum
+from slipstream.http.problems import Problem
 
 router = APIRouter(prefix="/v1/energy", tags=["energy"], dependencies=[requires("read")])
 

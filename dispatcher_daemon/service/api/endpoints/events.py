@@ -12,8 +12,8 @@ from fastapi.responses import Response
 from dispatcher_daemon import metrics
 from dispatcher_daemon.service.api.auth import requires
 from dispatcher_daemon.service.api.hub import KINDS, MAX_STREAMS, EventHub, Kind, Stream
-from dispatcher_daemon.service.api.problems import Problem
 from dispatcher_daemon.service.api.services import Dispatch
+from slipstream.http.problems import Problem
 from slipstream.http.streaming import EndlessResponse
 
 HEARTBEAT_S: Final = 15.0

@@ -11,11 +11,11 @@ from fastapi import APIRouter, Request
 from fastapi.responses import Response
 
 from dispatcher_daemon.service.api.auth import requires
-from dispatcher_daemon.service.api.problems import from_input_error
 from dispatcher_daemon.service.api.services import Dispatch
 from dispatcher_daemon.service.feeds import EXTENSION_SCHEMA
 from dispatcher_daemon.service.feeds.publisher import Document
 from slipstream.errors import InputError
+from slipstream.http.problems import from_input_error
 
 router = APIRouter(prefix="/v1/feeds", tags=["feeds"], dependencies=[requires("read")])
 

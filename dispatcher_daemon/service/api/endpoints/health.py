@@ -10,8 +10,8 @@ from prometheus_client import REGISTRY
 from prometheus_client.exposition import choose_encoder
 from pydantic import BaseModel, Field
 
-from dispatcher_daemon.service.api.problems import Problem
 from dispatcher_daemon.service.api.services import Dispatch
+from slipstream.http.problems import Problem
 
 router = APIRouter(tags=["health"])
 

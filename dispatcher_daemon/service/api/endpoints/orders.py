@@ -19,13 +19,19 @@ from dispatcher_daemon.service.api.body import (
     json_body,
     optional_body_of,
 )
-from dispatcher_daemon.service.api.endpoints.control import Given, Why, actor_of
+from dispatcher_daemon.service.api.endpoints.control import Why, actor_of
 from dispatcher_daemon.service.api.parameters import After, Limit, Name
-from dispatcher_daemon.service.api.problems import MEDIA_TYPE, Problem
 from dispatcher_daemon.service.api.services import Dispatch
-from dispatcher_daemon.service.intake import MAX_AT_ONCE, OrdersRefused, read_request
+from dispatcher_daemon.service.intake import (
+    MAX_AT_ONCE,
+    Given,
+    OrdersRefused,
+    Pin,
+    Settlement,
+    read_request,
+)
+from slipstream.http.problems import MEDIA_TYPE, Problem
 from slipstream.messages import (
-    Identifier,
     OrderHistory,
     OrderReceipt,
     OrderRefusal,
@@ -70,20 +76,6 @@ class OrderPage(BaseModel):
 
     orders: tuple[OrderStatus, ...]
     next: str | None = Field(description="`after` of the next page; null: there is none.")
-
-
-class Pin(Given):
-    """For which vehicle an order is kept."""
-
-    vehicle: Identifier | None = Field(
-        default=None, description="Null: the one whose plan has the order."
-    )
-
-
-class Settlement(Given):
-    """What became of an order."""
-
-    served: bool = Field(description="False: it was not served, and is open again.")
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,9 @@ from pydantic import BaseModel, Field
 
 from dispatcher_daemon.service.api.auth import requires
 from dispatcher_daemon.service.api.parameters import After, Limit, Name
-from dispatcher_daemon.service.api.problems import Problem
 from dispatcher_daemon.service.api.services import Dispatch, Services
 from dispatcher_daemon.traffic import judge
+from slipstream.http.problems import Problem
 from slipstream.messages import Gate, SegmentState, TimeNs
 
 router = APIRouter(prefix="/v1/segments", tags=["segments"], dependencies=[requires("read")])

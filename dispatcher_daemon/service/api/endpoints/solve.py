@@ -15,7 +15,6 @@ from dispatcher_daemon.fleet import Fleet, fleet_from
 from dispatcher_daemon.service.api.auth import requires
 from dispatcher_daemon.service.api.body import SOURCE, describe_body, json_body
 from dispatcher_daemon.service.api.parameters import Name
-from dispatcher_daemon.service.api.problems import Problem
 from dispatcher_daemon.service.api.services import Dispatch, Services
 from dispatcher_daemon.service.api.solving import FullError, JobState, SolveJob
 from dispatcher_daemon.service.api.solving.jobs import KEPT_S, MAX_WAITING
@@ -25,6 +24,7 @@ from dispatcher_daemon.service.api.solving.worker import (
     fingerprint,
     picklable,
 )
+from slipstream.http.problems import Problem
 from slipstream.messages import TimeNs
 
 MAX_DEADLINE_S: Final = 600.0
@@ -138,16 +138,24 @@ def _status(job: SolveJob) -> dict[str, Any]:
     return {name: getattr(job, name) for name in SolveStatus.model_fields}
 
 
+def road_task(dispatch: Services) -> dict[str, Any]:
+    """Fields of a `RoadTask` of now, but its seed."""
+    now_ns = time.time_ns()
+    return {
+        "settings": dispatch.settings,
+        "roads": fingerprint(dispatch.network),
+        "states": dispatch.states.latest(),
+        "learned": picklable(dispatch.fleet.learned(now_ns)),
+        "now_ns": now_ns,
+    }
+
+
 def _task(dispatch: Services, fleet: Fleet, deadline_s: float, seed: int | None) -> SolveTask:
-    now_ns, settings = time.time_ns(), dispatch.settings
+    settings = dispatch.settings
     interval_s = max(settings.interval_s, 2.0 * deadline_s)
     changed = {"deadline_s": deadline_s, "interval_s": interval_s}
     return SolveTask(
-        settings=settings.model_copy(update=changed),
-        roads=fingerprint(dispatch.network),
+        **road_task(dispatch) | {"settings": settings.model_copy(update=changed)},
         fleet=fleet,
-        states=dispatch.states.latest(),
-        learned=picklable(dispatch.fleet.learned(now_ns)),
-        now_ns=now_ns,
         seed=settings.seed if seed is None else seed,
     )

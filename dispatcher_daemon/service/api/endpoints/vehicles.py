@@ -10,14 +10,14 @@ from fastapi import APIRouter
 from pydantic import BaseModel, Field
 
 from dispatcher_daemon.fleet import Fleet
-from dispatcher_daemon.fleet.tracking import TrackedVehicle
+from dispatcher_daemon.fleet.tracking import FleetTracker, TrackedVehicle
 from dispatcher_daemon.service.api.auth import requires
 from dispatcher_daemon.service.api.body import SOURCE, body_of, describe_body
 from dispatcher_daemon.service.api.parameters import After, Before, Limit, Name
-from dispatcher_daemon.service.api.problems import Problem
 from dispatcher_daemon.service.api.services import Dispatch, Services
 from dispatcher_daemon.service.fleet_watch import VehicleReport
 from slipstream.errors import InputError
+from slipstream.http.problems import Problem
 from slipstream.messages import (
     PlanAcknowledgement,
     TimeNs,
@@ -132,9 +132,7 @@ class PlanState(PlanSummary):
     """A plan, and what became of it."""
 
     plan: VehiclePlan
-    history: list[PlanStep] = Field(
-        description="Its changes, the first one first; none were kept before schema 0020."
-    )
+    history: list[PlanStep] = Field(description="Its changes, the first one first.")
 
 
 class PlanPage(BaseModel):
@@ -248,13 +246,17 @@ def _taken(dispatch: Services, vehicle: str, report: VehicleReport) -> VehicleSt
         raise Problem(409, problem, mend, field="vehicle")
     watch.take(report, SOURCE)
     fleet = watch.fleet
-    found = watch.vehicle(vehicle)
-    if found is None:
-        # Before the first cycle nothing is tracked; the report is kept until then.
-        assert fleet is not None
-        definition = fleet.vehicle_by_id[vehicle]
-        found = TrackedVehicle(definition, fleet.depot_of(definition)), 0
-    return _status(*found, fleet, watch.now_ns())
+
+    def found(tracker: FleetTracker) -> VehicleStatus:
+        known, orders = tracker.vehicles.get(vehicle), len(tracker.book.held_by(vehicle))
+        if known is None:
+            # Before the first cycle nothing is tracked; the report is kept until then.
+            assert fleet is not None
+            definition = fleet.vehicle_by_id[vehicle]
+            known = TrackedVehicle(definition, fleet.depot_of(definition))
+        return _status(known, orders, fleet, watch.now_ns())
+
+    return watch.read(found)
 
 
 def _known(vehicle: TrackedVehicle | None, name: str) -> TrackedVehicle:
@@ -308,14 +310,12 @@ def _times(row: object, clocks: Mapping[str, str | None]) -> dict[str, Any]:
 
 
 def _summary(record: PlanRecord | None) -> PlanSummary | None:
-    if record is None:
-        return None
-    return PlanSummary(
-        cycle=record.plan.cycle,
-        status=record.status,
-        since_ns=record.since_ns,
-        reason=record.reason,
-    )
+    return None if record is None else PlanSummary(**_fate(record))
+
+
+def _fate(record: PlanRecord) -> dict[str, Any]:
+    fate = {name: getattr(record, name) for name in ("status", "since_ns", "reason")}
+    return {"cycle": record.plan.cycle, **fate}
 
 
 def _steps(
@@ -343,14 +343,8 @@ def _state(record: PlanRecord | None, steps: Mapping[int, list[PlanChange]]) -> 
 
 
 def _shown(record: PlanRecord, steps: Mapping[int, list[PlanChange]]) -> PlanState:
-    return PlanState(
-        cycle=record.plan.cycle,
-        status=record.status,
-        since_ns=record.since_ns,
-        reason=record.reason,
-        plan=record.plan,
-        history=[
-            PlanStep(time_ns=step.time_ns, status=step.status, reason=step.reason)
-            for step in steps.get(record.plan.cycle, ())
-        ],
-    )
+    history = [
+        PlanStep(time_ns=step.time_ns, status=step.status, reason=step.reason)
+        for step in steps.get(record.plan.cycle, ())
+    ]
+    return PlanState(**_fate(record), plan=record.plan, history=history)

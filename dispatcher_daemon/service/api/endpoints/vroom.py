@@ -11,14 +11,14 @@ from fastapi.responses import JSONResponse, Response
 
 from dispatcher_daemon.service.api.auth import requires
 from dispatcher_daemon.service.api.body import describe_body, json_body
-from dispatcher_daemon.service.api.problems import FAULT, MEDIA_TYPE, Problem
+from dispatcher_daemon.service.api.endpoints.solve import road_task
 from dispatcher_daemon.service.api.services import Dispatch
 from dispatcher_daemon.service.api.solving import FullError, SolveJob
 from dispatcher_daemon.service.api.solving.vroom import VroomTask
-from dispatcher_daemon.service.api.solving.worker import fingerprint, picklable
 from dispatcher_daemon.service.vroom import INTERNAL_ERROR
 from dispatcher_daemon.service.vroom.schema import Request as VroomRequest
 from slipstream.errors import InputError
+from slipstream.http.problems import FAULT, MEDIA_TYPE, Problem
 
 DEADLINE_S: Final = 10.0
 MAX_DEADLINE_S: Final = 50.0
@@ -56,19 +56,14 @@ def solve_vroom_request(
     answer_by_ns = time.time_ns() + round(1e9 * PATIENCE_S)
 
     def make_task() -> VroomTask:
-        now_ns = time.time_ns()
         return VroomTask(
+            **road_task(dispatch),
+            seed=seed,
             request=body,
             deadline_s=deadline_s,
             answer_by_ns=answer_by_ns,
             geometry=geometry,
             choose_eta=choose_eta,
-            settings=dispatch.settings,
-            roads=fingerprint(dispatch.network),
-            states=dispatch.states.latest(),
-            learned=picklable(dispatch.fleet.learned(now_ns)),
-            now_ns=now_ns,
-            seed=seed,
         )
 
     try:

@@ -12,7 +12,6 @@ from concurrent.futures import CancelledError, Future, ThreadPoolExecutor, Timeo
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
-from dispatcher_daemon.service.api.solving.worker import WorkerTask, run_task
 from dispatcher_daemon.solvers.workers import Processes, error_line
 from slipstream.errors import InputError
 
@@ -32,8 +31,9 @@ _STOP_WITHIN_S: Final = 5.0
 _NICENESS: Final = 10
 """The dispatcher's own cycles come first."""
 
-MakeTask = Callable[[], WorkerTask]
-Run = Callable[[WorkerTask], bytes]
+Task = Callable[[], bytes]
+"""Gives a result as JSON; it can be pickled."""
+MakeTask = Callable[[], Task]
 
 
 class FullError(Exception):
@@ -45,14 +45,8 @@ class SolveJob:
     """One fleet to plan.
 
     Attributes:
-        id: its name.
-        deadline_s: of the solvers.
-        state: of the job.
-        submitted_ns: UTC.
         started_ns: UTC; None: not yet.
         ended_ns: likewise.
-        reason: why it failed, or was cancelled.
-        error: what it failed with, of one that failed.
         result: a `SolveResult` as JSON, of one that is done.
     """
 
@@ -70,21 +64,14 @@ class SolveJob:
 
 
 class SolveJobs:
-    """Plans fleets one after the other; safe for threads.
-
-    Args:
-        run: what the worker process calls; it can be pickled.
-        overhead_s: see `OVERHEAD_S`.
-        clock: UTC now, ns.
-    """
+    """Plans fleets one after the other; safe for threads."""
 
     def __init__(
         self,
-        run: Run = run_task,
         overhead_s: float = OVERHEAD_S,
         clock: Callable[[], int] = time.time_ns,
     ) -> None:
-        self._run, self._overhead_s, self._clock = run, overhead_s, clock
+        self._overhead_s, self._clock = overhead_s, clock
         self._jobs: OrderedDict[str, SolveJob] = OrderedDict()
         self._condition = threading.Condition()
         self._closed = False
@@ -95,10 +82,6 @@ class SolveJobs:
 
     def submit(self, deadline_s: float, make_task: MakeTask) -> SolveJob:
         """Queue one.
-
-        Args:
-            deadline_s: of its solvers.
-            make_task: called when its turn comes.
 
         Raises:
             FullError: too many wait.
@@ -186,11 +169,11 @@ class SolveJobs:
             else:
                 self._finish(job, "done", result=result)
 
-    def _plan(self, job: SolveJob, task: WorkerTask) -> bytes:
+    def _plan(self, job: SolveJob, task: Task) -> bytes:
         with self._condition:
             if self._closed or job.state != "running":
                 raise CancelledError
-            job.future = self._processes.schedule(self._run, (task,), timeout_s=self._limit_s(job))
+            job.future = self._processes.schedule(task, (), timeout_s=self._limit_s(job))
         found: Any = job.future.result()
         return bytes(found)
 

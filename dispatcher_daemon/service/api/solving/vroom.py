@@ -8,26 +8,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from dispatcher_daemon.fleet.learning import Learned
-from dispatcher_daemon.service.api.solving.worker import traffic_on
+from dispatcher_daemon.service.api.solving.worker import RoadTask
 from dispatcher_daemon.service.vroom import RoutingEngine, solve_vroom
-from dispatcher_daemon.settings import DispatcherSettings
-from slipstream.messages import SegmentState
 
 _MARGIN_S: Final = 0.5
 """Of the time left, for the way of the answer, s."""
 
 
 @dataclass(frozen=True)
-class VroomTask:
-    """What a worker needs; it can be pickled. Fields not described here are as in `SolveTask`.
+class VroomTask(RoadTask):
+    """A request to answer.
 
     Attributes:
         request: plain data, as JSON gives it.
-        deadline_s: for the whole answer.
         answer_by_ns: UTC; its caller waits no longer.
-        geometry: see `solve_vroom`.
-        choose_eta: likewise.
     """
 
     request: object
@@ -35,14 +29,8 @@ class VroomTask:
     answer_by_ns: int
     geometry: bool
     choose_eta: bool
-    settings: DispatcherSettings
-    roads: str
-    states: tuple[SegmentState, ...]
-    learned: Learned
-    now_ns: int
-    seed: int
 
-    def run(self) -> bytes:
+    def __call__(self) -> bytes:
         """The answer in VROOM's format, as JSON, by travel times of the task's moment.
 
         Raises:
@@ -50,9 +38,7 @@ class VroomTask:
         """
         engine, given = None, self.request if isinstance(self.request, Mapping) else {}
         if not given.get("matrices") and given.get("matrix") is None:
-            engine = RoutingEngine(
-                *traffic_on(self.settings, self.roads, self.states, self.learned, self.now_ns)
-            )
+            engine = RoutingEngine(*self.traffic())
         left_s = 1e-9 * (self.answer_by_ns - time.time_ns()) - _MARGIN_S
         answer = solve_vroom(
             self.request,

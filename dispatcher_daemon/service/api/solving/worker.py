@@ -6,7 +6,6 @@ import hashlib
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Protocol
 
 from pydantic import BaseModel, Field
 
@@ -24,44 +23,64 @@ from slipstream.roads import RoadNetwork
 from slipstream.roads.sumo_net import load_network
 
 
-class WorkerTask(Protocol):
-    """What a worker runs; it can be pickled."""
-
-    def run(self) -> bytes:
-        """The result, as JSON."""
-        ...
-
-
-def run_task(task: WorkerTask) -> bytes:
-    """Run a task in this process."""
-    return task.run()
-
-
 @dataclass(frozen=True)
-class SolveTask:
-    """What a worker needs; it can be pickled.
+class RoadTask:
+    """What a worker needs of the dispatcher; it can be pickled.
 
     Attributes:
-        settings: of the dispatcher, with the caller's deadline.
         roads: `fingerprint` of the dispatcher's network, which the worker reads anew.
-        fleet: to plan.
-        states: the latest ones.
-        learned: of this hour.
-        now_ns: moment that the traffic is judged for, UTC.
-        seed: of everything random.
     """
 
     settings: DispatcherSettings
     roads: str
-    fleet: Fleet
     states: tuple[SegmentState, ...]
     learned: Learned
     now_ns: int
     seed: int
 
-    def run(self) -> bytes:
-        """See `plan`."""
-        return plan(self)
+    def traffic(self) -> tuple[RoadNetwork, TrafficSnapshot]:
+        """The dispatcher's roads, and their traffic at the task's moment.
+
+        Raises:
+            InputError: the network's file has changed since the dispatcher read it.
+        """
+        network, found = _network(self.settings.network)
+        if found != self.roads:
+            _network.cache_clear()
+            problem = "the file has changed since the dispatcher read it"
+            raise InputError(self.settings.network, problem, "restart the dispatcher")
+        snapshot = traffic_by(self.settings, network, self.states, self.now_ns)
+        return network, self.learned.onto(snapshot)
+
+
+@dataclass(frozen=True)
+class SolveTask(RoadTask):
+    """A fleet to plan, by settings with the caller's deadline."""
+
+    fleet: Fleet
+
+    def __call__(self) -> bytes:
+        """Plan the fleet; a `SolveResult` as JSON.
+
+        Raises:
+            InputError: the network's file has changed since the dispatcher read it, or the settings
+                do not fit the fleet.
+        """
+        settings = self.settings
+        network, snapshot = self.traffic()
+        problem = routing_problem(network, self.fleet, settings)
+        cycle = cycle_of(problem, snapshot, settings, seed=self.seed)
+        solvers = configured_solvers(settings)
+        for solver in solvers:
+            solver.warm_up()
+        threads = ThreadPoolExecutor(len(solvers))
+        try:
+            result = run_cycle(cycle, executor_solve(threads, solvers, workers=len(solvers)))
+        finally:
+            # One that overruns its deadline is not waited for.
+            threads.shutdown(wait=False, cancel_futures=True)
+        answer = SolveResult(report=result.report, plans=list(result.plans))
+        return answer.model_dump_json().encode()
 
 
 class SolveResult(BaseModel):
@@ -89,53 +108,6 @@ def picklable(learned: Learned) -> Learned:
         return Learned(dict(learned.usual_mps), dict(learned.open_shares), None)
     plain = Expectations(dict(found.loss_kwh), dict(found.seconds), dict(found.stops))
     return Learned(dict(learned.usual_mps), dict(learned.open_shares), plain)
-
-
-def plan(task: SolveTask) -> bytes:
-    """Plan one fleet.
-
-    Returns:
-        A `SolveResult` as JSON.
-
-    Raises:
-        InputError: the network's file has changed since the dispatcher read it, or the settings
-            do not fit the fleet.
-    """
-    settings = task.settings
-    network, snapshot = traffic_on(settings, task.roads, task.states, task.learned, task.now_ns)
-    problem = routing_problem(network, task.fleet, settings)
-    cycle = cycle_of(problem, snapshot, settings, seed=task.seed)
-    solvers = configured_solvers(settings)
-    for solver in solvers:
-        solver.warm_up()
-    threads = ThreadPoolExecutor(len(solvers))
-    try:
-        result = run_cycle(cycle, executor_solve(threads, solvers, workers=len(solvers)))
-    finally:
-        # One that overruns its deadline is not waited for.
-        threads.shutdown(wait=False, cancel_futures=True)
-    answer = SolveResult(report=result.report, plans=list(result.plans))
-    return answer.model_dump_json().encode()
-
-
-def traffic_on(
-    settings: DispatcherSettings,
-    roads: str,
-    states: tuple[SegmentState, ...],
-    learned: Learned,
-    now_ns: int,
-) -> tuple[RoadNetwork, TrafficSnapshot]:
-    """The dispatcher's roads, and their traffic at a moment; arguments as in `SolveTask`.
-
-    Raises:
-        InputError: the network's file has changed since the dispatcher read it.
-    """
-    network, found = _network(settings.network)
-    if found != roads:
-        _network.cache_clear()
-        problem = "the file has changed since the dispatcher read it"
-        raise InputError(settings.network, problem, "restart the dispatcher")
-    return network, learned.onto(traffic_by(settings, network, states, now_ns))
 
 
 @lru_cache(maxsize=1)

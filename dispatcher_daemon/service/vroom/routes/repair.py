@@ -62,7 +62,6 @@ def repaired(
     """(sound routes, reason by number of each task that is on none).
 
     Args:
-        units: what is to be served.
         ends: when to be done, by the monotonic clock.
         exact: whether the search knew all rules, so that sound routes need no more search.
     """

@@ -34,7 +34,6 @@ def search(
 
     Args:
         tasks: some of the problem's; shipments whole.
-        start: sound routes to start from.
     """
     if not tasks:
         return {}

@@ -25,7 +25,6 @@ class VrpWays:
 
     Attributes:
         depots: rows in the problem's matrices where vehicles begin and end; None: anywhere.
-        drivers: one vehicle of each profile.
         location: by number of the step's task.
         unit: internal cost of one of PyVRP's.
         detour: more than serving one task can cost, in PyVRP's units.

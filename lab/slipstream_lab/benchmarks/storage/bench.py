@@ -109,7 +109,7 @@ def measure(
             began_cpu = time.thread_time()
             steps = _Steps(database)
             steps.ms.append(_ms(lambda: database.trim(_KEEP_MB, limit=PRUNE_BATCH)))
-            delete_old_traffic(steps, now_ns)
+            delete_old_traffic(steps.tidy, now_ns)
             prune = partial(database.prune, limit=PRUNE_BATCH, budget_s=TIDY_S)
             steps.ms.append(_ms(lambda: prune(_KEEP_DAYS, now_ns)))  # noqa: B023 - called here
             purge.append(sum(steps.ms))

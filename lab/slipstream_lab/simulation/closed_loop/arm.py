@@ -109,9 +109,9 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
         InputError: SUMO refuses a file.
     """
     # Imported here: they need libsumo, or take a second to load.
-    from dispatcher_daemon.fleet.learning import History
     from slipstream_lab.simulation.closed_loop.dispatching import Dispatching
     from slipstream_lab.simulation.closed_loop.gates import WINDOW_S, Roadside
+    from slipstream_lab.simulation.closed_loop.history_file import load_history
     from slipstream_lab.simulation.fleet.exchange import Exchange
     from slipstream_lab.simulation.fleet.sensing import PREFIX
     from slipstream_lab.simulation.fleet.van import yards
@@ -127,7 +127,7 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
     due = {one.id: one for one in deliveries.orders if order.begin_s <= one.release_s < order.end_s}
     over = orders.keys() - due.keys()
     home_s = home_by_s(scenario.fleet, order.end_s)
-    history = None if order.history is None else History.load(order.history)
+    history = None if order.history is None else load_history(order.history)
     roadside = Roadside(order.rsus, order.seed, policy.noise, policy.gating)
     day = DaySpec(
         scenario.net,

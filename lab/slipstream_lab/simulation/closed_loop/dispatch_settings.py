@@ -9,7 +9,7 @@ from dispatcher_daemon.solvers import ExactSolver, configured_solvers
 from dispatcher_daemon.solvers.workers import Solve, solve_in_process
 
 DEFAULT_TIME_WORTH_KW: Final = 10.0
-"""Value of driving time in a city at the limit; see `History.time_worth_kw`."""
+"""Value of driving time in a city at the limit; see `history_file.time_worth_kw`."""
 
 _AMPLE_S: Final = 250.0
 """No cycle of a delivery fleet takes so long, however busy the machine is."""

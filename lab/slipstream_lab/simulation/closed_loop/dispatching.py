@@ -30,6 +30,7 @@ from slipstream_lab.simulation.closed_loop.dispatch_settings import (
     evaluation_solve,
 )
 from slipstream_lab.simulation.closed_loop.gates import WINDOW_S, Roadside
+from slipstream_lab.simulation.closed_loop.history_file import time_worth_kw
 from slipstream_lab.simulation.closed_loop.planned_platoons import PlannedPlatoons
 from slipstream_lab.simulation.closed_loop.policy import AS_DRIVING, Policy, WaitingPrices
 from slipstream_lab.simulation.closed_loop.record import LoopCycleRecord
@@ -70,7 +71,7 @@ class Dispatching:
         self._deliveries, self._network, self._roadside = deliveries, network, roadside
         self._policy, self._prices = policy, prices
         history = history if "routes" in policy.levers else None
-        self.time_worth_kw = 0.0 if history is None else history.time_worth_kw(network)
+        self.time_worth_kw = 0.0 if history is None else time_worth_kw(history, network)
         settings = settings_of(policy, self.time_worth_kw or DEFAULT_TIME_WORTH_KW, seed)
         self._gap_m = settings.gap_m
         self._now_ns = 0

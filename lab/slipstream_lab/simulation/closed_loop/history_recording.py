@@ -10,6 +10,7 @@ from typing import Final
 
 from dispatcher_daemon.fleet.learning import DrivenTrace, History, Passages
 from slipstream.roads import RoadNetwork
+from slipstream_lab.simulation.closed_loop.history_file import save_history
 from slipstream_lab.simulation.scenarios.day import DaySpec, sumo_options
 from slipstream_lab.simulation.scenarios.gridlock import CHECK_S, GridlockWatch
 from slipstream_lab.simulation.scenarios.scenario import Scenario, SignalControl, day_spec, prepare
@@ -62,7 +63,7 @@ def history_of(
     if not path.exists():
         background = prepare(scenario, seed + OTHER_DAY, folder)
         day = day_spec(scenario, background, folder, signals=signals, begin_s=begin_s, end_s=end_s)
-        record_history(day, scenario.network, progress).save(path)
+        save_history(record_history(day, scenario.network, progress), path)
     return path
 
 

@@ -96,6 +96,7 @@ def test_a_drive_with_a_hole_is_two(network: RoadNetwork, way: list[str]) -> Non
     assert [list(trace.route) for trace in traces.take()] == []
 
 
+@pytest.mark.slow
 @given(lost=st.sets(st.integers(1, 100)), twice=st.sets(st.integers(0, 100)))
 def test_lost_and_repeated_positions_change_little(
     network: RoadNetwork, way: list[str], lost: set[int], twice: set[int]

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from dispatcher_daemon.fleet.learning import HOURS, DrivenTrace, History, Passages
 from slipstream.energy.consumption import steady_energy_kwh, stop_energy_kwh, trace_energy
-from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork
 from slipstream.roads.sumo_net import load_network
 
@@ -113,43 +111,3 @@ def test_many_passages_are_believed_few_are_drawn_to_the_mean() -> None:
     assert 0.2 * steady <= few < 0.2
     at_night = mixed.expectations(network, 2).loss_kwh[others[0]]
     assert at_night == pytest.approx(0.2, rel=1e-3)
-
-
-def test_passages_beyond_the_network_are_worth_nothing() -> None:
-    """Where the network is the connected part of a larger net, others' traffic leaves it."""
-    network = load_network("demo")
-    pair = next((a, b) for a in network.segments for b in network.follows[a])
-    own = known(network, [pair], 10.0)
-    both = History(
-        (*own.movements, ("elsewhere", pair[0])),
-        *(np.concatenate([t, 7 * t[:1] + 7]) for t in (own.count, own.loss_kwh)),
-        *(np.concatenate([t, 7 * t[:1] + 7]) for t in (own.seconds, own.stops)),
-    )
-    assert own.time_worth_kw(network) > 0
-    assert both.time_worth_kw(network) == own.time_worth_kw(network)
-
-
-def test_a_history_comes_back_from_its_file(tmp_path: Path) -> None:
-    """What is saved is loaded, twice the same bytes; anything else is refused in one line."""
-    drive = trace_of(
-        [5.0, 3.0, 0.0, 0.0, 2.0, 6.0, 8.0, 9.0] * 3, [(0, 0), (4, 1), (12, 2), (20, 3)]
-    )
-    history = counted(drive)
-    path, again = tmp_path / "one.json", tmp_path / "two.json"
-    history.save(path)
-    loaded = History.load(path)
-    loaded.save(again)
-    assert path.read_bytes() == again.read_bytes()
-    assert loaded.movements == history.movements
-    np.testing.assert_allclose(loaded.loss_kwh, history.loss_kwh, atol=1e-6)
-    np.testing.assert_allclose(loaded.seconds, history.seconds, atol=0.01)
-    assert [p.name for p in tmp_path.glob("*.part")] == []
-    for text in ("{}", "nothing", '{"kind": "slipstream movements 1", "movements": [["a"]]}'):
-        path.write_text(text)
-        with pytest.raises(InputError, match="not a history"):
-            History.load(path)
-    with pytest.raises(InputError, match="no such file"):
-        History.load(tmp_path / "missing.json")
-    path.write_text('{"kind": "other", "movements": []}')
-    with pytest.raises(InputError, match="not of the kind"):
-        History.load(path)

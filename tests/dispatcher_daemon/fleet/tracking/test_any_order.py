@@ -182,4 +182,4 @@ class AnyOrder(RuleBasedStateMachine):
 
 
 TestAnyOrder = pytest.mark.slow(AnyOrder.TestCase)
-TestAnyOrder.settings = settings(max_examples=20, stateful_step_count=25)
+TestAnyOrder.settings = settings(max_examples=5, stateful_step_count=25)

@@ -51,6 +51,7 @@ def finish(today: Day, cycles: int = 60) -> None:
     raise AssertionError(f"after {cycles} cycles: {today.tracker.book.orders}")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("talks", [True, False])
 def test_a_day_serves_every_order_once_and_sends_nobody_back(day: Make, talks: bool) -> None:
     """Vans are planned on from where they are; at the end all is served and they are free."""
@@ -68,6 +69,7 @@ def test_a_day_serves_every_order_once_and_sends_nobody_back(day: Make, talks: b
         assert set(van.refused) <= {"elsewhere"}
 
 
+@pytest.mark.slow
 def test_a_fleet_that_never_reports_is_planned_as_before(day: Make) -> None:
     """From its depot in each cycle, with all orders."""
     today = day()
@@ -81,6 +83,7 @@ def test_a_fleet_that_never_reports_is_planned_as_before(day: Make) -> None:
     assert today.states() == {"planned": 6}
 
 
+@pytest.mark.slow
 def test_plans_on_the_road_are_not_repeated(day: Make) -> None:
     """While nothing changes a van gets a plan some twice a minute less often than it is planned."""
     today = day()
@@ -96,6 +99,7 @@ def test_plans_on_the_road_are_not_repeated(day: Make) -> None:
                 assert after.issued_ns < before.valid_until_ns - interval_ns // 2
 
 
+@pytest.mark.slow
 def test_a_van_waits_at_a_stop_until_another_comes_by(day: Make) -> None:
     """It goes on waiting while it is planned again, and both drive on together."""
     today = day()
@@ -137,6 +141,7 @@ def test_a_late_van_is_planned_by_where_it_is(day: Make) -> None:
     assert shift_s == pytest.approx(10.0, abs=3.0)
 
 
+@pytest.mark.slow
 def test_a_silent_van_keeps_its_orders_and_has_no_partner(day: Make) -> None:
     """Nobody else gets what it has loaded; heard again it goes on, and all is served once."""
     today = day()
@@ -160,6 +165,7 @@ def test_a_silent_van_keeps_its_orders_and_has_no_partner(day: Make) -> None:
     assert set(today.served().values()) == {1}
 
 
+@pytest.mark.slow
 def test_an_unanswered_plan_is_taken_back(day: Make) -> None:
     """A van that reports and does not answer loses its orders to the other one."""
     today = day()
@@ -178,6 +184,7 @@ def test_an_unanswered_plan_is_taken_back(day: Make) -> None:
     assert other.visits
 
 
+@pytest.mark.slow
 def test_a_refused_plan_is_open_for_others(day: Make) -> None:
     """The van is left out for some cycles, with the reason in the order's life."""
     today = day()
@@ -194,6 +201,7 @@ def test_a_refused_plan_is_open_for_others(day: Make) -> None:
     assert today.states() == {"served": 6}
 
 
+@pytest.mark.slow
 def test_a_restart_goes_on(day: Make) -> None:
     """A new dispatcher knows orders, plans and vehicles, and hears the visits that it missed."""
     today = day()
@@ -213,6 +221,7 @@ def test_a_restart_goes_on(day: Make) -> None:
     assert len(from_depot) == len({plan.vehicle for plan in from_depot})
 
 
+@pytest.mark.slow
 def test_an_order_that_is_gone_from_the_file(day: Make) -> None:
     """Open or planned it is cancelled; once loaded it is delivered, and it is not planned twice."""
     today = day()
@@ -238,6 +247,7 @@ def test_an_order_that_is_gone_from_the_file(day: Make) -> None:
     assert early.tracker.book.orders["s0"].state == "planned"
 
 
+@pytest.mark.slow
 def test_a_stay_ends_when_it_would_however_often_it_is_planned_anew(
     town: Callable[..., Town],
 ) -> None:
@@ -263,6 +273,7 @@ def test_a_stay_ends_when_it_would_however_often_it_is_planned_anew(
     assert len(plans_at_a_stop) >= 2
 
 
+@pytest.mark.slow
 def test_orders_stay_with_their_carrier_all_day(town: Callable[..., Town]) -> None:
     """Vans of two carriers on their way are planned on; an order that comes when its carrier's van
     is away waits for it, though another carrier's van is at home.
@@ -294,6 +305,7 @@ def test_orders_stay_with_their_carrier_all_day(town: Callable[..., Town]) -> No
         assert problem.fleet.vehicle_by_id[vehicle].carrier == ("b" if "b" in stop else "a")
 
 
+@pytest.mark.slow
 def test_a_window_that_closes_on_the_way_does_not_move(town: Callable[..., Town]) -> None:
     """Later plans of a late van have the end of the window that the first one had: it is late."""
     stops = [{"id": "s0", "node": "33", "service_s": 20.0, "demand": 1, "latest_s": 200.0}]

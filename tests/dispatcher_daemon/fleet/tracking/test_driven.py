@@ -129,6 +129,7 @@ def test_what_nobody_reports_is_not_booked(day: Make) -> None:
     assert merged(today.store.driven) == before
 
 
+@pytest.mark.slow
 def test_a_cycle_s_plans_add_up_to_its_summary(day: Make) -> None:
     """Vehicles' parts of the baseline, and of what is saved, are the cycle's."""
     today = day()

@@ -56,6 +56,7 @@ def test_a_condition_has_to_last() -> None:
     assert raised.since_ns == NOW_NS + 31 * 10**9
 
 
+@pytest.mark.slow
 @given(st.lists(st.booleans(), max_size=300))
 def test_one_that_flaps_is_one_alarm(seen: list[bool]) -> None:
     """However it comes and goes within the time that an ended one is told of."""

@@ -26,7 +26,7 @@ from slipstream.messages import (
     acknowledgement_key,
 )
 from storage import Database, open_database
-from tests.dispatcher_daemon.service.test_fleet_watch import Bus, accept, at, make, tell
+from tests.dispatcher_daemon.service.reporting import Bus, accept, at, make, tell
 
 Found = list[tuple[str, str, str]]
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -107,31 +106,8 @@ def test_a_database_that_is_away_costs_no_alarm(monkeypatch: pytest.MonkeyPatch)
     woken.clear()
     watch.update([FULL])
     assert woken == [alarm.id]
-    watch.save(woken)
+    watch.save()
     assert [event.alarm for event in store.saved] == [alarm.id]
     woken.clear()
     watch.update([FULL])
     assert woken == []
-
-
-def test_an_alarm_of_a_kind_that_is_not_known_ends_at_the_start(database: Database) -> None:
-    """A version that had it raised it; nothing would end it any more. Others stay, and so does one
-    of that kind that has ended.
-    """
-    strange = Event(1000, "tyre_flat", "warning", "vehicle/van-1", "flat since noon", alarm="t1")
-    gone = Event(1000, "tyre_flat", "warning", "vehicle/van-2", "mended", alarm="t2", ended_ns=2000)
-    before = AlarmWatch(database)
-    before.update([FULL])
-    before.save()
-    database.save_events([strange, gone])
-    after = AlarmWatch(database)
-    (full,) = after.told().alarms
-    after.save()
-    events = {event.alarm: event for event in database.load_alarms(0)}
-    assert events[full.id].ended_ns is None
-    assert events["t2"] == replace(gone, number=events["t2"].number)
-    ended = events["t1"]
-    assert ended.ended_ns is not None
-    assert ended.ended_ns > strange.time_ns
-    assert ended.text.startswith("flat since noon (ended at a start")
-    assert [event.alarm for event in database.load_alarms(2**62)] == [full.id]

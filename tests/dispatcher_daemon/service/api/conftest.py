@@ -1,24 +1,38 @@
 from __future__ import annotations
 
+import asyncio
 import http.client
 import json
+import threading
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
-from dataclasses import dataclass, field
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
+from fastapi import FastAPI
 
 from dispatcher_daemon.forms.problem import RoutingProblem
-from dispatcher_daemon.service.api import ApiServer, RateLimit, Services, token_hash
+from dispatcher_daemon.service.api import (
+    ApiServer,
+    RateLimit,
+    Services,
+    create_app,
+    token_hash,
+)
+from dispatcher_daemon.service.api.solving import SolveJobs
 from dispatcher_daemon.service.dispatcher import AlarmSource, Dispatcher
 from dispatcher_daemon.service.intake import OrderIntake
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.workers.pool import solve_in_process
-from slipstream.messages import Message, SegmentState, state_key
+from slipstream.http.conventions import Conventions
+from slipstream.messages import SegmentState, state_key
 from storage import open_database, open_reader
+from tests.dispatcher_daemon.service.reporting import Bus
+
+from .asgi import Answer, Listener, Request
 
 SECRETS = {
     "reader": ("read",),
@@ -30,26 +44,19 @@ SECRETS = {
 
 
 @dataclass
-class Answer:
-    """What a request was answered with."""
-
-    status: int
-    headers: dict[str, str]
-    body: bytes
-
-    @property
-    def json(self) -> Any:
-        return json.loads(self.body)
-
-
-@dataclass
 class Api:
-    """The served API of a dispatcher whose cycles the test runs."""
+    """The API of a dispatcher whose cycles the test runs.
+
+    Attributes:
+        port: that it is served on; 0: it is called without sockets.
+    """
 
     port: int
     dispatcher: Dispatcher
     services: Services
     watched: AlarmSource
+    app: Any
+    loop: asyncio.AbstractEventLoop
 
     def ask(
         self,
@@ -66,6 +73,8 @@ class Api:
         if body is not None and not isinstance(body, bytes):
             body = json.dumps(body).encode()
             sent.setdefault("Content-Type", "application/json")
+        if not self.port:
+            return Request(self.app, method, path, sent, body or b"").answer(self.loop)
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=30)
         try:
             connection.request(method, path, body, sent)
@@ -74,6 +83,17 @@ class Api:
             return Answer(answer.status, names, answer.read())
         finally:
             connection.close()
+
+    @contextmanager
+    def listening(
+        self, query: str = "", last_id: str | None = None, token: str | None = None
+    ) -> Iterator[Listener]:
+        """A caller of /v1/events, from whose answer's beginning on nothing is missed."""
+        headers = {} if last_id is None else {"Last-Event-ID": last_id}
+        headers |= {} if token is None else {"Authorization": f"Bearer {token}"}
+        request = Request(self.app, "GET", f"/v1/events{query}", headers)
+        with request.followed(self.loop) as parts:
+            yield Listener(parts)
 
     def feed(self, state: SegmentState) -> None:
         """Send a segment's state as the bus does."""
@@ -84,25 +104,6 @@ class Api:
         return self.ask("GET", path, token)
 
 
-@dataclass
-class SilentBus:
-    """A bus that nobody listens to."""
-
-    sent: list[tuple[str, object]] = field(default_factory=list)
-
-    def publisher(self, key: str) -> _Outlet:
-        return _Outlet(self, key)
-
-
-@dataclass
-class _Outlet:
-    bus: SilentBus
-    key: str
-
-    def put(self, message: Message | bytes) -> None:
-        self.bus.sent.append((self.key, message))
-
-
 @pytest.fixture(scope="session")
 def empty_database(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     """A database with its schema and nothing in it."""
@@ -111,17 +112,54 @@ def empty_database(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     return path.read_bytes()
 
 
+@pytest.fixture(scope="session")
+def loop() -> Iterator[asyncio.AbstractEventLoop]:
+    """An event loop that runs on a thread of its own."""
+    made = asyncio.new_event_loop()
+    thread = threading.Thread(target=made.run_forever, daemon=True)
+    thread.start()
+    yield made
+    made.call_soon_threadsafe(made.stop)
+    thread.join()
+    made.close()
+
+
+@pytest.fixture(scope="session")
+def jobs() -> Iterator[SolveJobs]:
+    """A queue of fleets to plan, whose process takes seconds to start."""
+    made = SolveJobs()
+    yield made
+    made.close()
+
+
+@pytest.fixture(scope="session")
+def routes() -> FastAPI:
+    """The application, whose routes take a while to make."""
+    return create_app()
+
+
 @pytest.fixture
 def serve(
-    demo: RoutingProblem, tmp_path: Path, empty_database: bytes
+    demo: RoutingProblem,
+    tmp_path: Path,
+    empty_database: bytes,
+    loop: asyncio.AbstractEventLoop,
+    routes: FastAPI,
 ) -> Iterator[Callable[..., Api]]:
-    """Factory of served APIs of the demo, with a database of their own.
+    """Factory of APIs of the demo, with a database of their own.
 
-    Give `tokens=True` for the tokens of `SECRETS`, and what of `Services` is to be another.
+    Give `tokens=True` for the tokens of `SECRETS`, `sockets=True` for a real server, and what of
+    `Services` is to be another.
     """
     with ExitStack() as stack:
 
-        def make(*, tokens: bool = False, rate: RateLimit | None = None, **others: Any) -> Api:
+        def make(
+            *,
+            tokens: bool = False,
+            sockets: bool = False,
+            rate: RateLimit | None = None,
+            **others: Any,
+        ) -> Api:
             (tmp_path / "d.db").write_bytes(empty_database)
             url = f"sqlite:///{tmp_path}/d.db"
             settings = DispatcherSettings(solvers=("exact",), database_url=url)
@@ -134,7 +172,7 @@ def serve(
                 settings,
                 demo.network,
                 demo.fleet,
-                SilentBus(),
+                Bus(),
                 database,
                 solve,
                 announce=server.events.publish,
@@ -146,7 +184,7 @@ def serve(
                     dispatcher,
                     settings,
                     demo.network,
-                    SilentBus(),
+                    Bus(),
                     database,
                     server.events.publish,
                 )
@@ -168,8 +206,12 @@ def serve(
                 "checks": {"database": lambda: None},
             }
             services = Services(**{**values, **others})
-            server.start(services)
-            return Api(server.port, dispatcher, services, watched)
+            if sockets:
+                server.start(services)
+                return Api(server.port, dispatcher, services, watched, None, loop)
+            routes.state.services = services
+            app = Conventions(server.guarded(routes))
+            return Api(0, dispatcher, services, watched, app, loop)
 
         yield make
 

@@ -10,7 +10,6 @@ from slipstream.messages import Alarms
 from storage import StorageError
 
 from .conftest import Api
-from .test_events import listening
 
 Serve = Callable[..., Api]
 
@@ -66,7 +65,7 @@ def test_an_alarm_is_seen_and_acknowledged(serve: Serve) -> None:
     """In the list, in the stream, in the log; by the operator who is named, or by the token."""
     api = serve(tokens=True)
     api.dispatcher.control.pause("ada")
-    with listening(api, token="reader") as listener:
+    with api.listening(token="reader") as listener:
         api.watched.update()
         kind, told, number = listener.event()
         assert (kind, told["kind"], number is None) == ("alarm", "paused", False)

@@ -1,12 +1,10 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import socket
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from itertools import count
 from typing import Any
 
 import pytest
@@ -16,77 +14,35 @@ from dispatcher_daemon.service.api import hub
 from dispatcher_daemon.service.api.endpoints import events
 from dispatcher_daemon.service.dispatcher.reports import failed_report
 from slipstream.messages import SegmentState
+from tests.dispatcher_daemon.service.waiting import wait_for
 
+from .asgi import Listener
 from .conftest import Api
 
 State = Callable[..., SegmentState]
 
 
-class Listener:
-    """A caller that reads a stream of events."""
-
-    def __init__(self, connection: socket.socket) -> None:
-        self._connection = connection
-        self._lines = self._read()
-        self.status = int(next(self._lines).split()[1])
-        while next(self._lines):
-            pass
-        self.lines = (line for block in self._lines for line in block.split("\n") if line)
-
-    def _read(self) -> Iterator[str]:
-        rest = b""
-        while part := self._connection.recv(65536):
-            *lines, rest = (rest + part).split(b"\r\n")
-            # Chunks of the transfer end in the same way; events have line feeds alone.
-            yield from (line.decode() for line in lines)
-
-    def event(self) -> tuple[str, Any, str | None]:
-        """The next event: its kind, data and id."""
-        number, kind = None, ""
-        for line in self.lines:
-            name, _, value = line.partition(": ")
-            if name == "id":
-                number = value
-            elif name == "event":
-                kind = value
-            elif name == "data":
-                return kind, json.loads(value), number
-        raise EOFError
-
-    def rest(self) -> int:
-        """Number of events until the stream ends, however it does."""
-        for number in count():
-            try:
-                self.event()
-            except (EOFError, ConnectionResetError):
-                return number
-        raise AssertionError
-
-
 @contextmanager
-def listening(
-    api: Api, query: str = "", last_id: str | None = None, token: str | None = None
-) -> Iterator[Listener]:
-    """A caller of /v1/events, from whose answer's beginning on nothing is missed."""
-    header = "" if last_id is None else f"Last-Event-ID: {last_id}\r\n"
-    header += "" if token is None else f"Authorization: Bearer {token}\r\n"
+def connected(api: Api) -> Iterator[Listener]:
+    """A caller of the stream of cycles over a connection of its own."""
+
+    def parts() -> Iterator[bytes]:
+        rest = b""
+        while part := connection.recv(65536):
+            *lines, rest = (rest + part).split(b"\n")
+            yield b"\n".join(lines)
+
     with socket.create_connection(("127.0.0.1", api.port), timeout=30) as connection:
-        request = f"GET /v1/events{query} HTTP/1.1\r\nHost: localhost\r\n{header}"
-        connection.sendall(f"{request}Connection: close\r\n\r\n".encode())
-        yield Listener(connection)
-
-
-def _until(condition: Callable[[], bool]) -> bool:
-    deadline = time.monotonic() + 30
-    while not (met := condition()) and time.monotonic() < deadline:
-        time.sleep(0.02)
-    return met
+        connection.sendall(b"GET /v1/events?kinds=cycle HTTP/1.0\r\nHost: localhost\r\n\r\n")
+        listener = Listener(parts())
+        assert any(line.startswith("retry") for line in listener.lines)
+        yield listener
 
 
 def test_what_happens_is_told_as_it_happens(serve: Callable[..., Api], state: State) -> None:
     """A state when it comes; orders, plans and the report once their cycle is stored."""
     api = serve()
-    with listening(api) as all_of_it, listening(api, "?kinds=cycle") as cycles:
+    with api.listening() as all_of_it, api.listening("?kinds=cycle") as cycles:
         api.feed(state("avenue_east", 1, time_ns=time.time_ns()))
         kind, value, number = all_of_it.event()
         assert (kind, value["segment"], number) == ("state", "avenue_east", None)
@@ -104,19 +60,20 @@ def test_what_happens_is_told_as_it_happens(serve: Callable[..., Api], state: St
         assert cycles.event() == seen[-1]
 
 
+@pytest.mark.slow
 def test_a_caller_goes_on_where_it_stopped(serve: Callable[..., Api]) -> None:
     """Events behind the given id come first; where they are gone, `reset` says so."""
     api = serve()
-    with listening(api, "?kinds=cycle") as listener:
+    with api.listening("?kinds=cycle") as listener:
         api.dispatcher.run_cycle()
         _, first, number = listener.event()
     assert first["cycle"] == 1
     api.dispatcher.run_cycle()
     api.dispatcher.run_cycle()
-    with listening(api, "?kinds=cycle", number) as again:
+    with api.listening("?kinds=cycle", number) as again:
         assert [again.event()[1]["cycle"] for _ in range(2)] == [2, 3]
     for unknown in ("1-1", "nonsense", f"{str(number).partition('-')[0]}-99999"):
-        with listening(api, "?kinds=cycle", unknown) as lost:
+        with api.listening("?kinds=cycle", unknown) as lost:
             assert lost.event()[0] == "reset"
 
 
@@ -126,7 +83,7 @@ def test_heartbeats_keep_a_quiet_stream_open(
 ) -> None:
     """A comment comes where nothing happens."""
     monkeypatch.setattr(events, "HEARTBEAT_S", 0.05)
-    with listening(serve()) as listener:
+    with serve().listening() as listener:
         assert sum(next(listener.lines) == ": heartbeat" for _ in range(20)) > 5
 
 
@@ -136,13 +93,13 @@ def test_a_caller_that_does_not_read_is_dropped_and_holds_nobody_up(
 ) -> None:
     """Its stream ends, the other one gets all, and publishing never waits."""
     monkeypatch.setattr(events, "SEND_WITHIN_S", 0.5)
-    api = serve()
+    api = serve(sockets=True)
     api.dispatcher.run_cycle()
     report = api.services.reader.latest_cycle()
     assert report is not None
     large = report.model_copy(update={"reason": "x" * 100_000})
     dropped = metrics.API_STREAMS_DROPPED._value.get()
-    with listening(api, "?kinds=cycle") as slow, listening(api, "?kinds=cycle") as quick:
+    with connected(api) as slow, connected(api) as quick:
         longest_s = 0.0
         for number in range(300):
             began = time.monotonic()
@@ -150,7 +107,7 @@ def test_a_caller_that_does_not_read_is_dropped_and_holds_nobody_up(
             longest_s = max(longest_s, time.monotonic() - began)
             assert quick.event()[0] == "cycle", number
         assert longest_s < 5.0
-        assert _until(lambda: metrics.API_STREAMS_DROPPED._value.get() == dropped + 1)
+        assert wait_for(lambda: metrics.API_STREAMS_DROPPED._value.get() == dropped + 1)
         assert metrics.API_STREAMS._value.get() == 1
         assert slow.rest() < 300
 
@@ -183,7 +140,7 @@ def test_streams_are_bounded_and_end_with_the_dispatcher(
     """503 beyond the limit; at the end each stream ends by itself."""
     monkeypatch.setattr(hub, "MAX_STREAMS", 1)
     api = serve()
-    with listening(api) as only:
+    with api.listening() as only:
         assert api.get("/v1/events").status == 503
         api.services.events.close_all()
         with pytest.raises(EOFError):

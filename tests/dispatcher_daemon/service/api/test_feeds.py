@@ -11,9 +11,10 @@ from lxml import etree
 
 from dispatcher_daemon.forms.problem import RoutingProblem
 from dispatcher_daemon.service.feeds import EXTENSION_SCHEMA
-from dispatcher_daemon.service.feeds.publisher import MAX_RSUS_PER_SEGMENT, Feeds
+from dispatcher_daemon.service.feeds.publisher import Feeds
+from dispatcher_daemon.service.feeds.sites import MAX_RSUS_PER_SEGMENT
 from dispatcher_daemon.settings import DispatcherSettings
-from slipstream.messages import SegmentState
+from slipstream.messages import RsuHealth, SegmentState, rsu_health_key
 from tests.dispatcher_daemon.service.api.conftest import Api
 from tests.dispatcher_daemon.service.feeds.conftest import TROY
 from tests.dispatcher_daemon.service.feeds.states import NOW_NS, features, health, state
@@ -27,12 +28,13 @@ class World:
 
     feeds: Feeds
     states: list[SegmentState]
+    healths: dict[str, tuple[int, RsuHealth]]
     now_ns: int = NOW_NS
 
     def tell(self, rsu: str, **changed: object) -> None:
         """An RSU's health arrives."""
         message = health(rsu, **changed)  # type: ignore[arg-type]
-        self.feeds.on_health(message)
+        self.healths[rsu] = self.now_ns, message
 
 
 @pytest.fixture
@@ -41,10 +43,9 @@ def world(demo: RoutingProblem) -> World:
     settings = DispatcherSettings(rsus={"rsu-1": ("avenue_east",), "rsu-2": ("avenue_west",)})
     states: list[SegmentState] = [state(measured=features())]
     roads = replace(demo.network, projection=TROY)
-    made = World(
-        Feeds(roads, settings, lambda: tuple(states), lambda: made.now_ns),
-        states,
-    )
+    healths: dict[str, tuple[int, RsuHealth]] = {}
+    feeds = Feeds(roads, settings, lambda: tuple(states), lambda: healths, lambda: made.now_ns)
+    made = World(feeds, states, healths)
     return made
 
 
@@ -71,6 +72,7 @@ def test_a_reader_gets_all_three(serve: Callable[..., Api], world: World) -> Non
     assert extension == EXTENSION_SCHEMA.read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", [SITES, DATA, DEVICES])
 def test_what_has_not_changed_is_not_sent_again(
     serve: Callable[..., Api], world: World, path: str
@@ -102,7 +104,7 @@ def test_the_table_stays_until_the_sites_change(demo: RoutingProblem) -> None:
     told: list[SegmentState] = [state(measured=features())]
     now_ns = [NOW_NS]
     roads = replace(demo.network, projection=TROY)
-    feeds = Feeds(roads, DispatcherSettings(), lambda: tuple(told), lambda: now_ns[0])
+    feeds = Feeds(roads, DispatcherSettings(), lambda: tuple(told), dict, lambda: now_ns[0])
     first = feeds.sites()
     now_ns[0] += 3600 * 10**9
     assert feeds.sites() is first
@@ -120,7 +122,8 @@ def test_a_document_of_states_is_not_made_at_every_request(world: World) -> None
 def test_a_network_without_latitude_has_no_feed(serve: Callable[..., Api]) -> None:
     """The caller is told what its operator has to do."""
     api = serve()
-    api.dispatcher.feeds.on_health(health())
+    told = health()
+    api.dispatcher.receiver.on_health(rsu_health_key(told.rsu), told.to_bytes())
     for path in (SITES, DATA, DEVICES):
         answer = api.get(path)
         assert answer.status == 404
@@ -132,14 +135,10 @@ def test_unlisted_rsus_are_bounded_and_forgotten(demo: RoutingProblem) -> None:
     """So many a segment, and none that has long been silent."""
     now_ns = [NOW_NS]
     roads = replace(demo.network, projection=TROY)
-    feeds = Feeds(roads, DispatcherSettings(), lambda: (), lambda: now_ns[0])
-
-    def tell(rsu: str) -> None:
-        feeds.on_health(health(rsu))
-
-    for number in range(MAX_RSUS_PER_SEGMENT + 5):
-        tell(f"rsu-{number}")
+    names = [f"rsu-{number}" for number in range(MAX_RSUS_PER_SEGMENT + 5)]
+    healths = {rsu: (NOW_NS, health(rsu)) for rsu in names}
+    feeds = Feeds(roads, DispatcherSettings(), lambda: (), lambda: healths, lambda: now_ns[0])
     assert feeds.sites().body.count(b"<roa:measurementSite ") == MAX_RSUS_PER_SEGMENT
     now_ns[0] += 3600 * 10**9
-    tell("rsu-new")
+    healths["rsu-new"] = now_ns[0], health("rsu-new")
     assert feeds.sites().body.count(b"<roa:measurementSite ") == 1

@@ -68,6 +68,7 @@ def test_head_is_get_without_the_body(serve: Callable[..., Api], path: str) -> N
         assert asked.headers["content-length"] == got.headers["content-length"]
 
 
+@pytest.mark.slow
 def test_head_of_what_has_no_end_ends(serve: Callable[..., Api]) -> None:
     """The event stream begins and is over; the place among those who listen is free again."""
     api = serve()

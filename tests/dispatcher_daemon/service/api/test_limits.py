@@ -3,7 +3,6 @@ from __future__ import annotations
 import http.client
 import json
 import socket
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -13,17 +12,12 @@ from dispatcher_daemon import metrics
 from dispatcher_daemon.service.api import ApiServer, RateLimit, guard
 from slipstream.errors import InputError
 from slipstream.http import bodies, server
+from tests.dispatcher_daemon.service.waiting import wait_for
 
-from .conftest import Answer, Api
+from .asgi import Answer
+from .conftest import Api
 
 MONKEY = pytest.MonkeyPatch
-
-
-def _until(condition: Callable[[], bool], within_s: float = 30.0) -> bool:
-    deadline = time.monotonic() + within_s
-    while not (met := condition()) and time.monotonic() < deadline:
-        time.sleep(0.02)
-    return met
 
 
 def _has_ended(connection: socket.socket) -> bool:
@@ -48,7 +42,7 @@ def test_bodies_that_are_too_large_are_refused_before_they_are_read(
     serve: Callable[..., Api],
 ) -> None:
     """413 at once for a declared size of 100 MB, and for chunks that never end."""
-    api = serve(tokens=True)
+    api = serve(tokens=True, sockets=True)
     head = b"POST /v1/solve HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer controller\r\n"
     declared = _raw(api, head + b"Content-Length: 100000000\r\n\r\n")
     assert (declared.status, declared.json["status"]) == (413, 413)
@@ -61,10 +55,11 @@ def test_bodies_that_are_too_large_are_refused_before_they_are_read(
 
 def test_a_body_costs_nothing_before_its_sender_is_known(serve: Callable[..., Api]) -> None:
     """401 although the body has not come."""
-    answer = _raw(serve(tokens=True), b"POST /v1/solve HTTP/1.1\r\nContent-Length: 9\r\n\r\n")
+    answer = _raw(serve(sockets=True), b"POST /v1/solve HTTP/1.1\r\nContent-Length: 9\r\n\r\n")
     # Without a Host it is no HTTP/1.1.
     assert answer.status == 400
-    answer = _raw(serve(), b"POST /v1/solve HTTP/1.1\r\nHost: x\r\nContent-Length: 9\r\n\r\n")
+    head = b"POST /v1/solve HTTP/1.1\r\nHost: x\r\n"
+    answer = _raw(serve(sockets=True), head + b"Content-Length: 9\r\n\r\n")
     assert answer.status == 401
 
 
@@ -74,7 +69,7 @@ def test_a_body_that_does_not_come_ends_the_request(
     """408 after the time that a body has."""
     monkeypatch.setattr(bodies, "BODY_WITHIN_S", 0.2)
     head = b"POST /v1/solve HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer controller\r\n"
-    answer = _raw(serve(tokens=True), head + b"Content-Length: 9\r\n\r\n{")
+    answer = _raw(serve(tokens=True, sockets=True), head + b"Content-Length: 9\r\n\r\n{")
     assert (answer.status, answer.json["status"]) == (408, 408)
 
 
@@ -117,12 +112,12 @@ def test_connections_are_bounded_and_silent_ones_end(
     """503 beyond the limit; those that send nothing make room again."""
     monkeypatch.setattr(server, "MAX_CONNECTIONS", 3)
     monkeypatch.setattr(server, "HEAD_WITHIN_S", 1.0)
-    api = serve()
+    api = serve(sockets=True)
     silent = [socket.create_connection(("127.0.0.1", api.port), timeout=30) for _ in range(3)]
     silent[0].sendall(b"GET /healthz HTTP/1.1\r\nHost: x\r\nX-Slow: ")
     try:
-        assert _until(lambda: api.get("/healthz").status == 503)
-        assert _until(lambda: api.get("/healthz").status == 200)
+        assert wait_for(lambda: api.get("/healthz").status == 503)
+        assert wait_for(lambda: api.get("/healthz").status == 200)
         assert all(map(_has_ended, silent))
     finally:
         for connection in silent:
@@ -153,7 +148,7 @@ def test_an_api_that_goes_down_comes_back(
 
     monkeypatch.setattr(server.uvicorn.Server, "run", fail_once)
     before = metrics.API_FAILURES._value.get()
-    api = serve()
+    api = serve(sockets=True)
 
     def answers() -> bool:
         try:
@@ -161,14 +156,14 @@ def test_an_api_that_goes_down_comes_back(
         except OSError:
             return False
 
-    assert _until(answers)
+    assert wait_for(answers)
     assert metrics.API_FAILURES._value.get() == before + 1
     assert any("the loop broke" in record.message for record in caplog.records)
 
 
 def test_what_is_no_http_is_answered(serve: Callable[..., Api]) -> None:
     """400 as a problem document."""
-    answer = _raw(serve(), b"hello\r\n\r\n")
+    answer = _raw(serve(sockets=True), b"hello\r\n\r\n")
     assert (answer.status, answer.headers["content-type"]) == (400, "application/problem+json")
     assert json.loads(answer.body)["title"] == "Bad Request"
 

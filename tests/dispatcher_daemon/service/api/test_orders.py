@@ -10,7 +10,8 @@ import pytest
 
 from slipstream.messages import OrderState
 
-from .conftest import Answer, Api
+from .asgi import Answer
+from .conftest import Api
 
 ORDER = {"id": "o-1", "node": "c2", "latest": "2099-01-01T00:00:00Z"}
 
@@ -31,6 +32,7 @@ def states(api: Api, path: str = "/v1/orders") -> dict[str, OrderState]:
     return {row["order"]: row["state"] for row in api.get(path, "reader").json["orders"]}
 
 
+@pytest.mark.slow
 def test_an_order_is_taken_once_and_followed_to_its_plan(api: Api) -> None:
     """201 for a new one, 200 with the same receipt for the same again, then its life."""
     first = submit(api, ORDER)

@@ -13,6 +13,7 @@ from slipstream_cli.main import main
 from .conftest import Api
 
 
+@pytest.mark.slow
 def test_orders_are_added_shown_and_cancelled(
     serve: Callable[..., Api],
     tmp_path: Path,
@@ -20,7 +21,7 @@ def test_orders_are_added_shown_and_cancelled(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """From a file; a refusal is one line with its field, and exit status 2."""
-    api, file = serve(tokens=True), tmp_path / "orders.json"
+    api, file = serve(tokens=True, sockets=True), tmp_path / "orders.json"
     where = ["--api", f"http://127.0.0.1:{api.port}"]
     monkeypatch.setenv("SLIPSTREAM_TOKEN", "orderer")
     file.write_text(json.dumps([{"id": "a/1", "node": "c2"}, {"id": "b", "node": "c4"}]))
@@ -41,6 +42,7 @@ def test_orders_are_added_shown_and_cancelled(
     assert line.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_orders_are_pinned_and_released(
     serve: Callable[..., Api],
     tmp_path: Path,
@@ -48,7 +50,7 @@ def test_orders_are_pinned_and_released(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """For a vehicle, or for the one whose plan has it; a refusal is one line that names the key."""
-    api, token = serve(tokens=True), tmp_path / "token"
+    api, token = serve(tokens=True, sockets=True), tmp_path / "token"
     body = {"id": "a/1", "node": "c2"}
     assert api.ask("POST", "/v1/orders", "orderer", body).status == 201
     token.write_text("controller\n")

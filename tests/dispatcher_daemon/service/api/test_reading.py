@@ -83,6 +83,7 @@ def test_pages_follow_each_other_without_gaps(serve: Callable[..., Api]) -> None
     assert [p["status"] for p in history] == ["published", "superseded", "superseded"]
 
 
+@pytest.mark.slow
 def test_cycles_of_a_range_of_time(serve: Callable[..., Api]) -> None:
     """They count by their begin, latest first; pages stay within it, and a range ends after its
     begin.

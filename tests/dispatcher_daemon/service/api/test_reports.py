@@ -11,7 +11,8 @@ import pytest
 from dispatcher_daemon.forms.problem import RoutingProblem
 from slipstream.messages import VehiclePosition, position_key
 
-from .conftest import Answer, Api
+from .asgi import Answer
+from .conftest import Api
 
 
 class Vehicle:
@@ -73,6 +74,7 @@ def _get(api: Api, path: str) -> Any:
     return answer.json
 
 
+@pytest.mark.slow
 def test_a_vehicle_without_a_bus_serves_its_plan(van: tuple[Api, Vehicle]) -> None:
     """It gets its plan, acknowledges it, drives, serves all and is back, over HTTP alone; orders
     and the plan's history show each step.

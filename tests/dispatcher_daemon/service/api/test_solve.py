@@ -11,10 +11,11 @@ import pytest
 
 from dispatcher_daemon.fleet.learning import Learned
 from dispatcher_daemon.forms.problem import RoutingProblem
-from dispatcher_daemon.service.api.solving import FullError, SolveJobs, jobs
-from dispatcher_daemon.service.api.solving.worker import SolveTask, plan
+from dispatcher_daemon.service.api.solving import FullError, SolveJobs
+from dispatcher_daemon.service.api.solving.worker import SolveTask
 from dispatcher_daemon.settings import DispatcherSettings
 from slipstream.errors import InputError
+from tests.dispatcher_daemon.service.waiting import wait_for
 
 from .conftest import Api
 
@@ -23,29 +24,18 @@ DEMO: dict[str, Any] = tomllib.loads(
 )
 
 
-def _until(condition: Callable[[], bool]) -> bool:
-    deadline = time.monotonic() + 60
-    while not (met := condition()) and time.monotonic() < deadline:
-        time.sleep(0.02)
-    return met
-
-
-def _sleep(task: Any) -> bytes:
+def _sleep() -> bytes:
     """A worker that hangs."""
     time.sleep(600)
     return b""
 
 
-def _die(task: Any) -> bytes:
+def _die() -> bytes:
     """A worker that is killed."""
     os._exit(9)
 
 
-def _echo(task: Any) -> bytes:
-    return repr(task).encode()
-
-
-def _pid(task: Any) -> bytes:
+def _pid() -> bytes:
     """Some work, and who did it."""
     time.sleep(0.3)
     return str(os.getpid()).encode()
@@ -53,11 +43,11 @@ def _pid(task: Any) -> bytes:
 
 @pytest.fixture
 def queue() -> Iterator[Callable[..., SolveJobs]]:
-    """Factory of queues with a worker function and a time beyond the deadline."""
+    """Factory of queues with a time beyond the deadline."""
     made: list[SolveJobs] = []
 
-    def make(run: Callable[[Any], bytes], overhead_s: float = 60.0, **others: Any) -> SolveJobs:
-        made.append(SolveJobs(run, overhead_s, **others))
+    def make(overhead_s: float = 60.0, **others: Any) -> SolveJobs:
+        made.append(SolveJobs(overhead_s, **others))
         return made[-1]
 
     yield make
@@ -65,6 +55,7 @@ def queue() -> Iterator[Callable[..., SolveJobs]]:
         one.close()
 
 
+@pytest.mark.slow
 def test_a_fleet_is_checked_without_planning_it(serve: Callable[..., Api]) -> None:
     """200 for one that fits the roads; else what is wrong with it, by its key, and no job."""
     api = serve(tokens=True)
@@ -89,14 +80,16 @@ def test_a_fleet_is_checked_without_planning_it(serve: Callable[..., Api]) -> No
 
 @pytest.mark.process
 @pytest.mark.slow
-def test_a_fleet_is_planned_in_a_process_of_its_own(serve: Callable[..., Api]) -> None:
+def test_a_fleet_is_planned_in_a_process_of_its_own(
+    serve: Callable[..., Api], jobs: SolveJobs
+) -> None:
     """Submitted, polled at `Location`, done: the plans that a cycle of the same fleet makes."""
-    api = serve(tokens=True)
+    api = serve(tokens=True, solve_jobs=jobs)
     submitted = api.ask("POST", "/v1/solve?deadline_s=5&seed=1", "controller", DEMO)
     assert submitted.status == 202
     address = submitted.headers["location"]
     assert address.endswith(submitted.json["id"])
-    assert _until(lambda: api.get(address, "controller").json["ended_ns"] is not None)
+    assert wait_for(lambda: api.get(address, "controller").json["ended_ns"] is not None)
     answer = api.get(address, "controller").json
     assert (answer["state"], answer["reason"]) == ("done", None)
     api.dispatcher.run_cycle()
@@ -110,9 +103,9 @@ def test_a_fleet_is_planned_in_a_process_of_its_own(serve: Callable[..., Api]) -
 def test_roads_that_have_changed_since_are_not_planned_on(demo: RoutingProblem) -> None:
     """The worker reads the network's file again, and refuses one that is not the dispatcher's."""
     learned = Learned({}, {}, None)
-    task = SolveTask(DispatcherSettings(), "other roads", demo.fleet, (), learned, 0, 1)
+    task = SolveTask(DispatcherSettings(), "other roads", (), learned, 0, 1, demo.fleet)
     with pytest.raises(InputError, match="changed since"):
-        plan(task)
+        task()
 
 
 @pytest.mark.process
@@ -121,13 +114,13 @@ def test_a_worker_that_hangs_or_dies_costs_its_job_only(
     queue: Callable[..., SolveJobs],
 ) -> None:
     """The job fails with a reason, in time, and the next one runs."""
-    hanging = queue(_sleep, overhead_s=0.5)
-    job = hanging.submit(0.5, lambda: None)  # type: ignore[arg-type,return-value]
-    assert _until(lambda: job.state == "failed")
+    hanging = queue(overhead_s=0.5)
+    job = hanging.submit(0.5, lambda: _sleep)
+    assert wait_for(lambda: job.state == "failed")
     assert job.reason == "no plan within 1 s"
-    dying = queue(_die)
-    first, second = (dying.submit(1.0, lambda: None) for _ in range(2))  # type: ignore[arg-type,return-value]
-    assert _until(lambda: second.state == "failed")
+    dying = queue()
+    first, second = (dying.submit(1.0, lambda: _die) for _ in range(2))
+    assert wait_for(lambda: second.state == "failed")
     assert "ProcessExpired" in str(first.reason)
 
 
@@ -135,12 +128,12 @@ def test_a_worker_that_hangs_or_dies_costs_its_job_only(
 @pytest.mark.slow
 def test_a_running_job_can_be_cancelled(queue: Callable[..., SolveJobs]) -> None:
     """Its process is ended, and what waited behind it is worked on."""
-    line = queue(_sleep)
-    running, waiting = (line.submit(300.0, lambda: None) for _ in range(2))  # type: ignore[arg-type,return-value]
-    assert _until(lambda: running.future is not None)
+    line = queue()
+    running, waiting = (line.submit(300.0, lambda: _sleep) for _ in range(2))
+    assert wait_for(lambda: running.future is not None)
     assert (running.state, waiting.state) == ("running", "waiting")
     assert line.cancel(running.id) is running
-    assert _until(lambda: waiting.state == "running")
+    assert wait_for(lambda: waiting.state == "running")
     assert (running.state, running.reason) == ("cancelled", "its caller cancelled it")
     assert line.cancel("nobody") is None
 
@@ -149,9 +142,9 @@ def test_the_queue_is_bounded_and_results_are_forgotten(
     queue: Callable[..., SolveJobs], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Beyond the limit a job is refused; an hour after its end it is gone."""
-    monkeypatch.setattr(jobs, "MAX_WAITING", 2)
+    monkeypatch.setattr("dispatcher_daemon.service.api.solving.jobs.MAX_WAITING", 2)
     now_ns = [0]
-    line = queue(_echo, clock=lambda: now_ns[0])
+    line = queue(clock=lambda: now_ns[0])
 
     def never_made() -> Any:
         raise RuntimeError("not to be made")
@@ -168,21 +161,23 @@ def test_the_queue_is_bounded_and_results_are_forgotten(
 
 
 @pytest.mark.process
+@pytest.mark.long
 def test_a_job_that_its_caller_has_left_is_forgotten_and_costs_no_process(
     queue: Callable[..., SolveJobs],
 ) -> None:
     """One that waits never runs; one that runs ends by itself, in the process of the next one."""
-    line = queue(_pid)
+    line = queue()
     made = []
 
     def make() -> Any:
         made.append(1)
+        return _pid
 
     first = line.submit(5.0, make)
     assert line.wait(first, 60.0)
     left, waiting, last = (line.submit(5.0, make) for _ in range(3))
     assert line.wait_begun(left, 60.0)
-    assert _until(lambda: left.future is not None)
+    assert wait_for(lambda: left.future is not None)
     assert not line.wait_begun(waiting, 0.0)
     line.leave(left)
     line.leave(waiting)

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from dispatcher_daemon.fleet.learning import Learned
-from dispatcher_daemon.service.api.solving import SolveJob, vroom
+from dispatcher_daemon.service.api.solving import SolveJob, SolveJobs, vroom
 from dispatcher_daemon.settings import DispatcherSettings
 from slipstream.errors import InputError
 
@@ -27,11 +27,13 @@ REQUEST: dict[str, Any] = {
 
 @pytest.mark.process
 @pytest.mark.slow
-def test_a_request_in_vrooms_format_is_answered_at_once(serve: Callable[..., Api]) -> None:
+def test_a_request_in_vrooms_format_is_answered_at_once(
+    serve: Callable[..., Api], jobs: SolveJobs
+) -> None:
     """What fits is on the route, the rest unassigned with its reason; refusals have VROOM's code
     beside the problem document's members.
     """
-    api = serve(tokens=True)
+    api = serve(tokens=True, solve_jobs=jobs)
     answer = api.ask("POST", "/v1/vroom?deadline_s=2", "controller", REQUEST)
     assert answer.status == 200
     assert answer.json["code"] == 0
@@ -158,5 +160,5 @@ def test_a_request_with_matrices_needs_no_roads(monkeypatch: pytest.MonkeyPatch)
         now_ns=0,
         seed=1,
     )
-    assert task.run() == b'{"code": 0}'
+    assert task() == b'{"code": 0}'
     assert 3.0 < seconds[0] <= 4.5

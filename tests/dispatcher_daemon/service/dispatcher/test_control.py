@@ -13,9 +13,9 @@ from dispatcher_daemon.service.dispatcher import Control, ControlRefused
 from dispatcher_daemon.service.schedule import CycleScheduler
 from slipstream.messages import DispatcherHealth, SegmentState, state_key
 from storage import Event, StorageError, open_database, open_reader
-from tests.dispatcher_daemon.service.test_daemon import Log, make
-from tests.dispatcher_daemon.service.test_fleet_watch import Bus, accept, at, tell
-from tests.dispatcher_daemon.service.test_fleet_watch import make as make_stored
+from tests.dispatcher_daemon.service.logged import Log, make
+from tests.dispatcher_daemon.service.reporting import Bus, accept, at, tell
+from tests.dispatcher_daemon.service.reporting import make as make_stored
 
 HOUR_NS = 3_600_000_000_000
 
@@ -44,6 +44,7 @@ def test_while_paused_no_cycle_begins_and_no_order_is_inserted(demo: RoutingProb
     ]
 
 
+@pytest.mark.slow
 def test_what_is_reported_meanwhile_is_stored(
     demo: RoutingProblem, state: Callable[..., SegmentState], tmp_path: Path
 ) -> None:
@@ -78,6 +79,7 @@ def test_what_is_reported_meanwhile_is_stored(
         assert make_stored(demo, bus, database).control.paused is None
 
 
+@pytest.mark.slow
 def test_a_pause_is_stored_in_the_database_that_took_the_place(
     demo: RoutingProblem, tmp_path: Path
 ) -> None:

@@ -14,7 +14,7 @@ from dispatcher_daemon.solvers.workers.pool import solve_in_process
 from dispatcher_daemon.traffic.snapshot import TrafficSnapshot, traffic_by
 from slipstream.messages import SegmentState, VehiclePlan
 from slipstream.orders import FleetRecords
-from tests.dispatcher_daemon.service.test_daemon import SETTINGS, Log, feed, make
+from tests.dispatcher_daemon.service.logged import SETTINGS, Log, feed, make
 
 State = Callable[..., SegmentState]
 NOW_NS = 1_700_000_000 * 10**9

@@ -10,8 +10,9 @@ import pytest
 from dispatcher_daemon.forms.problem import RoutingProblem
 from dispatcher_daemon.service.alarms import KINDS, AlarmKind
 from dispatcher_daemon.service.dispatcher import AlarmSource, Dispatcher
-from slipstream.messages import Alarms, RsuHealth
-from tests.dispatcher_daemon.service.test_daemon import SETTINGS, Log, make
+from slipstream.messages import Alarms, rsu_health_key
+from tests.dispatcher_daemon.service.feeds.states import health as rsu_health
+from tests.dispatcher_daemon.service.logged import SETTINGS, Log, make
 
 
 def kinds(log: Log) -> list[str]:
@@ -96,23 +97,9 @@ def test_a_fault_in_it_stops_nothing(
 
 def test_rsus_are_heard(watched: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Their own words are alarms as soon as they last; one fault of the bus is one alarm."""
-    log, _, source, _ = watched
-    counts = ("frames", "frames_skipped", "decode_errors", "reconnects", "states")
-    health = RsuHealth(
-        rsu="a",
-        time_ns=1,
-        started_ns=1,
-        source="rtsp://a",
-        segments=(),
-        status="no_signal",
-        fps=0.0,
-        latency_ms_p50=None,
-        latency_ms_p95=None,
-        vehicles_in_view=0,
-        rss_mb=1.0,
-        **dict.fromkeys(counts, 0),
-    )
-    source.roadside.on_health(health)
+    log, dispatcher, source, _ = watched
+    health = rsu_health("a", segments=(), status="no_signal")
+    dispatcher.receiver.on_health(rsu_health_key("a"), health.to_bytes())
     source.update()
     assert kinds(log) == []
     at_once = replace(KINDS["rsu_no_signal"], raise_after_s=0.0)

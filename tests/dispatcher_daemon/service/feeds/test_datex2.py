@@ -196,6 +196,7 @@ def test_no_site_is_no_publication(roads: RoadNetwork) -> None:
         documents(roads, [])
 
 
+@pytest.mark.slow
 def test_a_wrong_projection_is_refused(roads: RoadNetwork) -> None:
     """Also one that leads off the earth."""
     assert roads.projection is not None
@@ -207,9 +208,10 @@ def test_a_wrong_projection_is_refused(roads: RoadNetwork) -> None:
             find_sites(replace(roads, projection=changed), [("rsu-1", "avenue_east")])
 
 
-FEW = settings(max_examples=60, suppress_health_check=list(HealthCheck))
+FEW = settings(max_examples=20, suppress_health_check=list(HealthCheck))
 
 
+@pytest.mark.slow
 @FEW
 @given(states=st.lists(any_state(SEGMENTS), min_size=1, max_size=4))
 def test_any_states_give_publications_of_the_right_form(

@@ -89,9 +89,10 @@ def test_unknown_has_no_figure(roads: RoadNetwork) -> None:
     assert sensor["core_details"]["status_messages"] == ["stability unknown: stale"]
 
 
-FEW = settings(max_examples=60, suppress_health_check=list(HealthCheck))
+FEW = settings(max_examples=20, suppress_health_check=list(HealthCheck))
 
 
+@pytest.mark.slow
 @FEW
 @given(states=st.lists(any_state(SEGMENTS), max_size=4))
 def test_any_states_give_a_feed_of_the_right_form(

@@ -25,10 +25,10 @@ from slipstream.messages import (
     position_key,
 )
 from storage import CycleInputs, Part, StoredCycle, open_reader
-from tests.dispatcher_daemon.service.test_fleet_watch import accept
+from tests.dispatcher_daemon.service.reporting import accept
 
 from .conftest import request
-from .test_intake import SOLVE, Desk, depart, opened
+from .desk import SOLVE, Desk, depart, opened
 
 pytestmark = pytest.mark.slow
 

@@ -13,6 +13,7 @@ from dispatcher_daemon.service.intake import OrderAnswers
 from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings
 from slipstream.messages import (
+    ALL_ORDERS,
     OrderHistory,
     OrderReceipt,
     OrderRefusal,
@@ -22,7 +23,7 @@ from slipstream.messages import (
 )
 from storage import open_reader
 
-from .test_intake import opened
+from .desk import opened
 
 
 def ask(bus: Bus, key: str, question: object = None) -> tuple[bool, bytes]:
@@ -51,7 +52,7 @@ def test_an_order_is_submitted_shown_and_cancelled_over_the_bus(
     with Router() as router, opened(district, tmp_path) as desk:
         settings = BusSettings(connect=(router.endpoint,))
         with Bus.open(settings) as dispatcher, Bus.open(settings) as caller:
-            OrderAnswers(desk.intake).listen(dispatcher)
+            dispatcher.answer(ALL_ORDERS, OrderAnswers(desk.intake).answer)
             asked = {"id": name, "node": "11", "latest": "2099-01-01T00:00:00Z"}
             first = ask(caller, order_key(name, "submit"), asked)
             assert first[0]
@@ -93,6 +94,7 @@ def test_an_order_is_taken_as_the_message_that_it_is(
         assert desk.intake.show("x").request == request
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("field", ["id", "node", "\ud800"])
 def test_text_that_cannot_be_encoded_is_refused(
     district: RoutingProblem, tmp_path: Path, field: str

@@ -72,20 +72,21 @@ def some_events(rng: random.Random) -> list[MissedEvent]:
 def test_the_times_are_the_best_of_all() -> None:
     """Of small routes all times are tried."""
     rng, compared = random.Random(1), 0
-    for _ in range(120):
+    for _ in range(40):
         events = some_events(rng)
         found, best = least_missed(events, time.monotonic() + 60), tried(events)
         if found is not None and found[-1] > LAST:
             continue
         assert found == best, events
         compared += best is not None
-    assert compared > 40
+    assert compared > 10
 
 
+@pytest.mark.slow
 def test_times_of_any_epoch_are_the_same_ones_later() -> None:
     """However large they are, they are exact."""
     rng = random.Random(2)
-    for _ in range(50):
+    for _ in range(10):
         events = some_events(rng)
         found = least_missed(events, time.monotonic() + 60)
         later = [

@@ -45,8 +45,9 @@ def main():
     worker.close()
     jobs = SolveJobs()
     settings, answer_by_ns = DispatcherSettings(), time.time_ns() + 300 * 10**9
+    learned = Learned({}, {}, None)
     task = VroomTask(
-        REQUEST, 1.0, answer_by_ns, False, False, settings, "", (), Learned({}, {}, None), 0, 1
+        settings, "", (), learned, 0, 1, REQUEST, 1.0, answer_by_ns, False, False
     )
     job = jobs.submit(300.0, lambda: task)
     jobs.wait(job, 300)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from slipstream_lab.simulation.closed_loop.arm import STEP_S, ArmSpec, home_by_s, run_arm
+from slipstream_lab.simulation.closed_loop.history_file import save_history
 from slipstream_lab.simulation.closed_loop.history_recording import (
     history_file,
     history_of,
@@ -210,7 +211,7 @@ class World:
                     begin_s=hours_s[0],
                     end_s=hours_s[1],
                 )
-                record_history(day, self._scenario.network, at_begin).save(path)
+                save_history(record_history(day, self._scenario.network, at_begin), path)
             return path
 
     def _background(self, seed: int) -> tuple[Background, tuple[Path, ...]]:
