@@ -16,12 +16,14 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor, TimeoutError, wait
 from dataclasses import dataclass
-from typing import Literal, Protocol, Self
+from typing import TYPE_CHECKING, Literal, Protocol, Self
 
-from dispatcher_daemon.forms import Problem
 from dispatcher_daemon.solvers.protocol import Outcome, Solver
 from dispatcher_daemon.solvers.workers.processes import Processes
 from slipstream.service.tracing import traced
+
+if TYPE_CHECKING:
+    from dispatcher_daemon.forms import Problem
 
 log = logging.getLogger(__name__)
 
