@@ -2,28 +2,13 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Self
-
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from slipstream.config import Settings
 
 
 class HardwareSettings(Settings):
     """A quantum device beside the solvers: its jobs, budget and circuit breaker."""
-
-    constants: ClassVar[frozenset[str]] = frozenset(
-        (
-            "poll_s",
-            "max_poll_s",
-            "call_timeout_s",
-            "job_timeout_s",
-            "lost_after_s",
-            "fault_threshold",
-            "open_s",
-            "max_open_s",
-        )
-    )
 
     backend: str = Field(
         default="",
@@ -52,65 +37,3 @@ class HardwareSettings(Settings):
         description="How long a cycle waits for the device once all other solvers are done, s: in "
         "all its blocks together, and never into the last fifth of its deadline.",
     )
-    poll_s: float = Field(
-        default=1.0,
-        gt=0,
-        allow_inf_nan=False,
-        description="Time from submitting a job to its first poll, s; it grows by half with each "
-        "poll.",
-    )
-    max_poll_s: float = Field(
-        default=60.0,
-        gt=0,
-        allow_inf_nan=False,
-        description="Maximum time between two polls of a job, s; at least 3600 s where only its "
-        "charge is not known yet.",
-    )
-    call_timeout_s: float = Field(
-        default=20.0,
-        gt=0,
-        allow_inf_nan=False,
-        description="Maximum time of one call of the service, s; a longer one is ended with its "
-        "process.",
-    )
-    job_timeout_s: float = Field(
-        default=1800.0,
-        gt=0,
-        allow_inf_nan=False,
-        description="Maximum age of a pending job, s; an older one is cancelled. An answer that is "
-        "unused for so long is recorded as late.",
-    )
-    lost_after_s: float = Field(
-        default=300.0,
-        gt=0,
-        allow_inf_nan=False,
-        description="Time after which a job that the service does not know is given up, s.",
-    )
-    fault_threshold: int = Field(
-        default=3,
-        ge=1,
-        le=1000,
-        description="Number of faults, without a good answer in between, that opens the circuit "
-        "breaker. While it is open no job is submitted.",
-    )
-    open_s: float = Field(
-        default=60.0,
-        gt=0,
-        allow_inf_nan=False,
-        description="First open time of the circuit breaker, s; it doubles each time the breaker "
-        "opens again.",
-    )
-    max_open_s: float = Field(
-        default=3600.0,
-        gt=0,
-        allow_inf_nan=False,
-        description="Maximum open time of the circuit breaker, s, and its open time after refused "
-        "credentials.",
-    )
-
-    @model_validator(mode="after")
-    def _limits_are_above(self) -> Self:
-        for low, high in (("poll_s", "max_poll_s"), ("open_s", "max_open_s")):
-            if getattr(self, low) > getattr(self, high):
-                raise ValueError(f"{low} must not be above {high}")
-        return self

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Final, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import AfterValidator, Field
 
@@ -54,17 +54,6 @@ LcQaoaVariant = Literal[
 class LcQaoaSettings(Settings):
     """Linear-chain QAOA: which circuit, how it is trained, how often it is sampled."""
 
-    constants: ClassVar[frozenset[str]] = frozenset(
-        (
-            "delta_beta",
-            "delta_gamma",
-            "restarts",
-            "spread",
-            "cvar_share",
-            "order",
-        )
-    )
-
     variant: LcQaoaVariant = Field(
         default="trained",
         description="ramp: untrained; trained: the paper's, 2p angles by COBYLA; multi-angle: each "
@@ -76,40 +65,11 @@ class LcQaoaSettings(Settings):
     shots: int = Field(
         default=4096, ge=1, le=1_000_000, description="Number of samples of the circuit."
     )
-    delta_beta: float = Field(
-        default=0.3, gt=0, allow_inf_nan=False, description="Height of the mixer's ramp, rad."
-    )
-    delta_gamma: float = Field(
-        default=0.6, gt=0, allow_inf_nan=False, description="Height of the phase's ramp, rad."
-    )
     iterations: int = Field(
         default=100,
         ge=1,
         le=100_000,
         description="Maximum number of energy evaluations in training, for each restart.",
-    )
-    restarts: int = Field(
-        default=16,
-        ge=1,
-        le=10_000,
-        description="Number of starting points of training with an angle for each gate.",
-    )
-    spread: float = Field(
-        default=0.5,
-        ge=0,
-        allow_inf_nan=False,
-        description="Standard deviation of the restarts' angles around the ramp, rad.",
-    )
-    cvar_share: float = Field(
-        default=1.0,
-        gt=0,
-        le=1,
-        description="Share of the samples, lowest energies first, whose mean energy the variant "
-        "trained minimises (CVaR); 1: all energies.",
-    )
-    order: Literal["heavy", "random"] = Field(
-        default="heavy",
-        description="Order of the chain: along heavy couplings, or drawn at random.",
     )
     backend: str = Field(
         default="aer",
@@ -122,58 +82,8 @@ class LcQaoaSettings(Settings):
 class QaoaSettings(Settings):
     """QAOA with all couplings, on an exactly simulated state."""
 
-    constants: ClassVar[frozenset[str]] = frozenset(
-        (
-            "delta_beta",
-            "delta_gamma",
-            "iterations",
-            "alpha",
-            "pairs",
-            "layers",
-            "shots",
-            "angles",
-        )
-    )
-
     variant: Literal["x", "xy"] = Field(
         default="x",
         description="Mixer: x on all 2^n states; xy keeps one option of each vehicle (route form "
         "only).",
-    )
-    layers: int = Field(default=2, ge=1, le=20, description="Depth p.")
-    shots: int = Field(
-        default=4096, ge=1, le=1_000_000, description="Number of samples of the circuit."
-    )
-    angles: Literal["transferred", "trained", "ramp"] = Field(
-        default="transferred",
-        description="transferred: the linear ramp of delta_beta and delta_gamma without training; "
-        "trained: all 2p angles from that ramp on, by COBYLA; ramp: only the ramp's two heights.",
-    )
-    delta_beta: float | None = Field(
-        default=None,
-        gt=0,
-        allow_inf_nan=False,
-        description="Height of the mixer's ramp, rad; None: as measured for p and mixer.",
-    )
-    delta_gamma: float | None = Field(
-        default=None,
-        gt=0,
-        allow_inf_nan=False,
-        description="Height of the phase's ramp, rad; None: as measured for p and mixer.",
-    )
-    iterations: int = Field(
-        default=100,
-        ge=1,
-        le=100_000,
-        description="Maximum number of state evaluations in training.",
-    )
-    alpha: float = Field(
-        default=1.0,
-        gt=0,
-        le=1,
-        description="Share of the probability, lowest energies first, whose mean energy training "
-        "minimises (CVaR); 1: all of it.",
-    )
-    pairs: Literal["ring", "chain"] = Field(
-        default="ring", description="Pairs of options that the xy mixer acts on."
     )

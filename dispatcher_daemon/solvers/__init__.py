@@ -28,7 +28,7 @@ if TYPE_CHECKING:
         Status,
     )
     from dispatcher_daemon.solvers.registry import BASELINE_SOLVER, configured_solvers, make_solver
-    from dispatcher_daemon.solvers.sampling import Bits, descend, in_order, stages
+    from dispatcher_daemon.solvers.sampling import Bits, answer, descend, in_order, stages
 
 __all__ = [
     "BASELINE_SOLVER",
@@ -45,6 +45,7 @@ __all__ = [
     "Solver",
     "Status",
     "TabuSolver",
+    "answer",
     "cheapest_insertion",
     "configured_solvers",
     "descend",

@@ -37,8 +37,6 @@ def test_defaults_run_the_demo() -> None:
         ({"hardware": {"backend": "aer:FakeBoston"}}, "hardware.backend"),
         ({"hardware": {"token": "secret"}}, "hardware.token: unknown key"),
         ({"hardware": {"budget_s_per_day": 0}}, "hardware.budget_s_per_day"),
-        ({"hardware": {"poll_s": 90}}, "poll_s must not be above max_poll_s"),
-        ({"hardware": {"open_s": 1e6}}, "open_s must not be above max_open_s"),
         (
             {"hardware": {"backend": "ibm:least-busy"}, "solvers": ["exact"]},
             "add it to solvers",

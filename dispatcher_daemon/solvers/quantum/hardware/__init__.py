@@ -14,17 +14,26 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from dispatcher_daemon.solvers.quantum.hardware.breaker import JobLimits
     from dispatcher_daemon.solvers.quantum.hardware.circuits import ChainCircuitBuilder
     from dispatcher_daemon.solvers.quantum.hardware.manager import JobManager, open_job_manager
+    from dispatcher_daemon.solvers.quantum.hardware.service import ServiceFactory
     from dispatcher_daemon.solvers.quantum.hardware.thread import JobThread
 
-__all__ = ["ChainCircuitBuilder", "JobManager", "JobThread", "open_job_manager"]
+__all__ = [
+    "ChainCircuitBuilder",
+    "JobLimits",
+    "JobManager",
+    "JobThread",
+    "ServiceFactory",
+    "open_job_manager",
+]
 
 
 def __getattr__(name: str) -> object:
     # Loaded on demand: the worker process imports this package too, and needs no database.
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from dispatcher_daemon.solvers.quantum.hardware import manager
+    from dispatcher_daemon.solvers.quantum.hardware import breaker, manager
 
-    return getattr(manager, name)
+    return getattr(breaker if name == "JobLimits" else manager, name)

@@ -11,11 +11,11 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterable, Sequence
-from typing import Final, Literal, Protocol
+from collections.abc import Callable, Iterable
+from typing import Final, Literal
 
 from slipstream.service import LogLimiter
-from storage import QuantumJob, StorageError
+from storage import Database, QuantumJob, StorageError
 
 log = logging.getLogger(__name__)
 
@@ -77,18 +77,6 @@ def budget_refusal(used: float, estimate_s: float, budget_s: float) -> str | Non
     return f"{line}, the job may take {estimate_s:.1f} s" if estimate_s else line
 
 
-class JobStore(Protocol):
-    """What the ledger needs of the database."""
-
-    def save_job(self, job: QuantumJob) -> None:
-        """Store durably, or raise StorageError."""
-        ...
-
-    def jobs_since(self, finished_ns: int) -> Sequence[QuantumJob]:
-        """Jobs that are open, or over since then."""
-        ...
-
-
 class Ledger:
     """All jobs that are open or count in the budget; one thread writes, any may read.
 
@@ -107,7 +95,7 @@ class Ledger:
 
     def __init__(
         self,
-        store: JobStore,
+        store: Database,
         kind: DeviceKind,
         clock_ns: Callable[[], int],
         day_s: float = DAY_S,

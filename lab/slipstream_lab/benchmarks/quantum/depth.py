@@ -13,16 +13,67 @@ import json
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Final
+from typing import Any, Final
 
-from dispatcher_daemon.solvers.quantum import linear_ramp, to_ising
-from dispatcher_daemon.solvers.quantum.backends import Depths, compare_depths, open_backend
-from dispatcher_daemon.solvers.quantum.chain import heavy_path
+from dispatcher_daemon.solvers.quantum import (
+    Ising,
+    chain_circuit,
+    linear_ramp,
+    scheduled,
+    to_ising,
+)
+from dispatcher_daemon.solvers.quantum.backends import (
+    open_backend,
+    transpile_on,
+    two_qubit_depth,
+    two_qubit_gates,
+)
+from dispatcher_daemon.solvers.quantum.chain import heavy_path, place_chain
 from slipstream_lab.benchmarks.aims import Check, check_table, machine
 from slipstream_lab.research.quantum.case import named_cases, open_case
+from slipstream_lab.research.quantum.dense import dense_candidates
 
 PAPER_REDUCTION: Final = 0.667
 _DEVICE: Final = "aer:FakeBoston"
+
+
+@dataclass(frozen=True)
+class Depths:
+    """What one instance's circuits need on a target, transpiled in one run.
+
+    Attributes:
+        chain_depth: two-qubit depth of LC-QAOA.
+        chain_gates: its two-qubit gates.
+        dense_depth: two-qubit depth of QAOA with all couplings, by the better method.
+        dense_gates: two-qubit gates of that circuit.
+        dense_method: "routed" by the transpiler, or "swap network" on the best chain.
+    """
+
+    chain_depth: int
+    chain_gates: int
+    dense_depth: int
+    dense_gates: int
+    dense_method: str
+
+    @property
+    def reduction(self) -> float:
+        """Share of the dense circuit's depth that the chain saves."""
+        return 1 - self.chain_depth / self.dense_depth
+
+
+def compare_depths(ising: Ising, schedule: Sequence[tuple[float, float]], target: Any) -> Depths:
+    """LC-QAOA beside dense QAOA on one target; ``ising`` is in chain order, normalised."""
+    qubits = place_chain(target, len(ising.h), len(schedule)).qubits
+    chain = transpile_on(chain_circuit(scheduled(ising, schedule)), target, qubits)
+    candidates = dense_candidates(ising, schedule, target, qubits)
+    method, dense = min(candidates.items(), key=lambda item: two_qubit_depth(item[1]))
+    return Depths(
+        chain_depth=two_qubit_depth(chain),
+        chain_gates=two_qubit_gates(chain),
+        dense_depth=two_qubit_depth(dense),
+        dense_gates=two_qubit_gates(dense),
+        dense_method=method,
+    )
 
 
 @dataclass(frozen=True)

@@ -97,9 +97,9 @@ def train_and_sample(case: Case, encoding: str, arm: str, seed: int) -> Record:
     if encoding == "one-hot":
         variant = "one-hot-multi-angle" if arm == "gates" else "one-hot-product"
     starts = STARTS[encoding, arm]
-    settings = LcQaoaSettings(variant=variant, layers=LAYERS, restarts=starts)
+    settings = LcQaoaSettings(variant=variant, layers=LAYERS)
     began = time.process_time()
-    prepared = prepare_model(case.model, settings, seed=seed, deadline=math.inf)
+    prepared = prepare_model(case.model, settings, seed=seed, deadline=math.inf, restarts=starts)
     trained = time.process_time()
     bits = np.empty((SHOTS, len(prepared.order)), dtype=np.int8)
     bits[:, list(prepared.order)] = ChainState(prepared.ansatz).sample(SHOTS, seed)

@@ -127,9 +127,9 @@ class LargePlan:
                 layers=self.layers,
                 shots=self.shots,
                 iterations=self.iterations,
-                restarts=self.restarts,
                 backend=self.backend,
-            )
+            ),
+            restarts=self.restarts,
         )
 
 

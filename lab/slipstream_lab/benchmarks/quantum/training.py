@@ -18,7 +18,7 @@ from typing import Final
 
 from dispatcher_daemon.forms import QuboModel, build_model
 from dispatcher_daemon.settings import LcQaoaSettings, LcQaoaVariant
-from dispatcher_daemon.solvers.quantum import prepare_model
+from dispatcher_daemon.solvers.quantum import RESTARTS, prepare_model
 from slipstream_lab.benchmarks.aims import Check, check_table, machine
 from slipstream_lab.benchmarks.quantum.blocks import city_part
 from slipstream_lab.research.quantum.case import named_cases, open_case
@@ -59,23 +59,17 @@ def measure(instances: int, layers: int, iterations: int, large: int) -> Iterato
         large: qubits of the large circuit; 0: none.
     """
     small = [open_case(name).model for name in named_cases(instances)]
-    prepare_model(small[0], _settings("trained", 1, 2, 1), seed=_SEED, deadline=float("inf"))
+    warm_up = LcQaoaSettings(layers=1, iterations=2)
+    prepare_model(small[0], warm_up, seed=_SEED, deadline=float("inf"))
     kinds: tuple[tuple[LcQaoaVariant, int], ...] = (("trained", 1), ("multi-angle", 1))
     for variant, restarts in kinds:
         aim_s = 2.0 if variant == "trained" else None
         yield _timing(small, variant, layers, iterations, restarts, aim_s, 31.34)
-    usual = LcQaoaSettings().restarts
-    yield _timing(small, "multi-angle", layers, iterations, usual, None, None)
+    yield _timing(small, "multi-angle", layers, iterations, RESTARTS, None, None)
     if large:
         model = build_model(city_part(_SEED, CITY, large).problem)
         for variant, restarts in kinds:
             yield _timing([model], variant, layers, iterations, restarts, 60.0, None)
-
-
-def _settings(
-    variant: LcQaoaVariant, layers: int, iterations: int, restarts: int
-) -> LcQaoaSettings:
-    return LcQaoaSettings(variant=variant, layers=layers, iterations=iterations, restarts=restarts)
 
 
 def _timing(
@@ -87,11 +81,13 @@ def _timing(
     aim_s: float | None,
     paper_s: float | None,
 ) -> Timing:
-    settings = _settings(variant, layers, iterations, restarts)
+    settings = LcQaoaSettings(variant=variant, layers=layers, iterations=iterations)
     times, evaluations = [], []
     for model in models:
         began = time.perf_counter()
-        prepared = prepare_model(model, settings, seed=_SEED, deadline=float("inf"))
+        prepared = prepare_model(
+            model, settings, seed=_SEED, deadline=float("inf"), restarts=restarts
+        )
         times.append(time.perf_counter() - began)
         evaluations.append(prepared.evaluations)
     return Timing(

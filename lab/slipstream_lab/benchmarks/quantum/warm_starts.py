@@ -28,19 +28,17 @@ import numpy.typing as npt
 from scipy.optimize import minimize
 
 from dispatcher_daemon.forms import QuboModel
-from dispatcher_daemon.settings import QaoaSettings
 from dispatcher_daemon.solvers import BitDistribution, Bits, stages, uniform_bits
 from dispatcher_daemon.solvers.quantum import ramp_of, to_ising
 from dispatcher_daemon.solvers.quantum.statevector import (
     Diagonal,
     ExactState,
-    Objective,
     Schedule,
     cost_diagonal,
-    train,
 )
 from slipstream_lab.benchmarks.aims import machine
 from slipstream_lab.benchmarks.quantum.variants import Case, route_cases
+from slipstream_lab.research.quantum.angles import train
 from slipstream_lab.research.quantum.store import Record, Store
 
 INSTANCES: Final = 8
@@ -169,9 +167,9 @@ def circuit(case: Case, values: npt.NDArray[np.float64], layers: int, seed: int)
     ising = to_ising(case.model.total, case.model.variables).normalised()
     state = WarmState(cost_diagonal(ising), values)
     rng = np.random.default_rng(seed)
-    ramp = np.array(ramp_of(QaoaSettings(layers=layers)))
+    ramp = np.array(ramp_of("x", layers))
     start = [(b, g) for b, g in (ramp + _NOISE_RAD * rng.standard_normal(ramp.shape)).tolist()]
-    trained = train(state, start, Objective(ALPHA), evaluations=EVALUATIONS)
+    _, evaluations = train(state, start, ALPHA, evaluations=EVALUATIONS)
     train_s = time.process_time() - began
 
     def sampled(number: int) -> Bits:
@@ -184,7 +182,7 @@ def circuit(case: Case, values: npt.NDArray[np.float64], layers: int, seed: int)
     control = seeds_of(case, lambda k: alone.sample(_BATCH, seed * 1000 + k), seed, again)
     return {
         "train_s": train_s,
-        "evaluations": trained.evaluations,
+        "evaluations": evaluations,
         "circuit": found,
         "marginals": control,
     }

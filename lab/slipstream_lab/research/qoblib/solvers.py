@@ -224,6 +224,7 @@ def _trained(model: CoverModel, task: Task, *, gates: bool) -> Prepared:
         seed=task.seed,
         deadline=time.perf_counter() + _TRAINING_SHARE * task.limit_s,
         place=None if gates else cut_everywhere,
+        restarts=1,
     )
 
 

@@ -29,8 +29,8 @@ from dispatcher_daemon.solvers.quantum.circuits import circuit_of
 from dispatcher_daemon.solvers.quantum.ising import Ising, to_ising
 from dispatcher_daemon.solvers.quantum.lc_qaoa import (
     LcQaoaSolver,
+    Prepared,
     counts_to_bits,
-    prepare,
     prepare_model,
 )
 from dispatcher_daemon.solvers.sampling import descend
@@ -212,6 +212,14 @@ def small_routes() -> RouteProblem:
     )
 
 
+def prepare(
+    problem: ArcProblem | RouteProblem, options: LcQaoaSettings, seed: int, deadline: float
+) -> Prepared:
+    """The circuit of a problem, from two starts."""
+    model = build_model(problem)
+    return prepare_model(model, options, seed=seed, deadline=deadline, restarts=2)
+
+
 VARIANTS: tuple[LcQaoaVariant, ...] = get_args(LcQaoaVariant)
 
 
@@ -219,7 +227,7 @@ VARIANTS: tuple[LcQaoaVariant, ...] = get_args(LcQaoaVariant)
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_prepared_circuit_means_what_it_says(variant: LcQaoaVariant) -> None:
     """Its samples, by variable, have the stated mean energy and marginals, also after pickling."""
-    options = LcQaoaSettings(variant=variant, iterations=20, restarts=2, cvar_share=0.5)
+    options = LcQaoaSettings(variant=variant, iterations=20)
     made = prepare(small_routes(), options, 3, math.inf)
     prepared = pickle.loads(pickle.dumps(made))
     by_qubit = ChainState(prepared.ansatz).sample(4000, 1)
@@ -239,7 +247,7 @@ def test_prepared_circuit_means_what_it_says(variant: LcQaoaVariant) -> None:
 
 def test_one_hot_solves_routes_and_refuses_arcs(demo_arcs: Demo) -> None:
     """Every raw sample of route options is valid; arcs have no groups, which is said."""
-    solver = LcQaoaSolver(LcQaoaSettings(variant="one-hot-multi-angle", restarts=4, shots=256))
+    solver = LcQaoaSolver(LcQaoaSettings(variant="one-hot-multi-angle", shots=256), restarts=4)
     outcome = solver.solve(small_routes(), 60.0, 1)
     assert outcome.selected == {1, 4, 7}
     assert outcome.samples is not None
@@ -253,7 +261,7 @@ def test_one_hot_solves_routes_and_refuses_arcs(demo_arcs: Demo) -> None:
 
 def test_training_that_has_no_time_left_still_prepares_a_circuit(demo_arcs: Demo) -> None:
     """One start is looked at once, and taken."""
-    options = LcQaoaSettings(variant="multi-angle", restarts=2, iterations=100_000)
+    options = LcQaoaSettings(variant="multi-angle", iterations=100_000)
     assert prepare(demo_arcs(), options, 1, deadline=0.0).evaluations == 1
     assert prepare(demo_arcs(), LcQaoaSettings(), 1, deadline=0.0).evaluations == 1
 
@@ -267,23 +275,13 @@ def test_a_device_that_cuts_the_chain_gets_no_gate_there() -> None:
         return QubitPlacement(tuple(range(n)), (4,), 1.0)
 
     for variant in ("trained", "multi-angle"):
-        options = LcQaoaSettings(variant=variant, iterations=5, restarts=1)
+        options = LcQaoaSettings(variant=variant, iterations=5)
         prepared = prepare_model(
-            build_model(small_routes()), options, seed=1, deadline=math.inf, place=place
+            build_model(small_routes()), options, seed=1, deadline=math.inf, place=place, restarts=1
         )
         assert np.all(prepared.ansatz.bonds[:, 4] == 0)
         assert np.any(prepared.ansatz.bonds[:, 3] != 0)
     assert asked == [(9, 8), (9, 8)]
-
-
-def test_random_order_depends_on_the_seed_alone(demo_arcs: Demo) -> None:
-    """It is another order than the heavy one, and another for another seed."""
-    options = LcQaoaSettings(variant="ramp", order="random")
-    orders = [prepare(demo_arcs(), options, seed, math.inf).order for seed in (1, 1, 2)]
-    assert orders[0] == orders[1] != orders[2]
-    heavy = prepare(demo_arcs(), LcQaoaSettings(variant="ramp"), 1, math.inf).order
-    assert sorted(heavy) == sorted(orders[0])
-    assert heavy != orders[0]
 
 
 @pytest.mark.long

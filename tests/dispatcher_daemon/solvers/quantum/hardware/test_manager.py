@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import psutil
 import pytest
@@ -18,15 +18,16 @@ from dispatcher_daemon.planning.plans.candidates import Cycle
 from dispatcher_daemon.settings import DispatcherSettings, HardwareSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.protocol import Execution, Outcome
+from dispatcher_daemon.solvers.quantum.hardware.breaker import JobLimits
 from dispatcher_daemon.solvers.quantum.hardware.ledger import MonotonicUtcClock
 from dispatcher_daemon.solvers.quantum.hardware.manager import (
-    BackendServiceFactory,
     JobManager,
     device_kind,
     open_job_manager,
 )
 from dispatcher_daemon.solvers.quantum.hardware.request import JobRequest
 from dispatcher_daemon.solvers.quantum.hardware.runner import JobRunner
+from dispatcher_daemon.solvers.quantum.hardware.service import ServiceFactory
 from dispatcher_daemon.solvers.quantum.hardware.thread import JobThread
 from dispatcher_daemon.solvers.workers.pool import PoolJob, Solve, solve_in_process
 from dispatcher_daemon.traffic.snapshot import take_snapshot
@@ -38,15 +39,8 @@ from .light_builder import LightBuilder
 
 Demo = Callable[..., ArcProblem]
 
-SETTINGS = HardwareSettings(
-    backend="ibm:faulty",
-    shots=256,
-    poll_s=0.05,
-    max_poll_s=0.2,
-    call_timeout_s=0.5,
-    wait_s=30.0,
-    fault_threshold=9,
-)
+SETTINGS = HardwareSettings(backend="ibm:faulty", shots=256, wait_s=30.0)
+LIMITS = JobLimits(poll_s=0.05, max_poll_s=0.2, call_timeout_s=0.5, fault_threshold=9)
 
 
 def aer(jobs: Sequence[PoolJob], deadline_s: float) -> list[Outcome]:
@@ -84,14 +78,20 @@ def open_manager(
     """Opens managers, one after the other; each closes the one before."""
     managers: list[JobManager] = []
 
-    def make(solve: Solve = aer, **changes: Any) -> JobManager:
+    def make(
+        solve: Solve = aer, *, wait_s: float = 30.0, call_timeout_s: float = 0.5
+    ) -> JobManager:
         while managers:
             managers.pop().close()
-        settings = SETTINGS.model_copy(update=changes)
         thread = JobThread(
-            settings, "hardware", FaultyServiceFactory(str(records.path)), LightBuilder(), database
+            SETTINGS,
+            "hardware",
+            FaultyServiceFactory(str(records.path)),
+            LightBuilder(),
+            database,
+            replace(LIMITS, call_timeout_s=call_timeout_s),
         )
-        manager = JobManager(solve, thread, settings.wait_s).__enter__()
+        manager = JobManager(solve, thread, wait_s).__enter__()
         managers.append(manager)
         return manager
 
@@ -360,10 +360,10 @@ def test_kinds_and_services() -> None:
         "noise-model",
     )
     with pytest.raises(InputError, match="no job service"):
-        BackendServiceFactory("aer")()
-    assert BackendServiceFactory("ibm:least-busy").max_age_s == 3600.0
+        ServiceFactory("aer")()
+    assert ServiceFactory("ibm:least-busy").max_age_s == 3600.0
     assert (
-        BackendServiceFactory("ibm:boston").max_age_s
-        == BackendServiceFactory("fake:FakeBoston").max_age_s
+        ServiceFactory("ibm:boston").max_age_s
+        == ServiceFactory("fake:FakeBoston").max_age_s
         == float("inf")
     )
