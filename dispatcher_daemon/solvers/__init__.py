@@ -10,11 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from dispatcher_daemon.solvers.cplex import CplexSolver
-    from dispatcher_daemon.solvers.distribution import (
-        BitDistribution,
-        uniform_bits,
-        uniform_choices,
-    )
+    from dispatcher_daemon.solvers.distribution import BitDistribution
     from dispatcher_daemon.solvers.exact import ExactSolver
     from dispatcher_daemon.solvers.heuristics import AnnealingSolver, TabuSolver
     from dispatcher_daemon.solvers.insertion import cheapest_insertion
@@ -52,8 +48,6 @@ __all__ = [
     "in_order",
     "make_solver",
     "stages",
-    "uniform_bits",
-    "uniform_choices",
 ]
 
 _MODULES: Final = ("protocol", "distribution", "exact", "sampling", "registry", "insertion")

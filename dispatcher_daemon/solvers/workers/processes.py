@@ -143,18 +143,11 @@ class WorkerExecutor(Executor):
         return self._processes.fault
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
-        """Run a picklable call in a worker.
-
-        Raises:
-            RuntimeError: it is shut down.
-        """
-        with self._lock:
-            if self._closed:
-                raise RuntimeError("the workers are shut down")
-            return self._processes.schedule(fn, args, kwargs)
+        """Run a picklable call in a worker; raises as `submit_limited`."""
+        return self.submit_limited(None, fn, *args, **kwargs)
 
     def submit_limited(
-        self, timeout_s: float, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs
+        self, timeout_s: float | None, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs
     ) -> Future[T]:
         """As `submit`; a worker that takes longer than the time is killed and replaced.
 

@@ -9,10 +9,9 @@ native RZZ (snapshots of devices list none: an assumption, see `targets.with_fra
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, Final
 
 from dispatcher_daemon.solvers.quantum import (
@@ -29,7 +28,7 @@ from dispatcher_daemon.solvers.quantum.backends import (
     two_qubit_gates,
 )
 from dispatcher_daemon.solvers.quantum.chain import heavy_path, place_chain
-from slipstream_lab.benchmarks.aims import Check, check_table, machine
+from slipstream_lab.benchmarks.aims import Check, check_table
 from slipstream_lab.research.quantum.case import named_cases, open_case
 from slipstream_lab.research.quantum.dense import dense_candidates
 
@@ -149,14 +148,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--instances", type=int, choices=range(1, 21), default=20, metavar="N")
     parser.add_argument("--layers", type=int, nargs="+", default=[1, 2, 3], metavar="P")
-    parser.add_argument("--json", action="store_true", help="print the figures as JSON")
     options = parser.parse_args(arguments)
     rows = measure(options.instances, options.layers)
     found_checks = checks(rows)
-    if options.json:
-        print(json.dumps({"machine": machine(), "rows": [asdict(row) for row in rows]}))
-    else:
-        print("\n".join(check_table(found_checks)))
+    print("\n".join(check_table(found_checks)))
     return 0 if all(check.reached for check in found_checks) else 1
 
 

@@ -109,9 +109,14 @@ class Harness:
     """Everything around the cycles; job manager and database can be torn down and opened again."""
 
     def __init__(
-        self, folder: Path, seed: int, settings: DispatcherSettings, solve: Solve | None
+        self,
+        folder: Path,
+        seed: int,
+        settings: DispatcherSettings,
+        solve: Solve | None,
+        limits: JobLimits,
     ) -> None:
-        self.settings = settings
+        self.settings, self.limits = settings, limits
         self.url = f"sqlite:///{folder}/cycles.db"
         self.records = ServiceRecords(folder / "service.db", seed, EVERYTHING, (0.0, 0.25))
         self._pool = None
@@ -138,7 +143,7 @@ class Harness:
             FaultyServiceFactory(str(self.records.path)),
             AnsatzBuilder(LcQaoaSolver(self.settings.lc_qaoa)),
             self.database,
-            LIMITS,
+            self.limits,
             DAY_S,
         )
         manager = JobManager(self.inner, thread, hardware.wait_s, self.settings.deadline_s)
@@ -192,6 +197,7 @@ def run(
     folder: Path,
     *,
     settings: DispatcherSettings = SETTINGS,
+    limits: JobLimits = LIMITS,
     solve: Solve | None = None,
     restart_every: int = 40,
     write: Callable[[Mapping[str, Any]], object] = lambda _: None,
@@ -208,7 +214,7 @@ def run(
     """
     result = empty_run(settings)
     before = _resources()
-    harness = Harness(folder, seed, settings, solve)
+    harness = Harness(folder, seed, settings, solve, limits)
     early = before
     first = harness.database.next_cycle_number()
     rng = random.Random(f"{seed} {first}")
@@ -327,7 +333,7 @@ def _traffic(network: RoadNetwork, rng: random.Random) -> TrafficSnapshot:
 def _settle(harness: Harness, result: Run) -> None:
     """Without new faults all jobs must end by themselves."""
     harness.records.expect({})
-    until = time.monotonic() + LIMITS.job_timeout_s + LIMITS.lost_after_s + 20.0
+    until = time.monotonic() + harness.limits.job_timeout_s + harness.limits.lost_after_s + 20.0
     while harness.manager.health().pending and time.monotonic() < until:
         time.sleep(0.1)
     if harness.manager.health().pending:

@@ -12,11 +12,10 @@ The approximation ratio is the share of what the optimum gains on the base route
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Final
 
 from dispatcher_daemon.forms import QuboModel, RouteProblem, build_model
@@ -28,7 +27,6 @@ from dispatcher_daemon.solvers import (
     Outcome,
     Samples,
     Solver,
-    uniform_choices,
 )
 from dispatcher_daemon.solvers.quantum import LcQaoaSolver
 from slipstream.errors import InputError
@@ -39,6 +37,7 @@ from slipstream_lab.research.quantum.controls import (
     distributions,
     histogram_of,
     run_controls,
+    uniform_choices,
 )
 
 CITY: Final = (120, 600, 1200)
@@ -311,7 +310,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=LargePlan().seed, metavar="N")
     parser.add_argument("--backend", default=LargePlan().backend, metavar="NAME")
     parser.add_argument("--no-sweeps", action="store_true", help="no sweeps with LC-QAOA")
-    parser.add_argument("--json", action="store_true", help="print the figures as JSON")
     options = parser.parse_args(arguments)
     plan = LargePlan(
         seed=options.seed,
@@ -323,10 +321,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for variables in sorted(set(options.sizes)):
         print(f"{variables} qubits", file=sys.stderr, flush=True)
         blocks.append(measure(plan, variables))
-    if options.json:
-        print(json.dumps({"plan": asdict(plan), "blocks": [asdict(block) for block in blocks]}))
-    else:
-        print(report(blocks, plan))
+    print(report(blocks, plan))
     return 0
 
 

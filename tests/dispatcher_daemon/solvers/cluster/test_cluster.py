@@ -219,19 +219,6 @@ def test_a_worker_of_another_build_gets_no_work(
 
 
 @pytest.mark.long
-def test_a_cluster_in_this_process_plans_the_same(connected: Connect, expected: Any) -> None:
-    """The address local: nothing but loopback, and the same plan."""
-    with (
-        connected(ClusterSettings(address="local"), 2) as cluster,
-        own_processes(cluster) as executor,
-    ):
-        made = plan(executor, cluster_solve(cluster, [ExactSolver()], refuse), 600.0)
-        listening = [c.laddr for c in psutil.Process().net_connections() if c.status == "LISTEN"]
-    assert stops_of(made) == expected
-    assert {place.ip for place in listening} == {"127.0.0.1"}
-
-
-@pytest.mark.long
 @pytest.mark.parametrize("address", ["local", "tcp://127.0.0.1:1"])
 def test_a_dispatcher_plans_by_its_setting(address: str, expected: Any) -> None:
     """By the settings' cluster if there is one; alone if nobody is at its address."""

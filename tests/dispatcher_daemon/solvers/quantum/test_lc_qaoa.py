@@ -15,7 +15,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dispatcher_daemon.forms.arc import build_arc_model
 from dispatcher_daemon.forms.decode import decode
 from dispatcher_daemon.forms.model import build_model
 from dispatcher_daemon.forms.problem import ArcProblem, RouteOption, RouteProblem
@@ -33,7 +32,6 @@ from dispatcher_daemon.solvers.quantum.lc_qaoa import (
     counts_to_bits,
     prepare_model,
 )
-from dispatcher_daemon.solvers.sampling import descend
 
 Demo = Callable[..., ArcProblem]
 
@@ -124,16 +122,6 @@ def test_chain_is_a_heavy_hamiltonian_path(seed: int, n: int) -> None:
     assert path_weight(coupling, path) >= 0.5 * heaviest(coupling)
 
 
-@pytest.mark.slow
-def test_chain_is_close_to_the_heaviest_on_average() -> None:
-    """Over a hundred random instances the heuristic keeps 95 % of the heaviest path's weight."""
-    ratios = []
-    for seed in range(100):
-        coupling = random_coupling(seed, 6)
-        ratios.append(path_weight(coupling, heavy_path(coupling)) / heaviest(coupling))
-    assert np.mean(ratios) > 0.95
-
-
 def random_coupling(seed: int, n: int) -> np.ndarray:
     """A sparse symmetric matrix."""
     rng = np.random.default_rng(seed)
@@ -153,23 +141,6 @@ def test_normalised_has_a_largest_coefficient_of_one() -> None:
     assert ising.coupling[0, 1] == 0.5
     empty = Ising(np.zeros(2), np.zeros((2, 2)), 0.0)
     assert empty.normalised() is empty
-
-
-def test_descent_ends_in_local_minima_of_the_full_qubo(demo_arcs: Demo) -> None:
-    """No single flip lowers a descended state, and no state gets worse on its way."""
-    model = build_arc_model(demo_arcs(avenue_east=1))
-    rng = np.random.default_rng(2)
-    start = rng.integers(0, 2, size=(20, 25), dtype=np.int8)
-    end = descend(model, start, seed=1)
-    names = list(model.variables)
-    assert end.shape == start.shape
-    before = model.total.energies((start, names))
-    after = model.total.energies((end, names))
-    assert np.all(after <= before + 1e-9)
-    for i in range(25):
-        flipped = end.copy()
-        flipped[:, i] ^= 1
-        assert np.all(model.total.energies((flipped, names)) >= after - 1e-6)
 
 
 @pytest.mark.slow

@@ -240,12 +240,6 @@ def test_workers_end_with_a_killed_parent(tmp_path: Path) -> None:
     assert alive == []
 
 
-def test_two_solvers_of_one_name_are_refused() -> None:
-    """Answers are told apart by name."""
-    with pytest.raises(ValueError, match="one name"):
-        SolverPool([ExactSolver(), ExactSolver()])
-
-
 def test_solving_in_place_reports_faults_too(faulty: Callable[[str], Any], demo_arcs: Demo) -> None:
     """Without workers a solver that raises is still only an Outcome."""
     solve = solve_in_process([faulty("raises"), ExactSolver()])

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 
 import numpy as np
@@ -152,18 +151,3 @@ def test_nonsense_is_refused(make: Callable[[], object], problem: str) -> None:
 def test_memory_at_25_qubits_is_as_documented() -> None:
     """Below half a GiB, diagonal included."""
     assert memory_bytes(25) == 384 << 20
-
-
-def test_time_grows_with_the_states_not_faster() -> None:
-    """Sixteen times as many states take less than 160 times as long."""
-    took = []
-    for n in (14, 18):
-        state = StateVector(cost_diagonal(random_ising(n)), threads=1)
-        state.evolve(SCHEDULE)
-        rounds = []
-        for _ in range(3):
-            began = time.thread_time()
-            state.evolve(SCHEDULE)
-            rounds.append(time.thread_time() - began)
-        took.append(min(rounds))
-    assert took[1] < 160 * took[0]
