@@ -59,6 +59,9 @@ def solving_s(deadline_s: float) -> float:
 
 
 def _warm_up(solver: Solver) -> int:
+    # What reading a problem needs, whatever the solver imports.
+    import dispatcher_daemon.forms  # noqa: F401
+
     solver.warm_up()
     return os.getpid()
 

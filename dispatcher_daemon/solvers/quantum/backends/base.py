@@ -8,7 +8,11 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from dispatcher_daemon.solvers.protocol import BackendKind
-from dispatcher_daemon.solvers.quantum.backends.targets import transpile_on
+from dispatcher_daemon.solvers.quantum.backends.targets import (
+    transpile_on,
+    two_qubit_depth,
+    two_qubit_gates,
+)
 from dispatcher_daemon.solvers.quantum.chain.layout import QubitPlacement, place_chain
 
 OVERHEAD_S = 5.0
@@ -85,6 +89,28 @@ class Backend(Protocol):
             InputError: the circuit does not fit the device.
         """
         ...
+
+
+class DeviceOnTarget:
+    """What a job service does by its device's target alone; see `JobService`."""
+
+    @property
+    def target(self) -> Any:
+        """The device's `qiskit.transpiler.Target`."""
+        raise NotImplementedError
+
+    def estimate_s(self, circuit: Any, shots: int) -> float:
+        """See `JobService.estimate_s`; it is also a job's time limit at a service."""
+        return device_s(shots)
+
+    def place(self, n: int, bond_weights: Sequence[float] | None = None) -> QubitPlacement:
+        """See `Backend.place`."""
+        return place_chain(self.target, n, bond_weights=bond_weights)
+
+    def two_qubit(self, circuit: Any) -> tuple[int, int]:
+        """See `JobService.two_qubit`."""
+        transpiled = fit(circuit, self.target)
+        return two_qubit_depth(transpiled), two_qubit_gates(transpiled)
 
 
 def fit(circuit: Any, target: Any) -> Any:

@@ -6,7 +6,7 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from dispatcher_daemon.solvers.quantum.backends.base import device_s, fit
+from dispatcher_daemon.solvers.quantum.backends.base import DeviceOnTarget, device_s, fit
 from dispatcher_daemon.solvers.quantum.backends.ibm_account import (
     AccountAccess,
     find_access,
@@ -14,8 +14,6 @@ from dispatcher_daemon.solvers.quantum.backends.ibm_account import (
 )
 from dispatcher_daemon.solvers.quantum.backends.ibm_faults import ask, without_secrets
 from dispatcher_daemon.solvers.quantum.backends.jobs import JobState, JobView, ServiceFault
-from dispatcher_daemon.solvers.quantum.backends.targets import two_qubit_depth, two_qubit_gates
-from dispatcher_daemon.solvers.quantum.chain.layout import QubitPlacement, place_chain
 from slipstream.errors import InputError
 
 LEAST_BUSY = "least-busy"
@@ -74,7 +72,7 @@ def _find_device(client: Any, name: str) -> Any:
     )
 
 
-class IbmService:
+class IbmService(DeviceOnTarget):
     """A device as a `JobService`.
 
     Args:
@@ -108,19 +106,6 @@ class IbmService:
             return self._device.target
 
         return ask(self._token, read)
-
-    def estimate_s(self, circuit: Any, shots: int) -> float:
-        """See `JobService.estimate_s`; it is also the job's time limit at the service."""
-        return device_s(shots)
-
-    def place(self, n: int, bond_weights: Sequence[float] | None = None) -> QubitPlacement:
-        """See `Backend.place`."""
-        return place_chain(self.target, n, bond_weights=bond_weights)
-
-    def two_qubit(self, circuit: Any) -> tuple[int, int]:
-        """Layers of two-qubit gates of a circuit as it will run, and their number."""
-        transpiled = fit(circuit, self.target)
-        return two_qubit_depth(transpiled), two_qubit_gates(transpiled)
 
     def submit(self, circuit: Any, shots: int, tags: Sequence[str]) -> str:
         """See `JobService.submit`; the circuit is transpiled for the device.

@@ -67,15 +67,15 @@ class Result:
     """
 
     name: str
-    qubits: int | None
-    depth: int | None
-    circuits: int
-    train_s: float
-    sample_s: float
-    wall_s: float
-    p_feasible: float | None
-    ratios: tuple[float | None, ...]
-    mean_ratio: float | None
+    qubits: int | None = None
+    depth: int | None = None
+    circuits: int = 0
+    train_s: float = 0.0
+    sample_s: float = 0.0
+    wall_s: float = 0.0
+    p_feasible: float | None = None
+    ratios: tuple[float | None, ...] = (None, None, None)
+    mean_ratio: float | None = None
 
 
 @dataclass(frozen=True)
@@ -166,11 +166,11 @@ def _one_circuit(
     try:
         outcome = plan.solver(variant).solve(problem, _SOLVE_S, plan.seed)
     except InputError as error:  # groups that no packing lays on the device
-        yield _no_result(f"one LC-QAOA, {variant}: {error.problem}")
+        yield Result(f"one LC-QAOA, {variant}: {error.problem}")
         return
     execution, samples = outcome.execution, outcome.samples
     if execution is None or samples is None:
-        yield _no_result(f"one LC-QAOA, {variant}: {outcome.reason}")
+        yield Result(f"one LC-QAOA, {variant}: {outcome.reason}")
         return
     yield Result(
         name=f"one LC-QAOA, {variant}",
@@ -189,10 +189,6 @@ def _one_circuit(
     yield _control(plan, model, scale, f"its marginals, {variant}", of["marginals"])
 
 
-def _no_result(name: str) -> Result:
-    return Result(name, None, None, 0, 0.0, 0.0, 0.0, None, (None, None, None), None)
-
-
 def _control(
     plan: LargePlan,
     model: QuboModel,
@@ -206,11 +202,6 @@ def _control(
     wall_s = time.perf_counter() - began
     return Result(
         name=f"control: {name}",
-        qubits=None,
-        depth=None,
-        circuits=0,
-        train_s=0.0,
-        sample_s=0.0,
         wall_s=wall_s,
         p_feasible=uniform.share(uniform.raw),
         ratios=_ratios(uniform, scale),
@@ -242,9 +233,7 @@ def _swept(
         train_s=sum(e.train_s for e in ran),
         sample_s=sum(e.sample_s for e in ran),
         wall_s=time.perf_counter() - began,
-        p_feasible=None,
         ratios=(ratio(*scale, swept.objective_kwh),),
-        mean_ratio=None,
     )
 
 
