@@ -222,9 +222,7 @@ class LcQaoaSolver:
     """LC-QAOA as configured.
 
     Attributes:
-        settings: of circuit, training and sampling.
-        gamma: penalty weight of the QUBO, kWh; None: computed.
-        encoding: of the arc form's subtour terms.
+        gamma, encoding: of the QUBO, see `build_model`.
         backend: opens a backend instead of the settings' simulator; a device's use is not limited
             here.
         restarts: see `prepare_model`.

@@ -48,11 +48,9 @@ class QaoaSolver:
     2^20 choices of one for each vehicle. Larger problems are refused before anything is computed.
 
     Attributes:
-        settings: see there.
         layers: depth p.
         shots: number of samples.
-        gamma: penalty weight of the QUBO, kWh; None: computed.
-        encoding: of the arc form's subtour terms.
+        gamma, encoding: of the QUBO, see `build_model`.
         train: finds better angles from these on and leaves the state at them, by a time of
             `time.perf_counter`; None: the angles of `ramp_of` as they are.
     """

@@ -47,7 +47,6 @@ class Processes:
     """A pool of spawned processes. It is not thread-safe: the caller locks.
 
     Args:
-        size: number of processes.
         spawner: starts the processes, in a thread that outlives them: see `start_worker`.
         name: for the log.
         niceness: of the processes above this one's.
@@ -126,9 +125,6 @@ class WorkerExecutor(Executor):
     """Spawned processes that die with this one; if one is killed, others take its place.
 
     The jobs that a broken pool was at raise; the next ones find a new pool.
-
-    Args:
-        workers: number of processes.
     """
 
     def __init__(self, workers: int) -> None:

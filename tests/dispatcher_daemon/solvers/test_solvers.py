@@ -129,6 +129,7 @@ def test_a_problem_without_choices_is_no_crash() -> None:
         assert "nothing to choose" in (solver.solve(RouteProblem((), (), ()), 5.0, 1).reason or "")
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(seed=st.integers(0, 10**6))
 def test_repair_leaves_one_option_each_and_the_best_of_those_selected(

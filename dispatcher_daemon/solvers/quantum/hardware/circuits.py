@@ -35,9 +35,6 @@ class BuiltCircuit:
     Attributes:
         circuit: measured, classical bit q being qubit q.
         order: qubit q carries variable ``order[q]``.
-        fingerprint: of the circuit.
-        variant: of the algorithm.
-        layers: depth p.
         train_s: time for the angles, s.
     """
 

@@ -29,10 +29,6 @@ class MonotonicUtcClock:
     """UTC, ns: the wall clock's time at the start plus the monotonic time since.
 
     Setting the wall clock while the process runs would age jobs or free budget.
-
-    Args:
-        wall_ns: UTC, read once.
-        monotonic_ns: monotonic time.
     """
 
     def __init__(
@@ -84,7 +80,7 @@ class Ledger:
     begins once it is stored.
 
     Args:
-        store: database; the jobs in it are loaded.
+        store: the jobs in it are loaded.
         kind: of the device; jobs of the other kind are ignored.
         clock_ns: UTC, ns (`MonotonicUtcClock`).
         day_s: length of the budget's day, s.

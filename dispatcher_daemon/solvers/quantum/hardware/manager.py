@@ -119,11 +119,7 @@ def device_kind(backend: str) -> DeviceKind:
 def open_job_manager(
     settings: DispatcherSettings, solve: Solve, store: Database
 ) -> JobManager | nullcontext[None]:
-    """The job manager of the configured device, not started; of None where there is none.
-
-    Args:
-        solve: solver pool.
-        store: of the ledger of jobs.
+    """The job manager of the configured device, not started; a context of None without one.
 
     Raises:
         StorageError: the ledger cannot be read.

@@ -48,13 +48,7 @@ class JobRunner:
     """Submits, polls and cancels the jobs of one device; used by one thread.
 
     Args:
-        settings: of the device.
-        limits: of its jobs.
-        kind: of the device.
-        factory: opens the service, in the worker.
-        builder: builds circuits and decodes samples, in the worker.
-        ledger: of the device's jobs.
-        breaker: of the service's faults.
+        factory, builder: used in the worker.
         call: runs a call in the worker, see `ServiceWorker.call`.
         clock_ns: UTC, ns (`MonotonicUtcClock`).
         clock: monotonic time, s.

@@ -55,10 +55,7 @@ class JobThread:
         warm: set once the worker has imported what it needs, or has failed to.
 
     Args:
-        settings: of the device.
-        kind: of the device.
         factory: opens the service, in the worker.
-        builder: see above.
         store: of the ledger.
         limits: of jobs and breaker; None: the usual ones.
         day_s: length of the budget's day, s.

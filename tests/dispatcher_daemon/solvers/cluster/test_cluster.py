@@ -108,7 +108,7 @@ def at_call(cluster: Cluster, number: int, act: Callable[[], None]) -> None:
     cluster.submit = counted  # type: ignore[method-assign]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_workers_plan_as_this_machine_does(
     members: Members, connected: Connect, expected: Any
 ) -> None:

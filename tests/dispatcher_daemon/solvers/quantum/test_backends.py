@@ -60,6 +60,7 @@ def test_bits_come_back_in_the_chains_order(name: str) -> None:
     assert backend.kind == ("simulated" if name == "aer" else "noise-model")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ansatz", [random_chain(6, 2, 1), random_one_hot((3, 3), 2, 2)])
 def test_aer_samples_what_the_circuit_says(ansatz: ChainAnsatz) -> None:
     """Frequencies of 4,000 shots agree with the state vector; a seed fixes them."""

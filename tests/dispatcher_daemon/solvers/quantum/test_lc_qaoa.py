@@ -44,6 +44,7 @@ def random_bqm(seed: int, n: int) -> dimod.BinaryQuadraticModel:
     return dimod.BinaryQuadraticModel(linear, quadratic, float(rng.normal()), "BINARY")
 
 
+@pytest.mark.slow
 @given(seed=st.integers(0, 1000), n=st.integers(1, 5))
 def test_ising_has_the_qubos_energy_in_qiskits_convention(seed: int, n: int) -> None:
     """With x = (1 − z)/2 both give every state the same energy."""
@@ -113,6 +114,7 @@ def test_linear_ramp_is_lr_qaoas() -> None:
     assert linear_ramp(1, 0.3, 0.6) == [(0.3, 0.6)]
 
 
+@pytest.mark.slow
 @given(seed=st.integers(0, 10**6), n=st.integers(1, 6))
 def test_chain_is_a_heavy_hamiltonian_path(seed: int, n: int) -> None:
     """Every variable comes once, with at least half the heaviest path's weight (greedy's bound)."""
@@ -216,6 +218,7 @@ def test_prepared_circuit_means_what_it_says(variant: LcQaoaVariant) -> None:
         assert not one_each.all()
 
 
+@pytest.mark.slow
 def test_one_hot_solves_routes_and_refuses_arcs(demo_arcs: Demo) -> None:
     """Every raw sample of route options is valid; arcs have no groups, which is said."""
     solver = LcQaoaSolver(LcQaoaSettings(variant="one-hot-multi-angle", shots=256), restarts=4)

@@ -70,9 +70,11 @@ def faulty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable
     ("fault", "status", "reason"),
     [
         ("hangs", "timeout", "no answer within 3 s"),
-        ("raises", "failed", "ValueError: no such luck"),
+        pytest.param("raises", "failed", "ValueError: no such luck", marks=pytest.mark.long),
         ("dies", "failed", "ProcessExpired"),
-        ("garbage", "failed", "TypeError: answered with a dict"),
+        pytest.param(
+            "garbage", "failed", "TypeError: answered with a dict", marks=pytest.mark.long
+        ),
     ],
 )
 def test_a_faulty_solver_costs_only_its_own_answer(

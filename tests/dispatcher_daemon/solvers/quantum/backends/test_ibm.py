@@ -134,7 +134,7 @@ def test_http_faults_have_their_kinds(
         assert (found.kind, found.retry_s) == (kind, 7.0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_is_no_json_is_garbage(stand_in: IbmStandIn, service: IbmService) -> None:
     """A captive portal's page, and a result of the wrong shape."""
     job = service.submit(CIRCUIT, 10, [])
@@ -231,7 +231,7 @@ def test_credentials_come_from_the_environment_or_from_systemd(tmp_path: Path) -
         find_access(folder)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_token_is_in_no_text(
     stand_in: IbmStandIn, service: IbmService, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -88,6 +88,7 @@ def test_samples_are_those_of_the_density_matrix(make: Any) -> None:
     assert np.abs(probabilities(circuit) - exact).max() > 0.02
 
 
+@pytest.mark.slow
 def test_the_seed_fixes_the_samples() -> None:
     """Same seed, same counts; another seed, others; 0 is a seed."""
     target = noisy_device()
@@ -109,6 +110,7 @@ def test_blocks_without_noise_are_the_circuit() -> None:
         assert all(block.error == 0 for block in blocks_of(circuit, None))
 
 
+@pytest.mark.slow
 def test_a_better_device_errs_more_rarely() -> None:
     """The chance of an error-free run grows with better gates."""
     shares = []

@@ -69,6 +69,7 @@ def test_qubits_that_are_not_looked_at_are_summed_over() -> None:
     assert state.probabilities(wanted) == pytest.approx([expected[fits].sum()])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "ansatz", [random_chain(5, 2, 7), random_one_hot((3, 3), 2, 7)], ids=["chain", "one-hot"]
 )
@@ -89,6 +90,7 @@ def test_samples_follow_the_distribution(ansatz: Ansatz) -> None:
     assert statistic < chi2.ppf(0.9999, common.sum() - 1)
 
 
+@pytest.mark.slow
 @settings(max_examples=3)
 @given(seed=st.integers(0, 10_000))
 def test_gradient_is_that_of_central_differences(seed: int) -> None:
@@ -119,6 +121,7 @@ def test_angles_go_to_a_vector_and_back() -> None:
         assert np.array_equal(sites.flat(again), sites.flat(ansatz))
 
 
+@pytest.mark.slow
 def test_five_hundred_qubits_are_no_matter() -> None:
     """Energy, gradient and samples of a long chain; nothing grows with 2^n."""
     n = 500

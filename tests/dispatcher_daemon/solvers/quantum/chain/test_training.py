@@ -124,6 +124,7 @@ def test_a_deadline_far_away_changes_nothing() -> None:
     assert (timed.value, timed.evaluations) == (pytest.approx(free.value), free.evaluations)
 
 
+@pytest.mark.slow
 def test_five_hundred_qubits_train() -> None:
     """Two steps lower the energy of a long chain with couplings beyond its neighbours."""
     rng = np.random.default_rng(1)

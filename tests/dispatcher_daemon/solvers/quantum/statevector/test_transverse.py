@@ -94,6 +94,7 @@ def test_states_of_many_blocks_are_mixed_right(
     assert found.mean() == pytest.approx(float(np.abs(state) ** 2 @ cost), rel=1e-5)
 
 
+@pytest.mark.slow
 def test_norm_is_kept_in_single_precision() -> None:
     """20 qubits, ten layers: the norm is 1 within 1e-5, where 1e-4 is asked for."""
     state = StateVector(cost_diagonal(random_ising(20).normalised()))
