@@ -155,9 +155,6 @@ def warm_up(solvers: Sequence[Any], *functions: Callable[..., Any]) -> int:
     Args:
         functions: unpickling them imports their modules.
     """
-    # What reading a problem needs, whatever the solvers import.
-    import dispatcher_daemon.forms  # noqa: F401
-
     for solver in solvers:
         try:
             solver.warm_up()

@@ -59,9 +59,6 @@ def solving_s(deadline_s: float) -> float:
 
 
 def _warm_up(solver: Solver) -> int:
-    # What reading a problem needs, whatever the solver imports.
-    import dispatcher_daemon.forms  # noqa: F401
-
     solver.warm_up()
     return os.getpid()
 
@@ -75,7 +72,9 @@ class _Workers(Processes):
     """One solver and the processes that run it."""
 
     def __init__(self, solver: Solver, spawner: ThreadPoolExecutor, size: int) -> None:
-        super().__init__(size, spawner, f"workers of solver {solver.name}")
+        super().__init__(
+            size, spawner, f"workers of solver {solver.name}", modules=(type(solver).__module__,)
+        )
         self.solver = solver
 
     def warm_up(self) -> list[Future[int]]:

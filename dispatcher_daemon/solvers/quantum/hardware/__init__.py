@@ -11,7 +11,8 @@ waited for beyond the cycle's deadline.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from dispatcher_daemon.solvers.quantum.hardware.breaker import JobLimits
@@ -30,10 +31,14 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> object:
-    # Loaded on demand: the worker process imports this package too, and needs no database.
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from dispatcher_daemon.solvers.quantum.hardware import breaker, manager
+_MODULES: Final = ("breaker", "circuits", "service", "manager")
+"""Where the names are found, light modules first; only the last needs a database."""
 
-    return getattr(breaker if name == "JobLimits" else manager, name)
+
+def __getattr__(name: str) -> object:
+    # Loaded on demand: the worker process imports this package too.
+    for module in _MODULES if name in __all__ else ():
+        found = vars(import_module(f"{__name__}.{module}"))
+        if name in found:
+            return found[name]
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -150,7 +150,7 @@ class ServiceWorker:
 
     def __init__(self) -> None:
         self._keeper = ThreadPoolExecutor(1, thread_name_prefix="service-worker")
-        self._processes = Processes(1, self._keeper, "the device's worker")
+        self._processes = Processes(1, self._keeper, "the device's worker", modules=(__name__,))
         self._lock = threading.Lock()
         self._closed = False
 
