@@ -50,7 +50,7 @@ __all__ = [
     "stages",
 ]
 
-_MODULES: Final = ("protocol", "distribution", "exact", "sampling", "registry", "insertion")
+_MODULES: Final = "protocol distribution exact sampling registry insertion".split()
 """Where the names are found, light modules first; the registry imports all solvers."""
 
 

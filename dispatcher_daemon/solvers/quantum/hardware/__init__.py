@@ -31,7 +31,7 @@ __all__ = [
 ]
 
 
-_MODULES: Final = ("breaker", "circuits", "service", "manager")
+_MODULES: Final = "breaker circuits service manager".split()
 """Where the names are found, light modules first; only the last needs a database."""
 
 
