@@ -50,12 +50,12 @@ __all__ = [
     "stages",
 ]
 
-_MODULES: Final = "protocol distribution exact sampling registry insertion".split()
+_MODULES: Final = "protocol distribution exact sampling registry insertion"
 """Where the names are found, light modules first; the registry imports all solvers."""
 
 
 def __getattr__(name: str) -> object:
-    for module in _MODULES if name in __all__ else ():
+    for module in _MODULES.split() if name in __all__ else ():
         found = vars(import_module(f"{__name__}.{module}"))
         if name in found:
             return found[name]

@@ -31,13 +31,13 @@ __all__ = [
 ]
 
 
-_MODULES: Final = "breaker circuits service manager".split()
+_MODULES: Final = "breaker circuits service manager"
 """Where the names are found, light modules first; only the last needs a database."""
 
 
 def __getattr__(name: str) -> object:
     # Loaded on demand: the worker process imports this package too.
-    for module in _MODULES if name in __all__ else ():
+    for module in _MODULES.split() if name in __all__ else ():
         found = vars(import_module(f"{__name__}.{module}"))
         if name in found:
             return found[name]
