@@ -37,24 +37,3 @@ class HardwareSettings(Settings):
         description="How long a cycle waits for the device once all other solvers are done, s: in "
         "all its blocks together, and never into the last fifth of its deadline.",
     )
-    poll_s: float = 1.0
-    """Time from submitting a job to its first poll, s; it grows by half with each poll."""
-    max_poll_s: float = 60.0
-    """Maximum time between two polls of a job, s; at least 3600 s where only its charge is
-    not known yet."""
-    call_timeout_s: float = 20.0
-    """Maximum time of one call of the service, s; a longer one is ended with its process."""
-    job_timeout_s: float = 1800.0
-    """Maximum age of a pending job, s; an older one is cancelled. An answer that is unused
-    for so long is recorded as late."""
-    lost_after_s: float = 300.0
-    """Time after which a job that the service does not know is given up, s."""
-    fault_threshold: int = 3
-    """Number of faults, without a good answer in between, that opens the circuit breaker.
-    While it is open no job is submitted."""
-    open_s: float = 60.0
-    """First open time of the circuit breaker, s; it doubles each time the breaker opens
-    again."""
-    max_open_s: float = 3600.0
-    """Maximum open time of the circuit breaker, s, and its open time after refused
-    credentials."""

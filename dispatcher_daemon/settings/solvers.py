@@ -9,7 +9,15 @@ from pydantic import AfterValidator, Field
 from slipstream.config import Settings
 from slipstream.plugins import plugin_names
 
-BUILT_IN_SOLVERS: Final = ("exact", "cplex", "tabu", "annealing", "insertion", "lc-qaoa", "qaoa")
+BUILT_IN_SOLVERS: Final = (
+    "exact",
+    "cplex",
+    "tabu",
+    "annealing",
+    "insertion",
+    "lc-qaoa",
+    "qaoa",
+)
 SOLVER_ENTRY_POINTS: Final = "slipstream.solvers"
 """Group of entry points by which installed packages add solvers; see `solvers.registry`."""
 
@@ -33,7 +41,13 @@ HARDWARE_SOLVER: Final[SolverName] = "lc-qaoa"
 
 
 LcQaoaVariant = Literal[
-    "ramp", "trained", "multi-angle", "product", "one-hot", "one-hot-multi-angle", "one-hot-product"
+    "ramp",
+    "trained",
+    "multi-angle",
+    "product",
+    "one-hot",
+    "one-hot-multi-angle",
+    "one-hot-product",
 ]
 
 
@@ -51,25 +65,12 @@ class LcQaoaSettings(Settings):
     shots: int = Field(
         default=4096, ge=1, le=1_000_000, description="Number of samples of the circuit."
     )
-    delta_beta: float = 0.3
-    """Height of the mixer's ramp, rad."""
-    delta_gamma: float = 0.6
-    """Height of the phase's ramp, rad."""
     iterations: int = Field(
         default=100,
         ge=1,
         le=100_000,
         description="Maximum number of energy evaluations in training, for each restart.",
     )
-    restarts: int = 16
-    """Number of starting points of training with an angle for each gate."""
-    spread: float = 0.5
-    """Standard deviation of the restarts' angles around the ramp, rad."""
-    cvar_share: float = 1.0
-    """Share of the samples, lowest energies first, whose mean energy the variant trained
-    minimises (CVaR); 1: all energies."""
-    order: Literal["heavy", "random"] = "heavy"
-    """Order of the chain: along heavy couplings, or drawn at random."""
     backend: str = Field(
         default="aer",
         pattern=r"^aer(|:Fake[A-Za-z0-9]+(|\+fractional))$",
@@ -86,21 +87,3 @@ class QaoaSettings(Settings):
         description="Mixer: x on all 2^n states; xy keeps one option of each vehicle (route form "
         "only).",
     )
-    layers: int = Field(default=2, ge=1, le=20)
-    """Depth p."""
-    shots: int = Field(default=4096, ge=1, le=1_000_000)
-    """Number of samples of the circuit."""
-    angles: Literal["transferred", "trained", "ramp"] = "transferred"
-    """transferred: the linear ramp of delta_beta and delta_gamma without training; trained:
-    all 2p angles from that ramp on, by COBYLA; ramp: only the ramp's two heights."""
-    delta_beta: float | None = None
-    """Height of the mixer's ramp, rad; None: as measured for p and mixer."""
-    delta_gamma: float | None = None
-    """Height of the phase's ramp, rad; None: as measured for p and mixer."""
-    iterations: int = Field(default=100, ge=1, le=100_000)
-    """Maximum number of state evaluations in training."""
-    alpha: float = 1.0
-    """Share of the probability, lowest energies first, whose mean energy training minimises
-    (CVaR); 1: all of it."""
-    pairs: Literal["ring", "chain"] = "ring"
-    """Pairs of options that the xy mixer acts on."""

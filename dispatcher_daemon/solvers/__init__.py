@@ -1,23 +1,30 @@
-"""Solvers behind one protocol, and the worker processes that they run in."""
+"""Solvers behind one protocol, and the worker processes that they run in.
+
+Names are loaded on demand: worker processes import this package too, and need few of them.
+"""
 
 from __future__ import annotations
 
-from dispatcher_daemon.solvers.cplex import CplexSolver
-from dispatcher_daemon.solvers.distribution import BitDistribution, uniform_bits, uniform_choices
-from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.heuristics import AnnealingSolver, TabuSolver
-from dispatcher_daemon.solvers.insertion import cheapest_insertion
-from dispatcher_daemon.solvers.protocol import (
-    BackendKind,
-    Execution,
-    Histogram,
-    Outcome,
-    Samples,
-    Solver,
-    Status,
-)
-from dispatcher_daemon.solvers.registry import BASELINE_SOLVER, configured_solvers, make_solver
-from dispatcher_daemon.solvers.sampling import Bits, descend, in_order, stages
+from importlib import import_module
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from dispatcher_daemon.solvers.cplex import CplexSolver
+    from dispatcher_daemon.solvers.distribution import BitDistribution
+    from dispatcher_daemon.solvers.exact import ExactSolver
+    from dispatcher_daemon.solvers.heuristics import AnnealingSolver, TabuSolver
+    from dispatcher_daemon.solvers.insertion import cheapest_insertion
+    from dispatcher_daemon.solvers.protocol import (
+        BackendKind,
+        Execution,
+        Histogram,
+        Outcome,
+        Samples,
+        Solver,
+        Status,
+    )
+    from dispatcher_daemon.solvers.registry import BASELINE_SOLVER, configured_solvers, make_solver
+    from dispatcher_daemon.solvers.sampling import Bits, answer, descend, in_order, stages
 
 __all__ = [
     "BASELINE_SOLVER",
@@ -34,12 +41,22 @@ __all__ = [
     "Solver",
     "Status",
     "TabuSolver",
+    "answer",
     "cheapest_insertion",
     "configured_solvers",
     "descend",
     "in_order",
     "make_solver",
     "stages",
-    "uniform_bits",
-    "uniform_choices",
 ]
+
+_MODULES: Final = "protocol distribution exact sampling registry insertion"
+"""Where the names are found, light modules first; the registry imports all solvers."""
+
+
+def __getattr__(name: str) -> object:
+    for module in _MODULES.split() if name in __all__ else ():
+        found = vars(import_module(f"{__name__}.{module}"))
+        if name in found:
+            return found[name]
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

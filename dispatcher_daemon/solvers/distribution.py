@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-
-_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -22,16 +19,6 @@ class BitDistribution:
 
     probabilities: tuple[float, ...]
     groups: tuple[tuple[int, ...], ...] = ()
-
-    def __post_init__(self) -> None:
-        if not all(0 <= p <= 1 for p in self.probabilities):
-            raise ValueError("a probability is from 0 to 1")
-        members = [i for group in self.groups for i in group]
-        if len(set(members)) < len(members) or not set(members) <= set(range(len(self))):
-            raise ValueError("groups must be disjoint sets of variables")
-        for group in self.groups:
-            if abs(sum(self.probabilities[i] for i in group) - 1) > _TOLERANCE:
-                raise ValueError("the probabilities of a group must sum to 1")
 
     def __len__(self) -> int:
         return len(self.probabilities)
@@ -48,17 +35,3 @@ class BitDistribution:
             bits[:, index] = 0
             bits[np.arange(shots), index[drawn]] = 1
         return bits
-
-
-def uniform_bits(n: int) -> BitDistribution:
-    """Independent bits with P(1) = 0.5."""
-    return BitDistribution((0.5,) * n)
-
-
-def uniform_choices(n: int, groups: Sequence[Sequence[int]]) -> BitDistribution:
-    """One member of each group, all equally likely; bits outside the groups have P(1) = 0.5."""
-    probabilities = [0.5] * n
-    for group in groups:
-        for i in group:
-            probabilities[i] = 1 / len(group)
-    return BitDistribution(tuple(probabilities), tuple(tuple(group) for group in groups))

@@ -28,8 +28,7 @@ class TabuSolver:
         restarts: of each search.
         moves: maximum number of moves of the first search of a read, for each variable; a quarter
             of it after restarts.
-        gamma: penalty weight of the QUBO, kWh; None: computed.
-        encoding: of the arc form's subtour terms.
+        gamma, encoding: of the QUBO, see `build_model`.
     """
 
     reads: int = 32
@@ -78,8 +77,7 @@ class AnnealingSolver:
     Attributes:
         reads: runs, each from a random state; fewer if time is up.
         sweeps: of each run.
-        gamma: penalty weight of the QUBO, kWh; None: computed.
-        encoding: of the arc form's subtour terms.
+        gamma, encoding: of the QUBO, see `build_model`.
     """
 
     reads: int = 200

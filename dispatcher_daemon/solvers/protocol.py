@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol
 
-from dispatcher_daemon.forms import Problem
-from dispatcher_daemon.solvers.distribution import BitDistribution
+if TYPE_CHECKING:
+    from dispatcher_daemon.forms import Problem
+    from dispatcher_daemon.solvers.distribution import BitDistribution
 
 Status = Literal["optimal", "feasible", "infeasible", "timeout", "failed"]
 

@@ -31,12 +31,10 @@ class SolverOptions:
 
     Attributes:
         encoding: of the arc form's subtour terms, for solvers of QUBOs.
-        backend: for LC-QAOA instead of the settings' simulator; a device too.
     """
 
     settings: DispatcherSettings
     encoding: Encoding = "reduced"
-    backend: str | None = None
 
 
 Factory = Callable[[SolverOptions], Solver]
@@ -47,24 +45,19 @@ _FACTORIES: Final[Mapping[str, Factory]] = {
     "tabu": lambda o: TabuSolver(gamma=o.settings.gamma, encoding=o.encoding),
     "annealing": lambda o: AnnealingSolver(gamma=o.settings.gamma, encoding=o.encoding),
     "insertion": lambda _: InsertionSolver(),
-    "lc-qaoa": lambda o: LcQaoaSolver(o.settings.lc_qaoa, o.settings.gamma, o.encoding, o.backend),
+    "lc-qaoa": lambda o: LcQaoaSolver(o.settings.lc_qaoa, o.settings.gamma, o.encoding),
     "qaoa": lambda o: QaoaSolver(o.settings.qaoa, gamma=o.settings.gamma, encoding=o.encoding),
 }
 
 
-def make_solver(
-    name: str,
-    settings: DispatcherSettings,
-    encoding: Encoding = "reduced",
-    backend: str | None = None,
-) -> Solver:
+def make_solver(name: str, settings: DispatcherSettings, encoding: Encoding = "reduced") -> Solver:
     """The solver of that name, as configured; for the arguments see `SolverOptions`.
 
     Raises:
         InputError: there is no such solver, or the package that adds it cannot be loaded.
     """
     factory = find_plugin(SOLVER_ENTRY_POINTS, name, _FACTORIES, "solver")
-    return factory(SolverOptions(settings, encoding, backend))
+    return factory(SolverOptions(settings, encoding))
 
 
 def configured_solvers(settings: DispatcherSettings) -> list[Solver]:

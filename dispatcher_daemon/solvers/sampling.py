@@ -57,8 +57,6 @@ def solve_by_sampling(
     """Build the QUBO, sample it, and post-process the samples.
 
     Args:
-        solver: its name.
-        gamma, encoding: of the QUBO, see `build_model`.
         seed: of the post-processing.
         draw: samples the QUBO; None if it had no time to.
     """
@@ -99,11 +97,9 @@ def answer(
     """The best valid selection of all stages; a raw one where post-processing finds no better.
 
     Args:
-        solver: name of the solver.
         seed: of the post-processing.
         began: `time.perf_counter` at the request.
         qubits: width of the circuit, if there was one.
-        execution, controls: see `Outcome`.
     """
     samples, (raw, *processed) = stages(model, bits, counts, seed, qubits)
     found = [best for best in processed if best is not None]

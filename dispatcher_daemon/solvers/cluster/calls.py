@@ -63,24 +63,11 @@ class ClusterCall:
     workers: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class WrittenCall:
-    """A pickled call; its arrays stand apart.
-
-    Attributes:
-        text: pickle of protocol 5.
-        arrays: contents of its arrays, in order.
-    """
-
-    text: bytes
-    arrays: tuple[bytes, ...]
-
-
-def write_call(function: Callable[..., Any], args: Sequence[Any]) -> WrittenCall:
-    """Pickle a call of an importable function."""
+def write_call(function: Callable[..., Any], args: Sequence[Any]) -> tuple[bytes, list[bytes]]:
+    """Pickle a call of an importable function: the pickle of protocol 5, and its arrays apart."""
     buffers: list[pickle.PickleBuffer] = []
     text = pickle.dumps((function, tuple(args)), protocol=5, buffer_callback=buffers.append)
-    return WrittenCall(text, tuple(buffer.raw().tobytes() for buffer in buffers))
+    return text, [buffer.raw().tobytes() for buffer in buffers]
 
 
 def name_of(array: bytes) -> str:

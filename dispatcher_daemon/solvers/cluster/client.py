@@ -274,14 +274,14 @@ class Cluster:
         workers = call.workers or tuple(self._ready)
         if self._client is None or self._arrays is None or not workers:
             raise ClusterLost("no worker is ready")
-        written = write_call(call.function, call.args)
+        text, contents = write_call(call.function, call.args)
         client = self._client
-        arrays, sent = await self._arrays.send(written.arrays, workers)
-        metrics.CLUSTER_BYTES.inc(len(written.text) + sent)
+        arrays, sent = await self._arrays.send(contents, workers)
+        metrics.CLUSTER_BYTES.inc(len(text) + sent)
         future = client.submit(
             run_call,
             build(),
-            written.text,
+            text,
             arrays,
             call.timeout_s,
             key=f"slipstream-call-{id(self)}-{next(self._number)}",

@@ -5,26 +5,27 @@ from __future__ import annotations
 from dispatcher_daemon.solvers.quantum.ansatz import ChainAnsatz, linear_ramp, scheduled
 from dispatcher_daemon.solvers.quantum.circuits import (
     chain_circuit,
-    dense_qaoa_circuit,
-    swap_network_circuit,
 )
 from dispatcher_daemon.solvers.quantum.ising import Ising, to_ising
-from dispatcher_daemon.solvers.quantum.iskay import IskaySolver
-from dispatcher_daemon.solvers.quantum.lc_qaoa import LcQaoaSolver, Prepared, prepare_model
-from dispatcher_daemon.solvers.quantum.qaoa import ramp_of
+from dispatcher_daemon.solvers.quantum.lc_qaoa import (
+    RESTARTS,
+    LcQaoaSolver,
+    Prepared,
+    prepare_model,
+)
+from dispatcher_daemon.solvers.quantum.qaoa import QaoaSolver, ramp_of
 
 __all__ = [
+    "RESTARTS",
     "ChainAnsatz",
     "Ising",
-    "IskaySolver",
     "LcQaoaSolver",
     "Prepared",
+    "QaoaSolver",
     "chain_circuit",
-    "dense_qaoa_circuit",
     "linear_ramp",
     "prepare_model",
     "ramp_of",
     "scheduled",
-    "swap_network_circuit",
     "to_ising",
 ]

@@ -92,6 +92,17 @@ class OneHotAnsatz:
         return int(self.fields.shape[1])
 
 
+def spread_pairs(size: int, hot: int) -> list[int]:
+    """Pairs (i, i + 1) of a group, by i, as its start mixes them: see `OneHotAnsatz`."""
+    pairs = []
+    for distance in range(size - 1):
+        if hot + distance + 1 < size:
+            pairs.append(hot + distance)
+        if hot - distance - 1 >= 0:
+            pairs.append(hot - distance - 1)
+    return pairs
+
+
 def linear_ramp(layers: int, delta_beta: float, delta_gamma: float) -> list[tuple[float, float]]:
     """(β_i, γ_i) with β_i = (1 − i/p) Δβ and γ_i = ((i + 1)/p) Δγ, i = 0..p − 1 (LR-QAOA)."""
     return [

@@ -18,7 +18,7 @@ from dispatcher_daemon.solvers.pace import SolverPace, measure_pace
 from dispatcher_daemon.solvers.protocol import Execution, Outcome
 from dispatcher_daemon.solvers.quantum.ansatz import linear_ramp, scheduled
 from dispatcher_daemon.solvers.quantum.backends.base import Backend
-from dispatcher_daemon.solvers.quantum.backends.fallback import Opened, open_or_fall_back
+from dispatcher_daemon.solvers.quantum.backends.opening import open_backend
 from dispatcher_daemon.solvers.quantum.chain.layout import QubitPlacement
 from dispatcher_daemon.solvers.quantum.chain.one_hot import (
     group_order,
@@ -31,7 +31,6 @@ from dispatcher_daemon.solvers.quantum.chain.state import ChainState
 from dispatcher_daemon.solvers.quantum.chain.training import (
     Schedule,
     around,
-    cvar,
     mean_energy,
     train_angles,
     train_schedule,
@@ -43,7 +42,13 @@ from dispatcher_daemon.solvers.sampling import Bits, Counts, SampledBits, solve_
 Place = Callable[[int, Sequence[float]], QubitPlacement]
 """`Backend.place`."""
 
-_CVAR_SHOTS = 1024
+DELTA_BETA = 0.3
+DELTA_GAMMA = 0.6
+"""Heights of the ramp that training starts from, rad."""
+RESTARTS = 16
+"""Starting points of training with an angle for each gate."""
+SPREAD = 0.5
+"""Standard deviation of their angles around the ramp, rad."""
 
 _TRAINING_SHARE = 0.6
 """Share of the deadline for training; the rest is for sampling and post-processing."""
@@ -87,31 +92,6 @@ class Prepared:
     marginals: BitDistribution
 
 
-def prepare(
-    problem: Problem,
-    settings: LcQaoaSettings,
-    seed: int,
-    deadline: float,
-    *,
-    gamma: float | None = None,
-    encoding: Encoding = "reduced",
-    place: Place | None = None,
-) -> Prepared:
-    """The circuit for a problem, trained as configured.
-
-    Args:
-        seed: of restarts, of a random order, and of CVaR's samples.
-        deadline: `time.perf_counter` at which training takes the best so far.
-        gamma, encoding: of the QUBO, see `build_model`.
-        place: placement of chains on a device; bonds that it cuts get no gate.
-
-    Raises:
-        VariantError: a one-hot variant of a problem without route options.
-    """
-    model = build_model(problem, gamma, encoding=encoding)
-    return prepare_model(model, settings, seed=seed, deadline=deadline, place=place)
-
-
 def prepare_model(
     model: QuboModel,
     settings: LcQaoaSettings,
@@ -119,19 +99,29 @@ def prepare_model(
     seed: int,
     deadline: float,
     place: Place | None = None,
+    restarts: int = RESTARTS,
+    order: Sequence[int] | None = None,
+    objective: Callable[[Ising], Callable[[Ansatz], float]] = mean_energy,
 ) -> Prepared:
-    """`prepare` for a model that is already built.
+    """The circuit for a model, trained as configured.
 
     Args:
+        seed: of restarts.
+        deadline: `time.perf_counter` at which training takes the best so far.
         place: placement of chains on a device; bonds that it cuts get no gate.
+        restarts: starting points of training with an angle for each gate.
+        order: variables along the chain, of a variant without groups; None: a heavy path.
+        objective: what a schedule's training lowers, of a Hamiltonian in chain order.
+
+    Raises:
+        VariantError: a one-hot variant of a problem without route options.
     """
     began = time.perf_counter()
     full = to_ising(model.total, model.variables)
     groups: tuple[int, ...] = ()
     if settings.variant.startswith("one-hot"):
-        full, order, groups = _in_groups(model, full, settings, seed)
-    else:
-        order = _order(full, settings, seed)
+        full, order, groups = _in_groups(model, full, settings.variant)
+    order = tuple(heavy_path(full.coupling) if order is None else order)
     ordered = full.permuted(order)
     ising = ordered.normalised()
     cuts = () if place is None else _cuts(place, ising, groups)
@@ -143,7 +133,28 @@ def prepare_model(
             return one_hot_scheduled(ising, groups, schedule, cuts)
         return scheduled(ising, schedule, cuts)
 
-    ansatz, evaluations = _trained(build, ising, settings, seed, deadline, bonds)
+    start = linear_ramp(settings.layers, DELTA_BETA, DELTA_GAMMA)
+    if settings.variant == "ramp":
+        ansatz, evaluations = build(start), 0
+    else:
+        if settings.variant in ("trained", "one-hot"):
+            found = train_schedule(
+                build,
+                objective(ising),
+                start,
+                evaluations=settings.iterations,
+                deadline=deadline,
+            )
+        else:
+            found = train_angles(
+                around(build(start), SPREAD, restarts, seed),
+                ising,
+                iterations=settings.iterations,
+                deadline=deadline,
+                entangled=not settings.variant.endswith("product"),
+                cuts=bonds,
+            )
+        ansatz, evaluations = found.circuit, found.evaluations
     state = ChainState(ansatz)
     return Prepared(
         model=model,
@@ -157,36 +168,6 @@ def prepare_model(
     )
 
 
-def _trained(
-    build: Callable[[Schedule], Ansatz],
-    ising: Ising,
-    settings: LcQaoaSettings,
-    seed: int,
-    deadline: float,
-    cuts: Sequence[int],
-) -> tuple[Ansatz, int]:
-    start = linear_ramp(settings.layers, settings.delta_beta, settings.delta_gamma)
-    if settings.variant == "ramp":
-        return build(start), 0
-    if settings.variant in ("trained", "one-hot"):
-        objective = mean_energy(ising)
-        if settings.cvar_share < 1:
-            objective = cvar(ising, settings.cvar_share, _CVAR_SHOTS, seed)
-        found = train_schedule(
-            build, objective, start, evaluations=settings.iterations, deadline=deadline
-        )
-    else:
-        found = train_angles(
-            around(build(start), settings.spread, settings.restarts, seed),
-            ising,
-            iterations=settings.iterations,
-            deadline=deadline,
-            entangled=not settings.variant.endswith("product"),
-            cuts=cuts,
-        )
-    return found.ansatz, found.evaluations
-
-
 def _cuts(place: Place, ising: Ising, groups: tuple[int, ...]) -> tuple[int, ...]:
     """Bonds (q, q + 1), by q, that a device cannot lay, at the lightest couplings it can find."""
     weights = np.abs(np.diagonal(ising.coupling, 1))
@@ -198,25 +179,15 @@ def _cuts(place: Place, ising: Ising, groups: tuple[int, ...]) -> tuple[int, ...
     return place(len(ising.h), weights.tolist()).cuts
 
 
-def _order(ising: Ising, settings: LcQaoaSettings, seed: int) -> tuple[int, ...]:
-    if settings.order == "heavy":
-        return tuple(heavy_path(ising.coupling))
-    return tuple(np.random.default_rng(seed).permutation(len(ising.h)).tolist())
-
-
 def _in_groups(
-    model: QuboModel, ising: Ising, settings: LcQaoaSettings, seed: int
+    model: QuboModel, ising: Ising, variant: str
 ) -> tuple[Ising, tuple[int, ...], tuple[int, ...]]:
     """The Hamiltonian where each vehicle has one option, the chain's order, and its groups."""
     if not isinstance(model.problem, RouteProblem):
-        raise VariantError(f"{settings.variant} needs route options: take the route form")
+        raise VariantError(f"{variant} needs route options: take the route form")
     groups = [list(group) for group in model.problem.options_of.values() if group]
     inside = inside_groups(ising, groups)
-    if settings.order == "heavy":
-        return inside, *group_order(inside.coupling, groups)
-    rng = np.random.default_rng(seed)
-    drawn = [rng.permutation(groups[g]).tolist() for g in rng.permutation(len(groups))]
-    return inside, tuple(q for group in drawn for q in group), tuple(len(g) for g in drawn)
+    return inside, *group_order(inside.coupling, groups)
 
 
 def _marginals(
@@ -229,10 +200,6 @@ def _marginals(
     for group in members:
         ones[list(group)] /= ones[list(group)].sum()
     return BitDistribution(tuple(ones.tolist()), tuple(members))
-
-
-def _end_of_training(deadline_s: float) -> float:
-    return time.perf_counter() + _TRAINING_SHARE * deadline_s
 
 
 def counts_to_bits(
@@ -255,16 +222,17 @@ class LcQaoaSolver:
     """LC-QAOA as configured.
 
     Attributes:
-        settings: of circuit, training and sampling.
-        gamma: penalty weight of the QUBO, kWh; None: computed.
-        encoding: of the arc form's subtour terms.
-        backend: instead of the settings' simulator; may be a device, whose use is not limited here.
+        gamma, encoding: of the QUBO, see `build_model`.
+        backend: opens a backend instead of the settings' simulator; a device's use is not limited
+            here.
+        restarts: see `prepare_model`.
     """
 
     settings: LcQaoaSettings = field(default_factory=LcQaoaSettings)
     gamma: float | None = None
     encoding: Encoding = "reduced"
-    backend: str | None = None
+    backend: Callable[[], Backend] | None = None
+    restarts: int = RESTARTS
     name: str = "lc-qaoa"
 
     def warm_up(self) -> None:
@@ -276,7 +244,7 @@ class LcQaoaSolver:
         import dwave.samplers  # noqa: F401
         import scipy.optimize  # noqa: F401
 
-        backend = self._opened().backend
+        backend = self._opened()
         if backend.kind != "hardware":
             model = Ising(np.array([1.0, -1.0]), np.array([[0.0, 1.0], [1.0, 0.0]]), 0.0)
             backend.sample(circuit_of(scheduled(model, [(0.1, 0.1)])), 16, 1)
@@ -284,40 +252,48 @@ class LcQaoaSolver:
     def prepare(
         self, problem: Problem, deadline_s: float, seed: int, place: Place | None = None
     ) -> Prepared:
-        """The circuit alone, trained in its share of the deadline; raises as `prepare` does."""
-        return prepare(
-            problem,
+        """The circuit alone, trained in its share of the deadline; raises as `prepare_model`."""
+        model = build_model(problem, self.gamma, encoding=self.encoding)
+        deadline = time.perf_counter() + _TRAINING_SHARE * deadline_s
+        return self._prepared(model, seed, deadline, place)
+
+    def _prepared(
+        self, model: QuboModel, seed: int, deadline: float, place: Place | None
+    ) -> Prepared:
+        return prepare_model(
+            model,
             self.settings,
-            seed,
-            _end_of_training(deadline_s),
-            gamma=self.gamma,
-            encoding=self.encoding,
+            seed=seed,
+            deadline=deadline,
             place=place,
+            restarts=self.restarts,
         )
 
     def solve(self, problem: Problem, deadline_s: float, seed: int) -> Outcome:
         """See `Solver.solve`; training ends in time to sample, which cannot be cut short.
 
         A simulator's time for samples is measured before training; where it is too short for all
-        shots, there are fewer. A device that is out of reach, fails or is late is replaced by Aer.
+        shots, there are fewer.
         """
         began = time.perf_counter()
-        deadline, finished = _end_of_training(deadline_s), began + _FINISHED_SHARE * deadline_s
+        deadline, finished = (
+            began + share * deadline_s for share in (_TRAINING_SHARE, _FINISHED_SHARE)
+        )
 
         def draw(model: QuboModel) -> SampledBits:
-            opened, shots, until = self._opened(), self.settings.shots, deadline
-            place = None if opened.backend.target is None else opened.backend.place
+            backend, shots, until = self._opened(), self.settings.shots, deadline
+            place = None if backend.target is None else backend.place
             pace = None
-            if opened.backend.kind != "hardware":
+            if backend.kind != "hardware":
                 enough_s = (_FINISHED_SHARE - _TRAINING_SHARE) * deadline_s
-                pace = self._pace(model, opened.backend, place, enough_s, seed)
+                pace = self._pace(model, backend, place, enough_s, seed)
                 least = began + _LEAST_TRAINING_SHARE * deadline_s
                 until = min(deadline, max(least, finished - pace.time_s(shots)))
-            prepared = prepare_model(model, self.settings, seed=seed, deadline=until, place=place)
+            prepared = self._prepared(model, seed, until, place)
             if pace is not None:
                 shots = pace.shots_in(finished - time.perf_counter(), shots)
             until = began + _WAITING_SHARE * deadline_s
-            return self._draw(prepared, opened, seed, until, shots)
+            return self._draw(prepared, backend, seed, until, shots)
 
         try:
             return solve_by_sampling(self.name, problem, self.gamma, self.encoding, seed, draw)
@@ -325,8 +301,8 @@ class LcQaoaSolver:
             wall_s = time.perf_counter() - began
             return Outcome(self.name, "failed", None, wall_s, reason=str(error))
 
-    def _opened(self) -> Opened:
-        return open_or_fall_back(self.backend or self.settings.backend)
+    def _opened(self) -> Backend:
+        return open_backend(self.settings.backend) if self.backend is None else self.backend()
 
     def _pace(
         self, model: QuboModel, backend: Backend, place: Place | None, enough_s: float, seed: int
@@ -345,20 +321,20 @@ class LcQaoaSolver:
         return measure_pace(take, self.settings.shots, enough_s)
 
     def _draw(
-        self, prepared: Prepared, opened: Opened, seed: int, until: float, shots: int
+        self, prepared: Prepared, backend: Backend, seed: int, until: float, shots: int
     ) -> SampledBits:
         circuit = circuit_of(prepared.ansatz)
-        opened, found = opened.sample(circuit, shots, seed, until - time.perf_counter())
+        found = backend.sample(circuit, shots, seed, until - time.perf_counter())
         execution = Execution(
-            backend=opened.backend.name,
-            kind=opened.backend.kind,
+            backend=found.backend,
+            kind=found.kind,
             variant=prepared.variant,
             layers=self.settings.layers,
             two_qubit_depth=found.two_qubit_depth,
             two_qubit_gates=found.two_qubit_gates,
             train_s=prepared.train_s,
             sample_s=found.sample_s,
-            fallback=opened.fallback,
+            fallback=found.fallback,
             job=found.job,
         )
         bits, counts = counts_to_bits(found.counts, prepared.order)

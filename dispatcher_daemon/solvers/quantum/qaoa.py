@@ -7,6 +7,7 @@ dense circuit on a target come from `quantum.targets`, and `Execution` leaves th
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import psutil
@@ -25,7 +26,6 @@ from dispatcher_daemon.solvers.quantum.statevector.diagonal import (
 )
 from dispatcher_daemon.solvers.quantum.statevector.exact_state import ExactState, Schedule
 from dispatcher_daemon.solvers.quantum.statevector.subspace import OneHotState, one_hot_states
-from dispatcher_daemon.solvers.quantum.statevector.training import Objective, train
 from dispatcher_daemon.solvers.quantum.statevector.transverse import StateVector, memory_bytes
 from dispatcher_daemon.solvers.sampling import answer
 
@@ -48,14 +48,19 @@ class QaoaSolver:
     2^20 choices of one for each vehicle. Larger problems are refused before anything is computed.
 
     Attributes:
-        settings: see there.
-        gamma: penalty weight of the QUBO, kWh; None: computed.
-        encoding: of the arc form's subtour terms.
+        layers: depth p.
+        shots: number of samples.
+        gamma, encoding: of the QUBO, see `build_model`.
+        train: finds better angles from these on and leaves the state at them, by a time of
+            `time.perf_counter`; None: the angles of `ramp_of` as they are.
     """
 
     settings: QaoaSettings = field(default_factory=QaoaSettings)
+    layers: int = 2
+    shots: int = 4096
     gamma: float | None = None
     encoding: Encoding = "reduced"
+    train: Callable[[ExactState, Schedule, float], None] | None = None
     name: str = "qaoa"
 
     def warm_up(self) -> None:
@@ -64,7 +69,7 @@ class QaoaSolver:
         import scipy.optimize  # noqa: F401
 
     def solve(self, problem: Problem, deadline_s: float, seed: int) -> Outcome:
-        """See `Solver.solve`; training takes the best so far when its share of the time is up."""
+        """See `Solver.solve`."""
         began = time.perf_counter()
         model = build_model(problem, self.gamma, encoding=self.encoding)
         try:
@@ -77,17 +82,21 @@ class QaoaSolver:
         if self.settings.variant == "xy":
             groups = _groups(model)
             diagonal = standardised(one_hot_diagonal(ising, groups))
-            state = OneHotState(diagonal, groups, self.settings.pairs)
+            state = OneHotState(diagonal, groups)
         else:
             state = StateVector(cost_diagonal(ising.normalised()))
-        self._train(state, began + _TRAINING_SHARE * deadline_s)
+        start = ramp_of(self.settings.variant, self.layers)
+        if self.train is None:
+            state.evolve(start)
+        else:
+            self.train(state, start, began + _TRAINING_SHARE * deadline_s)
         trained = time.perf_counter()
-        states, counts = state.sample(self.settings.shots, seed)
+        states, counts = state.sample(self.shots, seed)
         execution = Execution(
             backend="statevector",
             kind="simulated",
             variant=self.settings.variant,
-            layers=self.settings.layers,
+            layers=self.layers,
             two_qubit_depth=None,
             two_qubit_gates=None,
             train_s=trained - began,
@@ -104,21 +113,6 @@ class QaoaSolver:
             execution=execution,
         )
 
-    def _train(self, state: ExactState, deadline: float) -> None:
-        options = self.settings
-        start = ramp_of(options)
-        if options.angles == "transferred":
-            state.evolve(start)
-            return
-        train(
-            state,
-            start,
-            Objective(options.alpha),
-            evaluations=options.iterations,
-            angles="ramp" if options.angles == "ramp" else "free",
-            deadline=deadline,
-        )
-
     def _check(self, model: QuboModel, deadline_s: float) -> None:
         """Refuse what will not fit.
 
@@ -128,8 +122,7 @@ class QaoaSolver:
         qubits = len(model.variables)
         if not qubits:
             raise UnsupportedProblemError("the problem has nothing to choose")
-        options = self.settings
-        if options.variant == "xy":
+        if self.settings.variant == "xy":
             count = one_hot_states(_groups(model))
             if count == 0:
                 raise UnsupportedProblemError("a vehicle has no option")
@@ -148,28 +141,25 @@ class QaoaSolver:
                 raise UnsupportedProblemError(
                     f"{qubits} qubits need {needed >> 20} MiB of memory, {free >> 20} MiB are free"
                 )
-        once_s, layer_s = _S_PER_STATE[options.variant]
-        least_s = count * (once_s + options.layers * layer_s)
+        once_s, layer_s = _S_PER_STATE[self.settings.variant]
+        least_s = count * (once_s + self.layers * layer_s)
         if least_s > (1 - _POST_PROCESSING_SHARE) * deadline_s:
             raise UnsupportedProblemError(
-                f"{qubits} qubits at p = {options.layers} take about {least_s:.1f} s untrained, "
+                f"{qubits} qubits at p = {self.layers} take about {least_s:.1f} s untrained, "
                 f"too much of {deadline_s:g} s"
             )
 
 
-def ramp_of(settings: QaoaSettings) -> Schedule:
-    """The angles that training starts from, and that "transferred" takes as they are.
+def ramp_of(variant: str, layers: int) -> Schedule:
+    """The angles of a linear ramp, as transferred from other instances.
 
     Fits to ramps trained for CVaR 0.1, medians at p = 1, 2 and 3. X mixer, on the six published
     instances of 14 to 20 variables: Δβ = 0.38, 0.41, 0.44 and Δγ = 0.83, 1.21, 1.49. XY mixer, on
     random blocks of 5 · 5 options: 0.43, 0.56, 0.59 and 1.17, 1.41, 1.50.
     """
-    p = settings.layers
-    if settings.variant == "xy":
-        delta_beta, delta_gamma = 0.45 * p**0.27, 1.2 * p**0.2
-    else:
-        delta_beta, delta_gamma = 0.41, 0.83 * p**0.5
-    return linear_ramp(p, settings.delta_beta or delta_beta, settings.delta_gamma or delta_gamma)
+    if variant == "xy":
+        return linear_ramp(layers, 0.45 * layers**0.27, 1.2 * layers**0.2)
+    return linear_ramp(layers, 0.41, 0.83 * layers**0.5)
 
 
 def _groups(model: QuboModel) -> list[tuple[int, ...]]:

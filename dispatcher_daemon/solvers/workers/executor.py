@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import logging
 import math
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import CancelledError, Executor, Future, TimeoutError
+from concurrent.futures import Executor, Future
 from typing import TypeVar
 
-from dispatcher_daemon.solvers.protocol import Outcome, Solver, Status
-from dispatcher_daemon.solvers.workers.pool import GRACE_S, PoolJob, Solve, error_line, run_job
-
-log = logging.getLogger(__name__)
+from dispatcher_daemon.solvers.protocol import Outcome, Solver
+from dispatcher_daemon.solvers.workers.pool import PoolJob, Solve, outcome_of, run_job
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -45,22 +42,18 @@ def executor_solve(executor: Executor, solvers: Sequence[Solver], *, workers: in
         solvers: of different names.
         workers: how many jobs the executor runs at once; jobs that have to queue share the
             deadline.
-
-    Raises:
-        ValueError: two solvers with one name, or no worker.
     """
     by_name = {solver.name: solver for solver in solvers}
-    if len(by_name) < len(solvers):
-        raise ValueError("two solvers with one name")
-    if workers < 1:
-        raise ValueError(f"{workers} workers")
 
     def solve(jobs: Sequence[PoolJob], deadline_s: float) -> list[Outcome]:
         began = time.monotonic()
         share_s = deadline_s / max(1, math.ceil(len(jobs) / workers))
         futures = [_submit(executor, by_name, job, share_s) for job in jobs]
-        ends = began + deadline_s + GRACE_S
-        return [_collect(job, f, began, ends) for job, f in zip(jobs, futures, strict=True)]
+        late = "no answer within the deadline"
+        return [
+            outcome_of(job, future, began, deadline_s, late)
+            for job, future in zip(jobs, futures, strict=True)
+        ]
 
     return solve
 
@@ -72,27 +65,3 @@ def _submit(
         return executor.submit(run_job, solvers[job.solver], job.problem, deadline_s, job.seed)
     except Exception as error:
         return error
-
-
-def _collect(
-    job: PoolJob, future: Future[Outcome] | Exception, began: float, ends: float
-) -> Outcome:
-    try:
-        if isinstance(future, Exception):
-            raise future
-        outcome = future.result(timeout=max(0.0, ends - time.monotonic()))
-        if not isinstance(outcome, Outcome):
-            raise TypeError(f"answered with a {type(outcome).__name__}")
-        return outcome
-    except (TimeoutError, CancelledError):
-        if isinstance(future, Future):
-            future.cancel()
-        return _fault(job, "no answer within the deadline", began, late=True)
-    except Exception as error:
-        log.warning("solver %s failed: %s", job.solver, error_line(error))
-        return _fault(job, error_line(error), began)
-
-
-def _fault(job: PoolJob, reason: str, began: float, *, late: bool = False) -> Outcome:
-    status: Status = "timeout" if late else "failed"
-    return Outcome(job.solver, status, None, time.monotonic() - began, reason=reason)

@@ -16,12 +16,14 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor, TimeoutError, wait
 from dataclasses import dataclass
-from typing import Literal, Protocol, Self
+from typing import TYPE_CHECKING, Protocol, Self
 
-from dispatcher_daemon.forms import Problem
 from dispatcher_daemon.solvers.protocol import Outcome, Solver
 from dispatcher_daemon.solvers.workers.processes import Processes
 from slipstream.service.tracing import traced
+
+if TYPE_CHECKING:
+    from dispatcher_daemon.forms import Problem
 
 log = logging.getLogger(__name__)
 
@@ -70,7 +72,9 @@ class _Workers(Processes):
     """One solver and the processes that run it."""
 
     def __init__(self, solver: Solver, spawner: ThreadPoolExecutor, size: int) -> None:
-        super().__init__(size, spawner, f"workers of solver {solver.name}")
+        super().__init__(
+            size, spawner, f"workers of solver {solver.name}", modules=(type(solver).__module__,)
+        )
         self.solver = solver
 
     def warm_up(self) -> list[Future[int]]:
@@ -89,15 +93,10 @@ class SolverPool:
         solvers: solvers of different names.
         workers: processes of each solver, so that jobs of one solver run in parallel; by name,
             one for those not named, or one number for all.
-
-    Raises:
-        ValueError: two solvers with one name, or less than one worker.
     """
 
     def __init__(self, solvers: Sequence[Solver], workers: int | Mapping[str, int] = 1) -> None:
         by_name = workers if isinstance(workers, Mapping) else {s.name: workers for s in solvers}
-        if min(by_name.values(), default=1) < 1:
-            raise ValueError("a solver needs a worker")
         self._spawner = ThreadPoolExecutor(1, thread_name_prefix="solver-pool")
         self._lock = threading.Lock()
         self._closed = False
@@ -105,8 +104,6 @@ class SolverPool:
             solver.name: _Workers(solver, self._spawner, by_name.get(solver.name, 1))
             for solver in solvers
         }
-        if len(self._workers) < len(solvers):
-            raise ValueError("two solvers with one name")
 
     def warm_up(
         self, timeout_s: float = 60.0, stopping: threading.Event | None = None
@@ -145,8 +142,9 @@ class SolverPool:
         began = time.monotonic()
         count = Counter(job.solver for job in jobs)
         futures = [self._submit(job, count[job.solver], deadline_s) for job in jobs]
+        late = f"no answer within {deadline_s:g} s; worker replaced"
         return [
-            self._collect(job, future, began, deadline_s)
+            outcome_of(job, future, began, deadline_s, late)
             for job, future in zip(jobs, futures, strict=True)
         ]
 
@@ -160,33 +158,6 @@ class SolverPool:
                 return workers.submit(job.problem, share_s, job.seed)
             except Exception as error:
                 return error
-
-    def _collect(
-        self, job: PoolJob, future: Future[Outcome] | Exception, began: float, deadline_s: float
-    ) -> Outcome:
-        try:
-            if isinstance(future, Exception):
-                raise future
-            left = deadline_s + GRACE_S - (time.monotonic() - began)
-            outcome = future.result(timeout=max(0.0, left))
-            if not isinstance(outcome, Outcome):
-                raise TypeError(f"answered with a {type(outcome).__name__}")
-            return outcome
-        except (TimeoutError, CancelledError):
-            # Cancelling kills the worker if it runs the job; another one replaces it.
-            if isinstance(future, Future):
-                future.cancel()
-            reason = f"no answer within {deadline_s:g} s; worker replaced"
-            return self._fault(job, "timeout", reason, began)
-        except Exception as error:
-            log.warning("solver %s failed: %s", job.solver, error_line(error))
-            return self._fault(job, "failed", error_line(error), began)
-
-    @staticmethod
-    def _fault(
-        job: PoolJob, status: Literal["timeout", "failed"], reason: str, began: float
-    ) -> Outcome:
-        return Outcome(job.solver, status, None, time.monotonic() - began, reason=reason)
 
     def fault(self) -> str | None:
         """Why no solver works, in words; None: one does, or none has been asked."""
@@ -208,6 +179,35 @@ class SolverPool:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def outcome_of(
+    job: PoolJob, future: Future[Outcome] | Exception, began: float, deadline_s: float, late: str
+) -> Outcome:
+    """A job's outcome, awaited until a little after the deadline; faults become outcomes too.
+
+    Args:
+        future: or why there is none.
+        began: monotonic time at which the deadline begins, s.
+        late: reason where there is no answer in time.
+    """
+    try:
+        if isinstance(future, Exception):
+            raise future
+        left_s = deadline_s + GRACE_S - (time.monotonic() - began)
+        outcome = future.result(timeout=max(0.0, left_s))
+        if not isinstance(outcome, Outcome):
+            raise TypeError(f"answered with a {type(outcome).__name__}")
+        return outcome
+    except (TimeoutError, CancelledError):
+        # Cancelling kills a worker process that runs the job; another one replaces it.
+        if isinstance(future, Future):
+            future.cancel()
+        return Outcome(job.solver, "timeout", None, time.monotonic() - began, reason=late)
+    except Exception as error:
+        log.warning("solver %s failed: %s", job.solver, error_line(error))
+        wall_s = time.monotonic() - began
+        return Outcome(job.solver, "failed", None, wall_s, reason=error_line(error))
 
 
 def error_line(error: BaseException) -> str:

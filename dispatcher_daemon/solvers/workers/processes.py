@@ -10,6 +10,7 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor, TimeoutError
 from contextlib import suppress
+from importlib import import_module
 from multiprocessing import connection
 from typing import Any, ParamSpec, TypeVar
 
@@ -23,8 +24,16 @@ _NICENESS = 5
 """Of workers: whoever waits for this process, which does little itself, comes before a search."""
 
 
-def start_worker(parent: int, niceness: int = _NICENESS) -> None:
-    """End the worker when its parent ends; leave Ctrl-C to the parent, and other work its turn."""
+_FORMS = "dispatcher_daemon.forms"
+"""What reading a problem needs."""
+
+
+def start_worker(parent: int, niceness: int = _NICENESS, modules: Sequence[str] = ()) -> None:
+    """End the worker when its parent ends; leave Ctrl-C to the parent, and other work its turn.
+
+    Args:
+        modules: imported at once, as a call's time limit does not cover the start of its process.
+    """
     with suppress(OSError):
         # A service may be refused it by its system call filter; the work is the same without.
         os.nice(niceness)
@@ -41,26 +50,34 @@ def start_worker(parent: int, niceness: int = _NICENESS) -> None:
             os._exit(1)
 
         threading.Thread(target=follow, name="parent-watch", daemon=True).start()
+    for module in modules:
+        import_module(module)
 
 
 class Processes:
     """A pool of spawned processes. It is not thread-safe: the caller locks.
 
     Args:
-        size: number of processes.
         spawner: starts the processes, in a thread that outlives them: see `start_worker`.
         name: for the log.
         niceness: of the processes above this one's.
+        modules: what calls need, see `start_worker`; problems need no naming.
 
     Attributes:
         fault: why the last call has no answer, as its process died or it raised; None: it has one.
     """
 
     def __init__(
-        self, size: int, spawner: ThreadPoolExecutor, name: str, niceness: int = _NICENESS
+        self,
+        size: int,
+        spawner: ThreadPoolExecutor,
+        name: str,
+        niceness: int = _NICENESS,
+        modules: Sequence[str] = (),
     ) -> None:
         self.size = size
         self._niceness = niceness
+        self._modules = (_FORMS, *modules)
         self._spawner = spawner
         self._name = name
         self._pool: Any = None
@@ -100,7 +117,7 @@ class Processes:
                 max_workers=self.size,
                 context=multiprocessing.get_context("spawn"),
                 initializer=start_worker,
-                initargs=(os.getpid(), self._niceness),
+                initargs=(os.getpid(), self._niceness, self._modules),
             )
             # Reading `active` starts the pool, in the calling thread.
             self._spawner.submit(lambda: pool.active).result()
@@ -126,9 +143,6 @@ class WorkerExecutor(Executor):
     """Spawned processes that die with this one; if one is killed, others take its place.
 
     The jobs that a broken pool was at raise; the next ones find a new pool.
-
-    Args:
-        workers: number of processes.
     """
 
     def __init__(self, workers: int) -> None:
@@ -143,18 +157,11 @@ class WorkerExecutor(Executor):
         return self._processes.fault
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
-        """Run a picklable call in a worker.
-
-        Raises:
-            RuntimeError: it is shut down.
-        """
-        with self._lock:
-            if self._closed:
-                raise RuntimeError("the workers are shut down")
-            return self._processes.schedule(fn, args, kwargs)
+        """Run a picklable call in a worker; raises as `submit_limited`."""
+        return self.submit_limited(None, fn, *args, **kwargs)
 
     def submit_limited(
-        self, timeout_s: float, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs
+        self, timeout_s: float | None, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs
     ) -> Future[T]:
         """As `submit`; a worker that takes longer than the time is killed and replaced.
 

@@ -14,7 +14,7 @@ import pytest
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.protocol import Execution, Outcome
 from dispatcher_daemon.solvers.workers.pool import PoolJob, solve_in_process
-from slipstream_lab.benchmarks.quantum import hardware
+from slipstream_lab.benchmarks.quantum import hardware, hardware_cycles
 from slipstream_lab.benchmarks.quantum.faulty_service import FaultyServiceFactory, ServiceRecords
 from slipstream_lab.benchmarks.quantum.hardware_checks import Run, check_run
 from slipstream_lab.benchmarks.quantum.hardware_cycles import SETTINGS, run
@@ -26,11 +26,10 @@ SHORT = SETTINGS.model_copy(
     update={
         "deadline_s": 2.5,
         "interval_s": 3.0,
-        "hardware": SETTINGS.hardware.model_copy(
-            update={"wait_s": 0.15, "job_timeout_s": 1.0, "lost_after_s": 0.3}
-        ),
+        "hardware": SETTINGS.hardware.model_copy(update={"wait_s": 0.15}),
     }
 )
+LIMITS = replace(hardware_cycles.LIMITS, job_timeout_s=1.0, lost_after_s=0.3)
 
 
 def solve(jobs: Sequence[PoolJob], deadline_s: float) -> list[Outcome]:
@@ -51,7 +50,7 @@ def test_no_promise_is_broken_in_twenty_cycles(tmp_path: Path) -> None:
     """On time, verified, within the budget, nothing leaked, ledger and records agree; also the
     device must have had its part: jobs were submitted, and the job manager was closed in between.
     """
-    ran = run(20, SEED, tmp_path, settings=SHORT, solve=solve, restart_every=10)
+    ran = run(20, SEED, tmp_path, settings=SHORT, limits=LIMITS, solve=solve, restart_every=10)
     assert ran.broken == []
     assert ran.cycles == 20
     assert ran.restarts >= 1

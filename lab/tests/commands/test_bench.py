@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from dispatcher_daemon.solvers.quantum.backends import fallback, open_backend
-from dispatcher_daemon.solvers.quantum.backends.jobs import ServiceFault
+from dispatcher_daemon.solvers.quantum.backends import ServiceFault, open_backend
 from slipstream_cli.main import main
 from slipstream_lab.research.quantum import run as bench_run
+from slipstream_lab.research.quantum.backends import opening
 
 Capture = pytest.CaptureFixture[str]
 
@@ -95,7 +95,7 @@ def test_a_device_that_was_replaced_is_not_called_hardware(
     capsys: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Rows of a device that is out of reach are marked by where their samples came from."""
-    monkeypatch.setattr(fallback, "open_backend", refusing)
+    monkeypatch.setattr(opening, "open_backend", refusing)
     (row, _) = bench(capsys, tmp_path, "--noise", "aer:FakeBoston")["tables"]["sweep"]
     assert row["mark"] == "simulated, 1 of 1"
     assert row["reason"] == "aer:FakeBoston: no answer"

@@ -1,15 +1,10 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dispatcher_daemon.solvers.distribution import (
-    BitDistribution,
-    uniform_bits,
-    uniform_choices,
-)
+from dispatcher_daemon.solvers.distribution import BitDistribution
 
 
 def test_bits_and_groups_come_with_their_probabilities() -> None:
@@ -41,31 +36,6 @@ def test_one_member_of_each_group_whatever_the_rounding(seed: int, sizes: list[i
 def test_certain_bits_are_certain_and_seeds_count() -> None:
     """Probabilities 0 and 1 leave no choice; one seed, one sample."""
     assert BitDistribution((0.0, 1.0)).sample(50, 1).mean(axis=0).tolist() == [0.0, 1.0]
-    fair = uniform_bits(30)
+    fair = BitDistribution((0.5,) * 30)
     assert np.array_equal(fair.sample(9, 4), fair.sample(9, 4))
     assert not np.array_equal(fair.sample(9, 4), fair.sample(9, 5))
-
-
-def test_uniform_choices_leave_the_rest_to_coins() -> None:
-    """Members of a group share its one 1; what is in no group is 1 half the time."""
-    choices = uniform_choices(5, [(1, 3), (0,)])
-    assert choices.probabilities == (1.0, 0.5, 0.5, 0.5, 0.5)
-    assert choices.groups == ((1, 3), (0,))
-
-
-@pytest.mark.parametrize(
-    ("probabilities", "groups"),
-    [
-        ((1.2,), ()),
-        ((float("nan"),), ()),
-        ((0.5, 0.4), ((0, 1),)),
-        ((0.5, 0.5), ((0, 1), (1,))),
-        ((1.0,), ((1,),)),
-    ],
-)
-def test_what_is_no_distribution_is_refused(
-    probabilities: tuple[float, ...], groups: tuple[tuple[int, ...], ...]
-) -> None:
-    """Probabilities outside [0, 1], groups that overlap, are elsewhere or do not sum to 1."""
-    with pytest.raises(ValueError, match=r"probabilit|groups"):
-        BitDistribution(probabilities, groups)

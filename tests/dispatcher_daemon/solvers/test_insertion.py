@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -19,6 +20,7 @@ def test_demo_gets_a_valid_plan(demo_arcs: Callable[..., ArcProblem]) -> None:
     assert decode(problem, selected).routes is not None
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(seed=st.integers(0, 10**6), customers=st.integers(1, 4), vehicles=st.integers(1, 2))
 def test_what_it_finds_is_valid_and_no_better_than_the_optimum(

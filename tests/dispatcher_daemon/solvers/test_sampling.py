@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -24,6 +25,7 @@ Demo = Callable[..., ArcProblem]
 Routes = Callable[..., RouteProblem]
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(seed=st.integers(0, 10**6))
 def test_stages_are_what_each_sample_becomes(random_routes: Routes, seed: int) -> None:

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from dispatcher_daemon.solvers.quantum.backends.aer import (
-    DECOUPLED,
-    IDLE,
-    TWIRLED,
-    NoisyBackend,
-    fake_target,
-)
-from dispatcher_daemon.solvers.quantum.backends.base import Backend, Sampled
-from dispatcher_daemon.solvers.quantum.backends.ibm_account import find_access
+from dispatcher_daemon.solvers.quantum.backends.aer import NoisyBackend, fake_target, sampled
+from dispatcher_daemon.solvers.quantum.backends.base import Backend, Sampled, fit
+from dispatcher_daemon.solvers.quantum.backends.ibm import IbmService, open_ibm
+from dispatcher_daemon.solvers.quantum.backends.ibm_account import AccountAccess, find_access
 from dispatcher_daemon.solvers.quantum.backends.jobs import (
     FaultKind,
     JobService,
@@ -20,34 +15,32 @@ from dispatcher_daemon.solvers.quantum.backends.jobs import (
 from dispatcher_daemon.solvers.quantum.backends.noise import DeviceNoise, blocks_of
 from dispatcher_daemon.solvers.quantum.backends.opening import open_backend, open_service
 from dispatcher_daemon.solvers.quantum.backends.targets import (
-    Depths,
-    compare_depths,
-    transpile_dense,
     transpile_on,
     two_qubit_depth,
     two_qubit_gates,
 )
+from dispatcher_daemon.solvers.quantum.backends.trajectories import sample_noisy
 
 __all__ = [
-    "DECOUPLED",
-    "IDLE",
-    "TWIRLED",
+    "AccountAccess",
     "Backend",
-    "Depths",
     "DeviceNoise",
     "FaultKind",
+    "IbmService",
     "JobService",
     "JobView",
     "NoisyBackend",
     "Sampled",
     "ServiceFault",
     "blocks_of",
-    "compare_depths",
     "fake_target",
     "find_access",
+    "fit",
     "open_backend",
+    "open_ibm",
     "open_service",
-    "transpile_dense",
+    "sample_noisy",
+    "sampled",
     "transpile_on",
     "two_qubit_depth",
     "two_qubit_gates",

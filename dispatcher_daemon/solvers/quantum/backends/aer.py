@@ -6,11 +6,10 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, Final
 
 from dispatcher_daemon.solvers.protocol import BackendKind
-from dispatcher_daemon.solvers.quantum.backends.base import Sampled, fit, is_chain
-from dispatcher_daemon.solvers.quantum.backends.idle import IdleNoise, sample_with_idle
+from dispatcher_daemon.solvers.quantum.backends.base import Sampled, fit
 from dispatcher_daemon.solvers.quantum.backends.noise import DeviceNoise
 from dispatcher_daemon.solvers.quantum.backends.targets import (
     two_qubit_depth,
@@ -21,21 +20,13 @@ from dispatcher_daemon.solvers.quantum.backends.trajectories import noiseless, s
 from dispatcher_daemon.solvers.quantum.chain.layout import QubitPlacement, place_chain
 from slipstream.errors import InputError
 
-STATE_VECTOR_QUBITS = 27
-"""A circuit without a chain's shape is simulated as a state vector up to here, without noise."""
-NOISY_STATE_VECTOR_QUBITS = 14
-"""The same with noise, where many shots need a state vector of their own."""
-FRACTIONAL, IDLE, DECOUPLED, TWIRLED = "+fractional", "+idle", "+dd", "+twirl"
-ENDINGS = (FRACTIONAL, *(IDLE + dd + twirl for dd in ("", DECOUPLED) for twirl in ("", TWIRLED)))
-"""What may follow a fake device's name."""
+FRACTIONAL: Final = "+fractional"
+"""May follow a fake device's name."""
 
 
 @dataclass(frozen=True)
 class AerBackend:
-    """Aer without noise: matrix product state for chains, state vector otherwise.
-
-    Circuits run as they are, so that depth and gates are those of the logical circuit.
-    """
+    """Aer without noise; circuits run as they are, so depth and gates are the logical circuit's."""
 
     name: str = "aer"
     kind: BackendKind = "simulated"
@@ -45,29 +36,21 @@ class AerBackend:
         """See `Backend.place`."""
         return QubitPlacement(tuple(range(n)), (), 1.0)
 
-    def sample(self, circuit: Any, shots: int, seed: int) -> Sampled:
+    def sample(self, circuit: Any, shots: int, seed: int, wait_s: float = 900.0) -> Sampled:
         """See `Backend.sample`."""
         from qiskit_aer import AerSimulator
 
         began = time.perf_counter()
-        chain = is_chain(circuit)
-        if not chain and circuit.num_qubits > STATE_VECTOR_QUBITS:
-            raise InputError(
-                self.name,
-                f"{circuit.num_qubits} qubits that are no chain do not fit a state vector",
-                f"take at most {STATE_VECTOR_QUBITS} qubits or a chain",
-            )
         simulator = AerSimulator(
-            method="matrix_product_state" if chain else "statevector",
-            precision="double" if chain else "single",
+            method="matrix_product_state",
             # Aer drops a seed of 0.
             seed_simulator=seed % 2**31 + 1,
-            max_parallel_threads=1 if chain else 0,
+            max_parallel_threads=1,
         )
-        result = simulator.run(noiseless(circuit) if chain else circuit, shots=shots).result()
+        result = simulator.run(noiseless(circuit), shots=shots).result()
         if not result.success:
             raise RuntimeError(f"Aer: {result.status}")
-        return _sampled(dict(result.get_counts()), circuit, began)
+        return sampled(self, dict(result.get_counts()), circuit, began)
 
 
 @dataclass(frozen=True)
@@ -76,79 +59,46 @@ class NoisyBackend:
 
     Attributes:
         device: class name in `qiskit_ibm_runtime.fake_provider`.
-        ending: "" or one of `ENDINGS`: with RZZ and RX gates added to the device
-            (`with_fractional_gates`); or with errors of idle time and coherent ones, both assumed
-            (`backends.idle`), and dynamical decoupling and Pauli twirling against them.
-
-    Raises:
-        InputError: there is no such ending.
+        fractional: RZZ and RX gates are added to the device, see `with_fractional_gates`.
     """
 
     device: str
-    ending: str = ""
+    fractional: bool = False
     kind: BackendKind = "noise-model"
-
-    def __post_init__(self) -> None:
-        if self.ending not in ("", *ENDINGS):
-            raise InputError(
-                "backend",
-                f"a fake device cannot have {self.ending!r}",
-                f"leave it out, or take one of {' '.join(ENDINGS)}",
-            )
 
     @property
     def name(self) -> str:
         """As `open_backend` takes it."""
-        return f"aer:{self.device}{self.ending}"
+        return f"aer:{self.device}{FRACTIONAL if self.fractional else ''}"
 
     @property
     def target(self) -> Any:
         """See `Backend.target`."""
-        return self._model()[0]
+        return _model(self.device, self.fractional).target
 
     @property
     def noise(self) -> DeviceNoise:
         """The device's noise."""
-        return self._model()[1]
-
-    def _model(self) -> tuple[Any, DeviceNoise]:
-        return _model(self.device, self.ending == FRACTIONAL, self.ending.startswith(IDLE))
+        return _model(self.device, self.fractional)
 
     def place(self, n: int, bond_weights: Sequence[float] | None = None) -> QubitPlacement:
         """See `Backend.place`."""
         return place_chain(self.target, n, bond_weights=bond_weights)
 
-    def sample(self, circuit: Any, shots: int, seed: int) -> Sampled:
+    def sample(self, circuit: Any, shots: int, seed: int, wait_s: float = 900.0) -> Sampled:
         """See `Backend.sample`."""
         began = time.perf_counter()
-        chain = is_chain(circuit)
-        if not chain and circuit.num_qubits > NOISY_STATE_VECTOR_QUBITS:
-            raise InputError(
-                self.name,
-                f"{circuit.num_qubits} qubits that are no chain take too long with noise",
-                f"take at most {NOISY_STATE_VECTOR_QUBITS} qubits, a chain, or the backend aer",
-            )
         transpiled = fit(circuit, self.target)
-        method, noise = "matrix_product_state" if chain else "statevector", self.noise
-        if isinstance(noise, IdleNoise):
-            counts = sample_with_idle(
-                transpiled,
-                noise,
-                shots,
-                seed,
-                decoupled=DECOUPLED in self.ending,
-                twirled=TWIRLED in self.ending,
-                method=method,
-            )
-        else:
-            counts = sample_noisy(transpiled, noise, shots, seed, method=method)
-        return _sampled(counts, transpiled, began)
+        counts = sample_noisy(transpiled, self.noise, shots, seed)
+        return sampled(self, counts, transpiled, began)
 
 
-def _sampled(counts: dict[str, int], circuit: Any, began: float) -> Sampled:
-    """Counts of a circuit as it ran, since ``began`` by `time.perf_counter`."""
+def sampled(backend: Any, counts: dict[str, int], circuit: Any, began: float) -> Sampled:
+    """Counts of a circuit as it ran on a backend, since ``began`` by `time.perf_counter`."""
     return Sampled(
         counts=counts,
+        backend=backend.name,
+        kind=backend.kind,
         two_qubit_depth=two_qubit_depth(circuit),
         two_qubit_gates=two_qubit_gates(circuit),
         sample_s=time.perf_counter() - began,
@@ -177,9 +127,7 @@ def fake_target(device: str) -> Any:
 
 
 @lru_cache(maxsize=4)
-def _model(device: str, fractional: bool, idle: bool) -> tuple[Any, DeviceNoise]:
-    """Target and noise, which learns a gate's noise once."""
+def _model(device: str, fractional: bool) -> DeviceNoise:
+    """Noise, which learns a gate's noise once, and its target."""
     target = fake_target(device)
-    if fractional:
-        target = with_fractional_gates(target)
-    return target, IdleNoise(target) if idle else DeviceNoise(target)
+    return DeviceNoise(with_fractional_gates(target) if fractional else target)

@@ -8,7 +8,11 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from dispatcher_daemon.solvers.protocol import BackendKind
-from dispatcher_daemon.solvers.quantum.backends.targets import transpile_dense, transpile_on
+from dispatcher_daemon.solvers.quantum.backends.targets import (
+    transpile_on,
+    two_qubit_depth,
+    two_qubit_gates,
+)
 from dispatcher_daemon.solvers.quantum.chain.layout import QubitPlacement, place_chain
 
 OVERHEAD_S = 5.0
@@ -29,17 +33,22 @@ class Sampled:
 
     Attributes:
         counts: shots by bit string (Qiskit's order: qubit 0 last).
+        backend, kind: where they come from.
         two_qubit_depth: layers of two-qubit gates of the circuit as it ran.
         two_qubit_gates: their number.
         sample_s: time from handing the circuit over to its samples, transpilation included, s.
         job: the service's id of the job, if there was one.
+        fallback: why they are not of the requested backend; None if they are.
     """
 
     counts: Mapping[str, int]
+    backend: str
+    kind: BackendKind
     two_qubit_depth: int
     two_qubit_gates: int
     sample_s: float
     job: str | None = None
+    fallback: str | None = None
 
 
 class Backend(Protocol):
@@ -61,51 +70,60 @@ class Backend(Protocol):
         ...
 
     def place(self, n: int, bond_weights: Sequence[float] | None = None) -> QubitPlacement:
-        """Placement of a chain of n qubits; the bonds that it cuts must get an angle of 0.
+        """Placement of a chain of n qubits (`place_chain`); bonds that it cuts get an angle of 0.
 
-        See `place_chain`. A simulator without a device cuts nothing.
+        A simulator without a device cuts nothing.
         """
         ...
 
-    def sample(self, circuit: Any, shots: int, seed: int) -> Sampled:
-        """Samples of a measured logical circuit, which is transpiled for the target first.
+    def sample(self, circuit: Any, shots: int, seed: int, wait_s: float = 900.0) -> Sampled:
+        """Samples of a measured circuit of a chain, which is laid on the best physical chain.
 
         Args:
-            circuit: `qiskit.QuantumCircuit`; a chain's circuit, with gates between neighbours
-                only, is laid on the best physical chain.
+            circuit: `qiskit.QuantumCircuit` with gates between neighbours only.
             shots: number of samples.
             seed: of a simulation; devices have none.
+            wait_s: for a device, s; its job is cancelled after that.
 
         Raises:
             InputError: the circuit does not fit the device.
-            ServiceFault: from a device.
         """
         ...
 
 
-def is_chain(circuit: Any) -> bool:
-    """Whether all two-qubit gates are between neighbours."""
-    return all(abs(a - b) == 1 for a, b in _pairs(circuit))
+class DeviceOnTarget:
+    """What a job service does by its device's target alone; see `JobService`."""
+
+    @property
+    def target(self) -> Any:
+        """The device's `qiskit.transpiler.Target`."""
+        raise NotImplementedError
+
+    def estimate_s(self, circuit: Any, shots: int) -> float:
+        """See `JobService.estimate_s`; it is also a job's time limit at a service."""
+        return device_s(shots)
+
+    def place(self, n: int, bond_weights: Sequence[float] | None = None) -> QubitPlacement:
+        """See `Backend.place`."""
+        return place_chain(self.target, n, bond_weights=bond_weights)
+
+    def two_qubit(self, circuit: Any) -> tuple[int, int]:
+        """See `JobService.two_qubit`."""
+        transpiled = fit(circuit, self.target)
+        return two_qubit_depth(transpiled), two_qubit_gates(transpiled)
 
 
 def fit(circuit: Any, target: Any) -> Any:
-    """Transpile for a target: a chain on its best chain, any other circuit as well as possible.
+    """Transpile a chain's circuit for a target, on its best chain.
 
     Raises:
         InputError: too many qubits, or a chain that the device cannot lay without a cut where the
             circuit has a gate.
     """
-    if not is_chain(circuit):
-        return transpile_dense(circuit, target)
-    gated = {min(pair) for pair in _pairs(circuit)}
+    gated = set()
+    for instruction in circuit.data:
+        if len(instruction.qubits) == 2 and instruction.operation.name != "barrier":
+            gated.add(min(circuit.find_bit(q).index for q in instruction.qubits))
     n = circuit.num_qubits
     weights = [float("inf") if q in gated else 0.0 for q in range(n - 1)]
     return transpile_on(circuit, target, place_chain(target, n, bond_weights=weights).qubits)
-
-
-def _pairs(circuit: Any) -> set[tuple[int, ...]]:
-    found = set()
-    for instruction in circuit.data:
-        if len(instruction.qubits) == 2 and instruction.operation.name != "barrier":
-            found.add(tuple(circuit.find_bit(q).index for q in instruction.qubits))
-    return found

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
-from dispatcher_daemon.solvers.protocol import BackendKind
-from dispatcher_daemon.solvers.quantum.backends.base import Sampled, device_s, fit
+from dispatcher_daemon.solvers.quantum.backends.base import DeviceOnTarget, device_s, fit
 from dispatcher_daemon.solvers.quantum.backends.ibm_account import (
     AccountAccess,
     find_access,
@@ -16,8 +14,6 @@ from dispatcher_daemon.solvers.quantum.backends.ibm_account import (
 )
 from dispatcher_daemon.solvers.quantum.backends.ibm_faults import ask, without_secrets
 from dispatcher_daemon.solvers.quantum.backends.jobs import JobState, JobView, ServiceFault
-from dispatcher_daemon.solvers.quantum.backends.targets import two_qubit_depth, two_qubit_gates
-from dispatcher_daemon.solvers.quantum.chain.layout import QubitPlacement, place_chain
 from slipstream.errors import InputError
 
 LEAST_BUSY = "least-busy"
@@ -33,32 +29,11 @@ STATES: Mapping[str, JobState] = {
 }
 
 
-@dataclass(frozen=True)
-class IbmOptions:
-    """What the sampler does about errors.
-
-    Attributes:
-        dynamical_decoupling: pulses on idle qubits.
-        twirl_gates: random Pauli frames around two-qubit gates; only of circuits without
-            fractional gates, which no Pauli frame passes through.
-        twirl_measurement: random flips before measurement, taken back afterwards.
-        fractional: use RZZ and RX where the device has them.
-    """
-
-    dynamical_decoupling: bool = True
-    twirl_gates: bool = True
-    twirl_measurement: bool = True
-    fractional: bool = True
-
-
-def open_ibm(
-    name: str, options: IbmOptions | None = None, access: AccountAccess | None = None
-) -> IbmService:
+def open_ibm(name: str, access: AccountAccess | None = None) -> IbmService:
     """A device of the account.
 
     Args:
         name: of the device; "least-busy": the operational one with the shortest queue now.
-        options: of the sampler.
         access: from the environment by default.
 
     Raises:
@@ -66,28 +41,26 @@ def open_ibm(
         ServiceFault: the service does not do what it is asked.
     """
     access = access or find_access()
-    options = options or IbmOptions()
 
     def connect() -> tuple[Any, Any]:
         # A client of its own: it keeps the list of devices, with their queues, that it began with.
         client = open_client(access)
         # The client hides why it got no list of devices; this call does not.
         client.usage()
-        return client, _find_device(client, name, options)
+        return client, _find_device(client, name)
 
     client, device = ask(access.token, connect)
-    return IbmService(client, device, options, access.token)
+    return IbmService(client, device, access.token)
 
 
-def _find_device(client: Any, name: str, options: IbmOptions) -> Any:
+def _find_device(client: Any, name: str) -> Any:
     from qiskit.providers.exceptions import QiskitBackendNotFoundError
 
-    # None: with fractional gates where the device has them.
-    fractional = None if options.fractional else False
     try:
+        # None: with fractional gates where the device has them.
         if name == LEAST_BUSY:
-            return client.least_busy(use_fractional_gates=fractional)
-        return client.backend(name, use_fractional_gates=fractional)
+            return client.least_busy(use_fractional_gates=None)
+        return client.backend(name, use_fractional_gates=None)
     except QiskitBackendNotFoundError:
         listed = [str(d["name"]) for d in client._get_api_client().list_backends()]
         if name == LEAST_BUSY or name in listed:
@@ -99,20 +72,18 @@ def _find_device(client: Any, name: str, options: IbmOptions) -> Any:
     )
 
 
-class IbmService:
+class IbmService(DeviceOnTarget):
     """A device as a `JobService`.
 
     Args:
         client: `QiskitRuntimeService`.
         device: `IBMBackend` of it.
-        options: of the sampler.
         token: to be left out of all lines.
     """
 
-    def __init__(self, client: Any, device: Any, options: IbmOptions, token: str) -> None:
+    def __init__(self, client: Any, device: Any, token: str) -> None:
         self._client = client
         self._device = device
-        self._options = options
         self._token = token
         self._calibrated = time.monotonic()
 
@@ -135,19 +106,6 @@ class IbmService:
             return self._device.target
 
         return ask(self._token, read)
-
-    def estimate_s(self, circuit: Any, shots: int) -> float:
-        """See `JobService.estimate_s`; it is also the job's time limit at the service."""
-        return device_s(shots)
-
-    def place(self, n: int, bond_weights: Sequence[float] | None = None) -> QubitPlacement:
-        """See `Backend.place`."""
-        return place_chain(self.target, n, bond_weights=bond_weights)
-
-    def two_qubit(self, circuit: Any) -> tuple[int, int]:
-        """Layers of two-qubit gates of a circuit as it will run, and their number."""
-        transpiled = fit(circuit, self.target)
-        return two_qubit_depth(transpiled), two_qubit_gates(transpiled)
 
     def submit(self, circuit: Any, shots: int, tags: Sequence[str]) -> str:
         """See `JobService.submit`; the circuit is transpiled for the device.
@@ -195,16 +153,13 @@ class IbmService:
         )
 
     def _sampler_options(self, circuit: Any, shots: int, tags: Sequence[str]) -> dict[str, Any]:
-        fractional = "rzz" in circuit.count_ops()
         return {
             "max_execution_time": int(device_s(shots)),
-            "dynamical_decoupling": {
-                "enable": self._options.dynamical_decoupling,
-                "sequence_type": "XpXm",
-            },
+            "dynamical_decoupling": {"enable": True, "sequence_type": "XpXm"},
+            # No Pauli frame passes through fractional gates.
             "twirling": {
-                "enable_gates": self._options.twirl_gates and not fractional,
-                "enable_measure": self._options.twirl_measurement,
+                "enable_gates": "rzz" not in circuit.count_ops(),
+                "enable_measure": True,
             },
             "environment": {"job_tags": list(tags)},
         }
@@ -235,89 +190,3 @@ class IbmService:
         reason = job.error_message() if state == "failed" else None
         line = without_secrets(str(reason or state), self._token)
         return JobView(state, reason=line, usage_s=usage_s)
-
-
-@dataclass(frozen=True)
-class IbmBackend:
-    """A device as a `Backend`, for a caller that can wait.
-
-    Attributes:
-        service: the device.
-        wait_s: after that a job is cancelled.
-        poll_s: time between two looks.
-    """
-
-    service: IbmService
-    wait_s: float = 900.0
-    poll_s: float = 2.0
-    kind: BackendKind = "hardware"
-
-    @property
-    def name(self) -> str:
-        """See `Backend.name`."""
-        return f"ibm:{self.service.name}"
-
-    @property
-    def target(self) -> Any:
-        """See `Backend.target`."""
-        return self.service.target
-
-    def place(self, n: int, bond_weights: Sequence[float] | None = None) -> QubitPlacement:
-        """See `Backend.place`."""
-        return self.service.place(n, bond_weights)
-
-    def sample(self, circuit: Any, shots: int, seed: int) -> Sampled:
-        """See `Backend.sample`; the line of a fault names the job."""
-        began = time.perf_counter()
-        transpiled = fit(circuit, self.target)
-        job_id = self.service.submit_transpiled(transpiled, shots, ["slipstream"])
-        late: ServiceFault | None = None
-        try:
-            view = self._wait(job_id, began + self.wait_s)
-        except ServiceFault as fault:
-            late = fault
-        except BaseException:
-            # Ctrl-C: the result is not needed any more, so the job is cancelled.
-            self._cancelled(job_id)
-            raise
-        if late is not None:
-            raise ServiceFault(late.kind, f"{late}{self._cancelled(job_id)}")
-        if view.state != "done" or view.counts is None:
-            raise ServiceFault("broken", f"job {job_id} {view.state}: {view.reason or 'no reason'}")
-        return Sampled(
-            counts=view.counts,
-            two_qubit_depth=two_qubit_depth(transpiled),
-            two_qubit_gates=two_qubit_gates(transpiled),
-            sample_s=time.perf_counter() - began,
-            job=job_id,
-        )
-
-    def _wait(self, job_id: str, until: float) -> JobView:
-        """The job once it is over; passing faults are outwaited, others name the job."""
-        line = f"job {job_id} was not done after {self.wait_s:g} s"
-        while True:
-            try:
-                view = self.service.look(job_id)
-                if view.state not in ("queued", "running"):
-                    return view
-            except ServiceFault as fault:
-                line = f"job {job_id} not seen any more: {fault}"
-                if fault.kind == "refused":
-                    raise ServiceFault("refused", line) from None
-            if time.perf_counter() + self.poll_s > until:
-                break
-            time.sleep(self.poll_s)
-        raise ServiceFault("unreachable", line)
-
-    def _cancelled(self, job_id: str) -> str:
-        """Cancel a job; what is to be said of it."""
-        try:
-            self.service.cancel(job_id)
-        except ServiceFault as fault:
-            return f"; it could not be cancelled: {fault}"
-        return "; it is cancelled"
-
-
-def open_ibm_backend(name: str) -> IbmBackend:
-    """`open_ibm` as a `Backend`."""
-    return IbmBackend(open_ibm(name))

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
+from dispatcher_daemon.solvers.quantum.chain.layout import QubitPlacement
+
 JobState = Literal["queued", "running", "done", "failed", "cancelled", "lost"]
 
 FaultKind = Literal["unreachable", "refused", "limited", "broken", "garbage"]
@@ -57,6 +59,14 @@ class JobService(Protocol):
 
     def estimate_s(self, circuit: Any, shots: int) -> float:
         """Device time that a job will be charged, s: an upper estimate."""
+        ...
+
+    def place(self, n: int, bond_weights: Sequence[float] | None = None) -> QubitPlacement:
+        """Where a chain lies on the device; see `Backend.place`."""
+        ...
+
+    def two_qubit(self, circuit: Any) -> tuple[int, int]:
+        """Layers of two-qubit gates of a circuit as it will run, and their number."""
         ...
 
     def submit(self, circuit: Any, shots: int, tags: Sequence[str]) -> str:

@@ -13,11 +13,9 @@ from dataclasses import dataclass
 from itertools import count
 from typing import Any
 
-from dispatcher_daemon.solvers.quantum.backends.aer import NoisyBackend
-from dispatcher_daemon.solvers.quantum.backends.base import Sampled, device_s, fit
+from dispatcher_daemon.solvers.quantum.backends.aer import NoisyBackend, fake_target
+from dispatcher_daemon.solvers.quantum.backends.base import DeviceOnTarget, Sampled, device_s
 from dispatcher_daemon.solvers.quantum.backends.jobs import JobView
-from dispatcher_daemon.solvers.quantum.backends.targets import two_qubit_depth, two_qubit_gates
-from dispatcher_daemon.solvers.quantum.chain.layout import QubitPlacement, place_chain
 
 KEPT = 100
 """Jobs that are over and still known, with their samples."""
@@ -30,7 +28,7 @@ class _Job:
     charge_s: float
 
 
-class LocalService:
+class LocalService(DeviceOnTarget):
     """A `JobService` whose jobs run one after another in a thread of this process.
 
     The last `KEPT` jobs are known, and those that are not over, as long as this object is; others
@@ -46,7 +44,8 @@ class LocalService:
 
     def __init__(self, device: str, seed: int = 1) -> None:
         self._backend = NoisyBackend(device)
-        self._target = self._backend.target
+        # Whether there is such a device.
+        fake_target(device)
         self._seeds = count(seed)
         self._jobs: dict[str, _Job] = {}
         self._lock = threading.Lock()
@@ -57,18 +56,10 @@ class LocalService:
         """Name of the fake device."""
         return self._backend.device
 
-    def estimate_s(self, circuit: Any, shots: int) -> float:
-        """See `JobService.estimate_s`; the same rule as for a device."""
-        return device_s(shots)
-
-    def place(self, n: int, bond_weights: Sequence[float] | None = None) -> QubitPlacement:
-        """See `Backend.place`."""
-        return place_chain(self._target, n, bond_weights=bond_weights)
-
-    def two_qubit(self, circuit: Any) -> tuple[int, int]:
-        """Layers of two-qubit gates of a circuit as it will run, and their number."""
-        transpiled = fit(circuit, self._target)
-        return two_qubit_depth(transpiled), two_qubit_gates(transpiled)
+    @property
+    def target(self) -> Any:
+        """The fake device's target."""
+        return self._backend.target
 
     def submit(self, circuit: Any, shots: int, tags: Sequence[str]) -> str:
         """See `JobService.submit`."""

@@ -2,39 +2,37 @@
 
 from __future__ import annotations
 
-from dispatcher_daemon.solvers.quantum.backends.aer import AerBackend, NoisyBackend, fake_target
+from dispatcher_daemon.solvers.quantum.backends.aer import (
+    FRACTIONAL,
+    AerBackend,
+    NoisyBackend,
+    fake_target,
+)
 from dispatcher_daemon.solvers.quantum.backends.base import Backend
 from dispatcher_daemon.solvers.quantum.backends.jobs import JobService
 from slipstream.errors import InputError
 
 
 def open_backend(text: str) -> Backend:
-    """The backend of that name.
+    """The simulator of that name.
 
     Args:
-        text: "aer", "aer:FakeBoston" or another fake device (what may follow: `aer.ENDINGS`),
-            "ibm:NAME" or "ibm:least-busy".
+        text: "aer", "aer:FakeBoston" or another fake device, "aer:FakeBoston+fractional".
 
     Raises:
-        InputError: there is no such backend, or no credentials for it.
-        ServiceFault: IBM Quantum does not do what it is asked.
+        InputError: there is no such simulator.
     """
     service, _, name = text.partition(":")
     if text == "aer":
         return AerBackend()
-    if service == "aer" and name:
-        device, plus, ending = name.partition("+")
-        backend = NoisyBackend(device, plus + ending)
+    device = name.removesuffix(FRACTIONAL)
+    if service == "aer" and device:
         fake_target(device)
-        return backend
-    if service == "ibm" and name:
-        from dispatcher_daemon.solvers.quantum.backends.ibm import open_ibm_backend
-
-        return open_ibm_backend(name)
+        return NoisyBackend(device, fractional=device != name)
     raise InputError(
         "backend",
         f"there is no backend {text!r}",
-        "use aer, aer:FakeBoston, ibm:NAME or ibm:least-busy",
+        "use aer, aer:FakeBoston or aer:FakeBoston+fractional",
     )
 
 

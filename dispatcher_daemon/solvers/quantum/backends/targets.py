@@ -1,20 +1,10 @@
-"""Circuits for a device: transpiled, counted, and compared with the dense circuit."""
+"""Circuits for a device: transpiled and counted."""
 
 from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
-
-from dispatcher_daemon.solvers.quantum.ansatz import scheduled
-from dispatcher_daemon.solvers.quantum.chain.layout import place_chain
-from dispatcher_daemon.solvers.quantum.circuits import (
-    circuit_of,
-    dense_qaoa_circuit,
-    swap_network_circuit,
-)
-from dispatcher_daemon.solvers.quantum.ising import Ising
 
 SEED = 1
 """Of the transpiler's random choices; a chain leaves it none."""
@@ -49,14 +39,6 @@ def transpile_on(circuit: Any, target: Any, qubits: Sequence[int]) -> Any:
     return transpiled
 
 
-def transpile_dense(circuit: Any, target: Any) -> Any:
-    """A circuit without a chain's shape, as well as the transpiler's highest level can."""
-    from qiskit.transpiler import generate_preset_pass_manager
-
-    passes = generate_preset_pass_manager(optimization_level=3, target=target, seed_transpiler=SEED)
-    return passes.run(circuit)
-
-
 def two_qubit_depth(circuit: Any) -> int:
     """Layers of two-qubit gates on the longest way through a circuit."""
     return int(circuit.depth(_is_two_qubit_gate))
@@ -82,54 +64,6 @@ def with_fractional_gates(target: Any) -> Any:
     if "rx" not in fractional.operation_names:
         fractional.add_instruction(RXGate(Parameter("θ")), dict(target["sx"]))
     return fractional
-
-
-@dataclass(frozen=True)
-class Depths:
-    """What one instance's circuits need on a target, transpiled in one run.
-
-    Attributes:
-        chain_depth: two-qubit depth of LC-QAOA.
-        chain_gates: its two-qubit gates.
-        dense_depth: two-qubit depth of QAOA with all couplings, by the better method.
-        dense_gates: two-qubit gates of that circuit.
-        dense_method: "routed" by the transpiler, or "swap network" on the best chain.
-    """
-
-    chain_depth: int
-    chain_gates: int
-    dense_depth: int
-    dense_gates: int
-    dense_method: str
-
-    @property
-    def reduction(self) -> float:
-        """Share of the dense circuit's depth that the chain saves."""
-        return 1 - self.chain_depth / self.dense_depth
-
-
-def compare_depths(ising: Ising, schedule: Sequence[tuple[float, float]], target: Any) -> Depths:
-    """LC-QAOA beside dense QAOA on one target; the latter by the shallower of two methods.
-
-    Args:
-        ising: in chain order, normalised.
-        schedule: (β, γ) of each layer.
-        target: `qiskit.transpiler.Target`.
-    """
-    qubits = place_chain(target, len(ising.h), len(schedule)).qubits
-    chain = transpile_on(circuit_of(scheduled(ising, schedule)), target, qubits)
-    candidates = {
-        "routed": transpile_dense(dense_qaoa_circuit(ising, schedule), target),
-        "swap network": transpile_on(swap_network_circuit(ising, schedule), target, qubits),
-    }
-    method, dense = min(candidates.items(), key=lambda item: two_qubit_depth(item[1]))
-    return Depths(
-        chain_depth=two_qubit_depth(chain),
-        chain_gates=two_qubit_gates(chain),
-        dense_depth=two_qubit_depth(dense),
-        dense_gates=two_qubit_gates(dense),
-        dense_method=method,
-    )
 
 
 def _is_two_qubit_gate(instruction: Any) -> bool:

@@ -14,9 +14,7 @@ from dispatcher_daemon.solvers.quantum.backends.noise import DeviceNoise, NoiseB
 Bits = npt.NDArray[np.int8]
 
 
-def sample_noisy(
-    circuit: Any, noise: DeviceNoise, shots: int, seed: int, *, method: str
-) -> dict[str, int]:
+def sample_noisy(circuit: Any, noise: DeviceNoise, shots: int, seed: int) -> dict[str, int]:
     """Counts by Qiskit bit string of a measured circuit on physical qubits.
 
     Qubits without gates are left out; the others are simulated in the order of the classical bits
@@ -28,7 +26,6 @@ def sample_noisy(
         noise: of its gates and readouts.
         shots: number of samples.
         seed: of all draws.
-        method: of Aer: "matrix_product_state" for chains, otherwise "statevector".
     """
     rng = np.random.default_rng(seed)
     measured = measured_qubits(circuit)
@@ -41,7 +38,7 @@ def sample_noisy(
     rows: list[Bits] = []
     for count, group in by_shots.items():
         circuits = [_with_errors(blocks, pattern, order, len(measured)) for pattern in group]
-        rows.append(_run(circuits, count, int(rng.integers(1, 2**31)), method))
+        rows.append(_run(circuits, count, int(rng.integers(1, 2**31))))
     bits = np.concatenate(rows)
     flips = np.array([noise.readout(qubit) for qubit in measured])
     bits ^= rng.random(bits.shape) < np.where(bits == 0, flips[:, 0], flips[:, 1])
@@ -113,10 +110,12 @@ def _with_errors(
     return circuit
 
 
-def _run(circuits: list[Any], shots: int, seed: int, method: str) -> Bits:
+def _run(circuits: list[Any], shots: int, seed: int) -> Bits:
     from qiskit_aer import AerSimulator
 
-    simulator = AerSimulator(method=method, seed_simulator=seed, max_parallel_threads=1)
+    simulator = AerSimulator(
+        method="matrix_product_state", seed_simulator=seed, max_parallel_threads=1
+    )
     result = simulator.run(circuits, shots=shots).result()
     if not result.success:
         raise RuntimeError(f"Aer: {result.status}")

@@ -3,8 +3,19 @@ placement on a device."""
 
 from __future__ import annotations
 
-from dispatcher_daemon.solvers.quantum.chain.layout import QubitPlacement
+from dispatcher_daemon.solvers.quantum.chain.layout import QubitPlacement, place_chain
 from dispatcher_daemon.solvers.quantum.chain.order import heavy_path, path_weight
+from dispatcher_daemon.solvers.quantum.chain.sites import Ansatz
 from dispatcher_daemon.solvers.quantum.chain.state import ChainState
+from dispatcher_daemon.solvers.quantum.chain.training import mean_energy, train_schedule
 
-__all__ = ["ChainState", "QubitPlacement", "heavy_path", "path_weight"]
+__all__ = [
+    "Ansatz",
+    "ChainState",
+    "QubitPlacement",
+    "heavy_path",
+    "mean_energy",
+    "path_weight",
+    "place_chain",
+    "train_schedule",
+]

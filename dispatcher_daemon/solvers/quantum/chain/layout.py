@@ -16,7 +16,6 @@ from typing import Any
 import networkx as nx
 import numpy as np
 
-from dispatcher_daemon.solvers.quantum.chain.layout_units import place_units
 from slipstream.errors import InputError
 
 ONE_QUBIT_GATES_PER_LAYER = 6
@@ -53,7 +52,6 @@ def place_chain(
 
     A chain without cuts comes from a beam search, or beyond `BEAM_QUBITS` from integer programming,
     which also finds the covers by the fewest path fragments where no single path is long enough.
-    Where these cut a bond that must not be cut, the runs between the others are packed one by one.
 
     Args:
         target: `qiskit.transpiler.Target` with calibrated errors.
@@ -78,17 +76,14 @@ def place_chain(
     fragments = _fragments(nodes, edges, n)
     weights = [1.0] * (n - 1) if bond_weights is None else [float(w) for w in bond_weights]
     lengths = _arrange([len(f) for f in fragments], weights)
-    if lengths is not None:
-        waiting = sorted(fragments, key=lambda f: (len(f), f))
-        paths = [waiting.pop(_first(waiting, length)) for length in lengths]
-    else:
-        paths = _in_units(graph, weights)
-    if not paths:
+    if not lengths:
         raise InputError(
             device,
             f"no chain of {n} qubits without a cut where none may be",
             "use a larger device or smaller blocks",
         )
+    waiting = sorted(fragments, key=lambda f: (len(f), f))
+    paths = [waiting.pop([len(f) for f in waiting].index(length)) for length in lengths]
     qubits = [v for path in paths for v in path]
     bonds = list(nx.utils.pairwise(qubits))
     weight = sum(graph.nodes[v]["weight"] for v in qubits)
@@ -98,17 +93,6 @@ def place_chain(
         cuts=tuple(q for q, bond in enumerate(bonds) if not graph.has_edge(*bond)),
         success=math.exp(-weight),
     )
-
-
-def _first(paths: Sequence[tuple[int, ...]], length: int) -> int:
-    return next(i for i, path in enumerate(paths) if len(path) == length)
-
-
-def _in_units(graph: Any, weights: Sequence[float]) -> list[tuple[int, ...]]:
-    """Paths between bonds that may be cut; none where the device has not so many."""
-    ends = [q + 1 for q, weight in enumerate(weights) if weight < math.inf]
-    sizes = np.diff([0, *ends, len(weights) + 1]).tolist()
-    return place_units(graph, sizes, [weights[end - 1] for end in ends]) or []
 
 
 def calibration_graph(target: Any, layers: int = 2) -> Any:

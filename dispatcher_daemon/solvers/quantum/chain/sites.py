@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from dispatcher_daemon.solvers.quantum.ansatz import ChainAnsatz, OneHotAnsatz
+from dispatcher_daemon.solvers.quantum.ansatz import ChainAnsatz, OneHotAnsatz, spread_pairs
 
 Real = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -263,14 +263,3 @@ def _groups(ansatz: OneHotAnsatz) -> tuple[SiteKind, ...]:
             )
         )
     return tuple(kinds)
-
-
-def spread_pairs(size: int, hot: int) -> list[int]:
-    """Pairs (i, i + 1) of a group, by i, as its start mixes them: see `OneHotAnsatz`."""
-    pairs = []
-    for distance in range(size - 1):
-        if hot + distance + 1 < size:
-            pairs.append(hot + distance)
-        if hot - distance - 1 >= 0:
-            pairs.append(hot - distance - 1)
-    return pairs

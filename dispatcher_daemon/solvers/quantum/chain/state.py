@@ -177,10 +177,6 @@ class ChainState:
         found.reverse()
         return found
 
-    def norm(self) -> float:
-        """⟨ψ|ψ⟩: 1 but for rounding."""
-        return float(self._right[0][0, 0].real)
-
     def energy(self, ising: Ising) -> float:
         """⟨C⟩ with all fields and couplings of C; ``ising`` in chain order."""
         return float(energies(self.sites, self.sites.flat(self.prepared)[None], ising)[0])
@@ -206,27 +202,6 @@ class ChainState:
             found.append(here[0, 0])
             here = _forward(here, tensor[None])
         return found
-
-    def correlations(self) -> Real:
-        """⟨Z_i Z_j⟩, shape (n, n), with 1 on the diagonal."""
-        bond = 1 << self.prepared.layers
-        n = self.prepared.width
-        result = np.eye(n)
-        rows = np.zeros((1, 0, bond, bond), dtype=complex)
-        first = 0
-        for site, (tensor, spins) in enumerate(zip(self._tensors, self.sites.spins, strict=True)):
-            end = first + len(spins)
-            half = np.tensordot(tensor, self._right[site + 1], axes=1)
-            ahead = np.einsum("mx,axb,cxb->mac", spins, half, tensor.conj())
-            between = rows.reshape(first, bond * bond) @ ahead.reshape(len(spins), -1).T
-            result[:first, first:end] = between.real
-            result[first:end, :first] = between.real.T
-            result[first:end, first:end] = (spins * self._shares(site)) @ spins.T
-            new = np.repeat(self._unassigned[site][None, None], len(spins), axis=1)
-            added = _forward(new, tensor[None], spins)
-            rows = np.concatenate([_forward(rows, tensor[None]), added], axis=1)
-            first = end
-        return result
 
     def sample(self, shots: int, seed: int) -> Bits:
         """Independent exact samples by qubit of the chain, shape (shots, n)."""

@@ -8,23 +8,20 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import numpy as np
 
 from dispatcher_daemon.solvers.quantum.chain.batched_lbfgs import minimise
 from dispatcher_daemon.solvers.quantum.chain.sites import Ansatz, ChainSites, Real
-from dispatcher_daemon.solvers.quantum.chain.state import (
-    Bits,
-    ChainState,
-    energies,
-    energies_and_gradients,
-)
+from dispatcher_daemon.solvers.quantum.chain.state import energies, energies_and_gradients
 from dispatcher_daemon.solvers.quantum.ising import Ising
 
 Schedule = Sequence[tuple[float, float]]
 """(β, γ) of each layer."""
 
-Objective = Callable[[Ansatz], float]
+C = TypeVar("C")
+"""A circuit, as what is trained represents it."""
 
 _KEPT_NUMBERS = 4_000_000
 """About as many complex numbers a reverse sweep may keep: starts beyond that wait their turn."""
@@ -34,21 +31,21 @@ _CALL_SHARE = 0.25
 
 
 @dataclass(frozen=True)
-class Trained:
-    """An ansatz and how it came about.
+class Trained(Generic[C]):
+    """A circuit and how it came about.
 
     Attributes:
-        ansatz: the best one that was evaluated.
+        circuit: the best one that was evaluated.
         value: its objective; of the mean energy if nothing else was asked for.
         evaluations: of the objective, all restarts together.
     """
 
-    ansatz: Ansatz
+    circuit: C
     value: float
     evaluations: int
 
 
-def mean_energy(ising: Ising) -> Objective:
+def mean_energy(ising: Ising) -> Callable[[Ansatz], float]:
     """⟨C⟩ as an objective; ``ising`` in chain order."""
 
     def objective(ansatz: Ansatz) -> float:
@@ -58,54 +55,33 @@ def mean_energy(ising: Ising) -> Objective:
     return objective
 
 
-def cvar(ising: Ising, share: float, shots: int, seed: int) -> Objective:
-    """Mean energy of the lowest ``share`` of samples, drawn with the same random numbers each time.
-
-    Args:
-        share: α, 0 < α ≤ 1.
-    """
-    kept = max(1, round(share * shots))
-
-    def objective(ansatz: Ansatz) -> float:
-        drawn = ising_energies(ising, ChainState(ansatz).sample(shots, seed))
-        return float(np.partition(drawn, kept - 1)[:kept].mean())
-
-    return objective
-
-
-def ising_energies(ising: Ising, bits: Bits) -> Real:
-    """C of each row of bits, shape (rows,)."""
-    z = 1.0 - 2.0 * bits
-    return np.asarray(ising.offset + z @ ising.h + ((z @ ising.coupling) * z).sum(axis=1) / 2)
-
-
 def train_schedule(
-    build: Callable[[Schedule], Ansatz],
-    objective: Objective,
+    build: Callable[[Schedule], C],
+    objective: Callable[[C], float],
     start: Schedule,
     *,
     evaluations: int,
     deadline: float = float("inf"),
-) -> Trained:
+) -> Trained[C]:
     """The 2p angles of a schedule by COBYLA, from ``start``.
 
     Args:
-        build: the ansatz of a schedule.
+        build: the circuit of a schedule.
         evaluations: most of the objective; at least one is made.
         deadline: `time.perf_counter` at which the best so far is taken.
     """
     from scipy.optimize import minimize
 
-    best: list[Trained] = []
+    best: list[Trained[C]] = []
 
     def value(parameters: Real) -> float:
-        ansatz = build([(float(beta), float(gamma)) for beta, gamma in parameters.reshape(-1, 2)])
-        found = objective(ansatz)
+        circuit = build([(float(beta), float(gamma)) for beta, gamma in parameters.reshape(-1, 2)])
+        found = objective(circuit)
         count = best[0].evaluations + 1 if best else 1
         if best and best[0].value <= found:
-            best[0] = Trained(best[0].ansatz, best[0].value, count)
+            best[0] = Trained(best[0].circuit, best[0].value, count)
         else:
-            best[:] = [Trained(ansatz, found, count)]
+            best[:] = [Trained(circuit, found, count)]
         if count >= evaluations or time.perf_counter() >= deadline:
             raise _Enough
         return found
@@ -133,7 +109,7 @@ def train_angles(
     deadline: float = float("inf"),
     entangled: bool = True,
     cuts: Sequence[int] = (),
-) -> Trained:
+) -> Trained[Ansatz]:
     """Every gate's own angle by L-BFGS with the exact gradient; the start that gets lowest wins.
 
     Which of them wins is decided by ⟨C⟩ alone. Energies fall towards single bit strings, so that

@@ -11,20 +11,34 @@ waited for beyond the cycle's deadline.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
+    from dispatcher_daemon.solvers.quantum.hardware.breaker import JobLimits
     from dispatcher_daemon.solvers.quantum.hardware.circuits import ChainCircuitBuilder
     from dispatcher_daemon.solvers.quantum.hardware.manager import JobManager, open_job_manager
+    from dispatcher_daemon.solvers.quantum.hardware.service import ServiceFactory
     from dispatcher_daemon.solvers.quantum.hardware.thread import JobThread
 
-__all__ = ["ChainCircuitBuilder", "JobManager", "JobThread", "open_job_manager"]
+__all__ = [
+    "ChainCircuitBuilder",
+    "JobLimits",
+    "JobManager",
+    "JobThread",
+    "ServiceFactory",
+    "open_job_manager",
+]
+
+
+_MODULES: Final = "breaker circuits service manager"
+"""Where the names are found, light modules first; only the last needs a database."""
 
 
 def __getattr__(name: str) -> object:
-    # Loaded on demand: the worker process imports this package too, and needs no database.
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from dispatcher_daemon.solvers.quantum.hardware import manager
-
-    return getattr(manager, name)
+    # Loaded on demand: the worker process imports this package too.
+    for module in _MODULES.split() if name in __all__ else ():
+        found = vars(import_module(f"{__name__}.{module}"))
+        if name in found:
+            return found[name]
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -19,18 +19,28 @@ BreakerState = Literal["closed", "open", "half-open"]
 
 
 @dataclass(frozen=True)
-class BreakerLimits:
-    """When the breaker opens, and for how long.
+class JobLimits:
+    """Times and counts of a device's jobs and of its circuit breaker.
 
     Attributes:
-        fault_threshold: number of faults, without a good answer in between, that opens it.
-        open_s: first open time, s; it doubles each time the breaker opens again.
-        max_open_s: longest open time, and the open time after refused credentials, s.
+        poll_s: from submitting a job to its first poll; grows by half with each poll.
+        max_poll_s: between two polls, at most.
+        call_timeout_s: of one call of the service; a longer one is ended with its process.
+        job_timeout_s: age from which a pending job is cancelled, and an unused answer is late.
+        lost_after_s: a job that the service does not know for so long is given up.
+        fault_threshold: number of faults, without a good answer in between, that opens the breaker.
+        open_s: first open time; it doubles each time the breaker opens again.
+        max_open_s: longest open time, and the open time after refused credentials.
     """
 
-    fault_threshold: int
-    open_s: float
-    max_open_s: float
+    poll_s: float = 1.0
+    max_poll_s: float = 60.0
+    call_timeout_s: float = 20.0
+    job_timeout_s: float = 1800.0
+    lost_after_s: float = 300.0
+    fault_threshold: int = 3
+    open_s: float = 60.0
+    max_open_s: float = 3600.0
 
 
 class CircuitBreaker:
@@ -41,7 +51,7 @@ class CircuitBreaker:
         clock: monotonic time, s.
     """
 
-    def __init__(self, limits: BreakerLimits, clock: Callable[[], float]) -> None:
+    def __init__(self, limits: JobLimits, clock: Callable[[], float]) -> None:
         self._limits = limits
         self._clock = clock
         self._faults = 0

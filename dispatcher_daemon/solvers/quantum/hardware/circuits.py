@@ -6,7 +6,7 @@ import hashlib
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -35,9 +35,6 @@ class BuiltCircuit:
     Attributes:
         circuit: measured, classical bit q being qubit q.
         order: qubit q carries variable ``order[q]``.
-        fingerprint: of the circuit.
-        variant: of the algorithm.
-        layers: depth p.
         train_s: time for the angles, s.
     """
 
@@ -49,50 +46,12 @@ class BuiltCircuit:
     train_s: float
 
 
-class CircuitBuilder(Protocol):
-    """Builds the circuits and decodes the samples of one solver; picklable and hashable."""
-
-    @property
-    def name(self) -> str:
-        """The solver's name."""
-        ...
-
-    @property
-    def encoding(self) -> str:
-        """The formulation's encoding, which decides what variables a problem has."""
-        ...
-
-    def warm_up(self) -> None:
-        """Import what it needs."""
-        ...
-
-    def build(
-        self, problem: Problem, deadline_s: float, seed: int, place: Place | None = None
-    ) -> BuiltCircuit:
-        """Train a circuit without a device.
-
-        Args:
-            deadline_s: of the cycle, s; a circuit that is trained later serves later cycles.
-            place: where a chain lies on the device; None: not known, so the chain is not cut.
-
-        Raises:
-            Unsuitable: there is no circuit for the problem.
-        """
-        ...
-
-    def decode(
-        self, problem: Problem, order: Sequence[int], samples: Mapping[str, int], seed: int
-    ) -> Outcome:
-        """Score samples on a problem, which need not be the one that the circuit was built for."""
-        ...
-
-
 @dataclass(frozen=True)
 class ChainCircuitBuilder:
-    """LC-QAOA's circuits, trained as for the simulator; see `CircuitBuilder`.
+    """Builds LC-QAOA's circuits and decodes their samples; picklable and hashable.
 
     Attributes:
-        solver: trains them.
+        solver: trains the circuits as for the simulator.
     """
 
     solver: LcQaoaSolver
@@ -121,7 +80,15 @@ class ChainCircuitBuilder:
     def build(
         self, problem: Problem, deadline_s: float, seed: int, place: Place | None = None
     ) -> BuiltCircuit:
-        """See `CircuitBuilder.build`."""
+        """Train a circuit without a device.
+
+        Args:
+            deadline_s: of the cycle, s; a circuit that is trained later serves later cycles.
+            place: where a chain lies on the device; None: not known, so the chain is not cut.
+
+        Raises:
+            Unsuitable: there is no circuit for the problem.
+        """
         if not problem.choices:
             raise Unsuitable("the problem has nothing to choose")
         try:
@@ -141,7 +108,10 @@ class ChainCircuitBuilder:
     def decode(
         self, problem: Problem, order: Sequence[int], samples: Mapping[str, int], seed: int
     ) -> Outcome:
-        """See `CircuitBuilder.decode`; no answer if the number of variables differs."""
+        """Score samples on a problem, which need not be the one that the circuit was built for.
+
+        There is no answer if the number of variables differs.
+        """
         began = time.perf_counter()
 
         def draw(model: QuboModel) -> SampledBits:

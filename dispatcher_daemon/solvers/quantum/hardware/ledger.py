@@ -11,11 +11,11 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterable, Sequence
-from typing import Final, Literal, Protocol
+from collections.abc import Callable, Iterable
+from typing import Final, Literal
 
 from slipstream.service import LogLimiter
-from storage import QuantumJob, StorageError
+from storage import Database, QuantumJob, StorageError
 
 log = logging.getLogger(__name__)
 
@@ -29,10 +29,6 @@ class MonotonicUtcClock:
     """UTC, ns: the wall clock's time at the start plus the monotonic time since.
 
     Setting the wall clock while the process runs would age jobs or free budget.
-
-    Args:
-        wall_ns: UTC, read once.
-        monotonic_ns: monotonic time.
     """
 
     def __init__(
@@ -77,18 +73,6 @@ def budget_refusal(used: float, estimate_s: float, budget_s: float) -> str | Non
     return f"{line}, the job may take {estimate_s:.1f} s" if estimate_s else line
 
 
-class JobStore(Protocol):
-    """What the ledger needs of the database."""
-
-    def save_job(self, job: QuantumJob) -> None:
-        """Store durably, or raise StorageError."""
-        ...
-
-    def jobs_since(self, finished_ns: int) -> Sequence[QuantumJob]:
-        """Jobs that are open, or over since then."""
-        ...
-
-
 class Ledger:
     """All jobs that are open or count in the budget; one thread writes, any may read.
 
@@ -96,7 +80,7 @@ class Ledger:
     begins once it is stored.
 
     Args:
-        store: database; the jobs in it are loaded.
+        store: the jobs in it are loaded.
         kind: of the device; jobs of the other kind are ignored.
         clock_ns: UTC, ns (`MonotonicUtcClock`).
         day_s: length of the budget's day, s.
@@ -107,7 +91,7 @@ class Ledger:
 
     def __init__(
         self,
-        store: JobStore,
+        store: Database,
         kind: DeviceKind,
         clock_ns: Callable[[], int],
         day_s: float = DAY_S,

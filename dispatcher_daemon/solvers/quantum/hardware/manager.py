@@ -12,19 +12,20 @@ import math
 import time
 from collections.abc import Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Self
 
 from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.protocol import Outcome
-from dispatcher_daemon.solvers.quantum.backends import JobService
 from dispatcher_daemon.solvers.quantum.hardware.circuits import ChainCircuitBuilder, problem_key
-from dispatcher_daemon.solvers.quantum.hardware.ledger import DeviceKind, JobStore
+from dispatcher_daemon.solvers.quantum.hardware.ledger import DeviceKind
 from dispatcher_daemon.solvers.quantum.hardware.request import JobRequest
+from dispatcher_daemon.solvers.quantum.hardware.service import ServiceFactory
 from dispatcher_daemon.solvers.quantum.hardware.thread import JobThread
 from dispatcher_daemon.solvers.quantum.lc_qaoa import LcQaoaSolver
 from dispatcher_daemon.solvers.workers import RESERVE, PoolJob, Solve
 from slipstream.messages import HardwareHealth
+from storage import Database
 
 
 class JobManager:
@@ -110,43 +111,15 @@ def _with_fallback(outcome: Outcome, reason: str) -> Outcome:
     return outcome
 
 
-@dataclass(frozen=True)
-class BackendServiceFactory:
-    """Opens the service of a device, in any process; see `ServiceFactory`.
-
-    Attributes:
-        backend: as in `HardwareSettings.backend`.
-    """
-
-    backend: str
-
-    @property
-    def max_age_s(self) -> float:
-        """The least busy device is chosen anew after this time, s; a named device never."""
-        from dispatcher_daemon.solvers.quantum.backends.ibm import CALIBRATION_S, LEAST_BUSY
-
-        return CALIBRATION_S if self.backend == f"ibm:{LEAST_BUSY}" else math.inf
-
-    def __call__(self) -> JobService:
-        """See `ServiceFactory`."""
-        from dispatcher_daemon.solvers.quantum.backends import open_service
-
-        return open_service(self.backend)
-
-
 def device_kind(backend: str) -> DeviceKind:
     """Whether it is a device, or a simulator that stands in for one."""
     return "hardware" if backend.startswith("ibm:") else "noise-model"
 
 
 def open_job_manager(
-    settings: DispatcherSettings, solve: Solve, store: JobStore
+    settings: DispatcherSettings, solve: Solve, store: Database
 ) -> JobManager | nullcontext[None]:
-    """The job manager of the configured device, not started; of None where there is none.
-
-    Args:
-        solve: solver pool.
-        store: of the ledger of jobs.
+    """The job manager of the configured device, not started; a context of None without one.
 
     Raises:
         StorageError: the ledger cannot be read.
@@ -155,6 +128,6 @@ def open_job_manager(
     if not hardware.backend:
         return nullcontext()
     solver = LcQaoaSolver(settings.lc_qaoa, settings.gamma)
-    factory, kind = BackendServiceFactory(hardware.backend), device_kind(hardware.backend)
+    factory, kind = ServiceFactory(hardware.backend), device_kind(hardware.backend)
     thread = JobThread(hardware, kind, factory, ChainCircuitBuilder(solver), store)
     return JobManager(solve, thread, hardware.wait_s, settings.deadline_s)

@@ -10,18 +10,17 @@ import logging
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 from dispatcher_daemon import metrics
 from dispatcher_daemon.settings import HardwareSettings
 from dispatcher_daemon.solvers.quantum.backends.jobs import FaultKind, ServiceFault
 from dispatcher_daemon.solvers.quantum.hardware import service
-from dispatcher_daemon.solvers.quantum.hardware.breaker import CircuitBreaker
-from dispatcher_daemon.solvers.quantum.hardware.circuits import CircuitBuilder, Unsuitable
+from dispatcher_daemon.solvers.quantum.hardware.breaker import CircuitBreaker, JobLimits
+from dispatcher_daemon.solvers.quantum.hardware.circuits import ChainCircuitBuilder, Unsuitable
 from dispatcher_daemon.solvers.quantum.hardware.ledger import DeviceKind, Ledger, budget_refusal
 from dispatcher_daemon.solvers.quantum.hardware.request import JobRequest
 from dispatcher_daemon.solvers.quantum.hardware.service import (
-    DeviceCall,
     PreparedCircuit,
     ServiceFactory,
 )
@@ -49,13 +48,8 @@ class JobRunner:
     """Submits, polls and cancels the jobs of one device; used by one thread.
 
     Args:
-        settings: of the device.
-        kind: of the device.
-        factory: opens the service, in the worker.
-        builder: builds circuits and decodes samples, in the worker.
-        ledger: of the device's jobs.
-        breaker: of the service's faults.
-        call: runs a call in the worker.
+        factory, builder: used in the worker.
+        call: runs a call in the worker, see `ServiceWorker.call`.
         clock_ns: UTC, ns (`MonotonicUtcClock`).
         clock: monotonic time, s.
     """
@@ -63,16 +57,17 @@ class JobRunner:
     def __init__(
         self,
         settings: HardwareSettings,
+        limits: JobLimits,
         kind: DeviceKind,
         factory: ServiceFactory,
-        builder: CircuitBuilder,
+        builder: ChainCircuitBuilder,
         ledger: Ledger,
         breaker: CircuitBreaker,
-        call: DeviceCall,
+        call: Callable[..., Any],
         clock_ns: Callable[[], int],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._settings, self._kind = settings, kind
+        self._settings, self._limits, self._kind = settings, limits, kind
         self._factory, self._builder = factory, builder
         self._ledger, self._breaker = ledger, breaker
         self._call, self._clock_ns, self._clock = call, clock_ns, clock
@@ -132,7 +127,9 @@ class JobRunner:
         problem, seed = request.problem, request.seed
         args = (self._factory, self._builder, problem, deadline_s, seed, limits.shots)
         try:
-            prepared = self._call(service.prepare, args, deadline_s + limits.call_timeout_s)
+            prepared: PreparedCircuit = self._call(
+                service.prepare, args, deadline_s + self._limits.call_timeout_s
+            )
         except ServiceFault as fault:
             request.decline(self._fault("not prepared", fault))
             return None
@@ -163,7 +160,7 @@ class JobRunner:
         request.set_status("the job was still being submitted")
         args = (self._factory, prepared.built.circuit, job.shots, job.tag)
         try:
-            job_id = self._call(service.submit, args, self._settings.call_timeout_s)
+            job_id = self._call(service.submit, args, self._limits.call_timeout_s)
             if not isinstance(job_id, str) or not job_id:
                 raise ServiceFault("garbage", "the service told no id of the job")
         except ServiceFault as fault:
@@ -215,7 +212,7 @@ class JobRunner:
 
     def poll(self, tag: str) -> None:
         """Poll a job once, and do what follows from its state."""
-        tracked, job, limits = self._tracked[tag], self._ledger[tag], self._settings
+        tracked, job, limits = self._tracked[tag], self._ledger[tag], self._limits
         samples = job.open or (self._is_unread(job) and tracked.samples is None)
         tracked.next_poll_at = self._clock() + tracked.poll_period_s
         # Where only the charge is not known yet, no request waits for it.
@@ -247,7 +244,7 @@ class JobRunner:
     def _find(self, job: QuantumJob, tracked: TrackedJob) -> None:
         """Search for a job whose id never came."""
         args = (self._factory, job.tag)
-        found = self._call(service.find, args, self._settings.call_timeout_s)
+        found = self._call(service.find, args, self._limits.call_timeout_s)
         ids = [job_id for job_id in found if isinstance(job_id, str) and job_id]
         if ids:
             tracked.unknown_since, tracked.next_poll_at = None, self._clock()
@@ -263,7 +260,7 @@ class JobRunner:
             return False
         if tracked.unknown_since is None:
             tracked.unknown_since = self._clock()
-        return self._clock() - tracked.unknown_since >= self._settings.lost_after_s
+        return self._clock() - tracked.unknown_since >= self._limits.lost_after_s
 
     def _apply(self, update: JobUpdate) -> None:
         job, tracked = update.job, self._tracked[update.job.tag]
@@ -293,10 +290,10 @@ class JobRunner:
             if not request.open:
                 continue
             request.set_status(f"the samples of job {job.job_id} were still being read")
-            args = (self._builder, request.problem, job.chain_order, tracked.samples, request.seed)
+            args = (request.problem, job.chain_order, tracked.samples, request.seed)
             line = None
             try:
-                outcome = self._call(service.decode, args, self._settings.call_timeout_s)
+                outcome = self._call(self._builder.decode, args, self._limits.call_timeout_s)
                 if outcome.selected is None:
                     line = f"job {job.job_id}: {outcome.reason}"
             except ServiceFault as fault:
@@ -328,14 +325,14 @@ class JobRunner:
             tracked = self._tracked[job.tag]
             tracked.requests = [request for request in tracked.requests if request.open]
             age_s = (now_ns - (job.finished_ns or now_ns)) / _NS
-            if self._is_unread(job) and age_s > self._settings.job_timeout_s:
+            if self._is_unread(job) and age_s > self._limits.job_timeout_s:
                 tracked.samples = None
                 self._ledger.update(replace(job, answer="late", updated_ns=now_ns))
         for tag in self._ledger.forget():
             del self._tracked[tag]
 
     def _new_tracked(self) -> TrackedJob:
-        return TrackedJob(self._clock(), self._settings.poll_s)
+        return TrackedJob(self._clock(), self._limits.poll_s)
 
     def _report_state(self, job: QuantumJob) -> None:
         since = self._clock() - (self._clock_ns() - job.submitted_ns) / _NS

@@ -7,23 +7,24 @@ service once; again after its credentials were refused, and before a job once it
 
 from __future__ import annotations
 
+import math
 import pickle
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor, TimeoutError
 from dataclasses import dataclass, replace
-from typing import Any, Final, Protocol, TypeVar, runtime_checkable
+from typing import Any, Final, TypeVar
 
 import pebble
 
 from dispatcher_daemon.forms import Problem
-from dispatcher_daemon.solvers.protocol import Outcome
+from dispatcher_daemon.solvers.quantum.backends.ibm import CALIBRATION_S, LEAST_BUSY
 from dispatcher_daemon.solvers.quantum.backends.jobs import JobService, JobView, ServiceFault
-from dispatcher_daemon.solvers.quantum.chain.layout import QubitPlacement
+from dispatcher_daemon.solvers.quantum.backends.opening import open_service
 from dispatcher_daemon.solvers.quantum.hardware.circuits import (
     BuiltCircuit,
-    CircuitBuilder,
+    ChainCircuitBuilder,
     Unsuitable,
 )
 from dispatcher_daemon.solvers.workers.pool import error_line
@@ -36,35 +37,24 @@ _START_S: Final = 60.0
 """Time for a process to start, which a call's time limit does not cover, s."""
 
 
-class ServiceFactory(Protocol):
-    """Opens the service; picklable and hashable."""
+@dataclass(frozen=True)
+class ServiceFactory:
+    """Opens the service of a device, in any process.
+
+    Attributes:
+        backend: as in `HardwareSettings.backend`.
+    """
+
+    backend: str
 
     @property
     def max_age_s(self) -> float:
-        """Age from which an opened service is opened again before a job, s."""
-        ...
+        """The least busy device is chosen anew after this time, s; a named device never."""
+        return CALIBRATION_S if self.backend == f"ibm:{LEAST_BUSY}" else math.inf
 
     def __call__(self) -> JobService:
         """May raise InputError, as for missing credentials, or `ServiceFault`."""
-        ...
-
-
-@runtime_checkable
-class Compiler(Protocol):
-    """A service that tells the two-qubit gates of a compiled circuit."""
-
-    def two_qubit(self, circuit: object) -> tuple[int, int]:
-        """Layers of two-qubit gates of the circuit as it will run, and their number."""
-        ...
-
-
-@runtime_checkable
-class Placer(Protocol):
-    """A service that tells where a chain lies on its device."""
-
-    def place(self, n: int, bond_weights: Sequence[float] | None = None) -> QubitPlacement:
-        """See `Backend.place`."""
-        ...
+        return open_service(self.backend)
 
 
 @dataclass(frozen=True)
@@ -75,29 +65,23 @@ class PreparedCircuit:
         built: its circuit is pickled, so that only the worker needs what can read it.
         backend: name of the device.
         estimate_s: upper estimate of the device time, s.
-        two_qubit_depth: of the compiled circuit; None if the service does not tell.
-        two_qubit_gates: likewise.
+        two_qubit_depth, two_qubit_gates: of the compiled circuit.
     """
 
     built: BuiltCircuit
     backend: str
     estimate_s: float
-    two_qubit_depth: int | None
-    two_qubit_gates: int | None
+    two_qubit_depth: int
+    two_qubit_gates: int
 
 
 _open: dict[ServiceFactory, tuple[JobService, float]] = {}
 """Opened services, and when by the monotonic clock."""
 
 
-def warm_up(builder: CircuitBuilder) -> None:
-    """Import what the other calls need."""
-    builder.warm_up()
-
-
 def prepare(
     factory: ServiceFactory,
-    builder: CircuitBuilder,
+    builder: ChainCircuitBuilder,
     problem: Problem,
     deadline_s: float,
     seed: int,
@@ -106,11 +90,8 @@ def prepare(
     """Train a circuit and estimate its device time; may raise Unsuitable, as if it does not fit."""
 
     def do(service: JobService) -> PreparedCircuit:
-        place = service.place if isinstance(service, Placer) else None
-        built = builder.build(problem, deadline_s, seed, place)
-        depth, gates = None, None
-        if isinstance(service, Compiler):
-            depth, gates = service.two_qubit(built.circuit)
+        built = builder.build(problem, deadline_s, seed, service.place)
+        depth, gates = service.two_qubit(built.circuit)
         order = tuple(int(variable) for variable in built.order)
         pickled = replace(built, circuit=pickle.dumps(built.circuit), order=order)
         estimate_s = float(service.estimate_s(built.circuit, shots))
@@ -141,17 +122,6 @@ def find(factory: ServiceFactory, tag: str) -> list[str]:
     return _with_service(factory, lambda service: list(service.find(tag)))
 
 
-def decode(
-    builder: CircuitBuilder,
-    problem: Problem,
-    order: Sequence[int],
-    samples: Mapping[str, int],
-    seed: int,
-) -> Outcome:
-    """Score samples."""
-    return builder.decode(problem, order, samples, seed)
-
-
 def _with_service(
     factory: ServiceFactory, do: Callable[[JobService], T], *, fresh: bool = False
 ) -> T:
@@ -171,14 +141,6 @@ def _with_service(
         raise
 
 
-class DeviceCall(Protocol):
-    """Runs a call in the worker process (`ServiceWorker.call`)."""
-
-    def __call__(self, function: Callable[..., T], args: Sequence[Any], timeout_s: float) -> T:
-        """May raise ServiceFault, Unsuitable or WorkerClosed."""
-        ...
-
-
 class WorkerClosed(Exception):
     """The worker was closed before a call or during it."""
 
@@ -188,7 +150,7 @@ class ServiceWorker:
 
     def __init__(self) -> None:
         self._keeper = ThreadPoolExecutor(1, thread_name_prefix="service-worker")
-        self._processes = Processes(1, self._keeper, "the device's worker")
+        self._processes = Processes(1, self._keeper, "the device's worker", modules=(__name__,))
         self._lock = threading.Lock()
         self._closed = False
 

@@ -15,17 +15,15 @@ from typing import Final, get_args
 
 from dispatcher_daemon import metrics
 from dispatcher_daemon.settings import HardwareSettings
-from dispatcher_daemon.solvers.quantum.hardware import service
 from dispatcher_daemon.solvers.quantum.hardware.breaker import (
-    BreakerLimits,
     BreakerState,
     CircuitBreaker,
+    JobLimits,
 )
-from dispatcher_daemon.solvers.quantum.hardware.circuits import CircuitBuilder
+from dispatcher_daemon.solvers.quantum.hardware.circuits import ChainCircuitBuilder
 from dispatcher_daemon.solvers.quantum.hardware.ledger import (
     DAY_S,
     DeviceKind,
-    JobStore,
     Ledger,
     MonotonicUtcClock,
 )
@@ -39,7 +37,7 @@ from dispatcher_daemon.solvers.quantum.hardware.service import (
 from dispatcher_daemon.solvers.workers.pool import error_line
 from slipstream.messages import HardwareHealth
 from slipstream.service import LogLimiter
-from storage import LedgerState
+from storage import Database, LedgerState
 
 log = logging.getLogger(__name__)
 
@@ -57,12 +55,9 @@ class JobThread:
         warm: set once the worker has imported what it needs, or has failed to.
 
     Args:
-        settings: of the device.
-        kind: of the device.
         factory: opens the service, in the worker.
-        builder: see above.
         store: of the ledger.
-        clock_ns: UTC, ns; None: a `MonotonicUtcClock`.
+        limits: of jobs and breaker; None: the usual ones.
         day_s: length of the budget's day, s.
 
     Raises:
@@ -74,21 +69,21 @@ class JobThread:
         settings: HardwareSettings,
         kind: DeviceKind,
         factory: ServiceFactory,
-        builder: CircuitBuilder,
-        store: JobStore,
-        clock_ns: Callable[[], int] | None = None,
+        builder: ChainCircuitBuilder,
+        store: Database,
+        limits: JobLimits | None = None,
         day_s: float = DAY_S,
     ) -> None:
         self.builder = builder
         self.warm = threading.Event()
         self._settings = settings
-        clock_ns = clock_ns or MonotonicUtcClock()
+        clock_ns, limits = MonotonicUtcClock(), limits or JobLimits()
         self._ledger = Ledger(store, kind, clock_ns, day_s)
-        limits = BreakerLimits(settings.fault_threshold, settings.open_s, settings.max_open_s)
         self._breaker = CircuitBreaker(limits, time.monotonic)
         self._worker = ServiceWorker()
         self._runner = JobRunner(
             settings,
+            limits,
             kind,
             factory,
             builder,
@@ -187,7 +182,7 @@ class JobThread:
         return _IDLE_S if due is None else min(_IDLE_S, due[0] - time.monotonic())
 
     def _warm_up(self) -> None:
-        self._worker.call(service.warm_up, (self.builder,), _WARM_UP_S)
+        self._worker.call(self.builder.warm_up, (), _WARM_UP_S)
 
     def _step(self, what: str, step: Callable[[], None]) -> None:
         """Run one step; a fault of our own ends the step, not the thread."""

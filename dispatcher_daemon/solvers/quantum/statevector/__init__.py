@@ -8,16 +8,13 @@ from dispatcher_daemon.solvers.quantum.statevector.diagonal import (
     cost_diagonal,
 )
 from dispatcher_daemon.solvers.quantum.statevector.exact_state import ExactState, Schedule
-from dispatcher_daemon.solvers.quantum.statevector.training import Objective, train
 from dispatcher_daemon.solvers.quantum.statevector.transverse import StateVector
 
 __all__ = [
     "MAX_QUBITS",
     "Diagonal",
     "ExactState",
-    "Objective",
     "Schedule",
     "StateVector",
     "cost_diagonal",
-    "train",
 ]

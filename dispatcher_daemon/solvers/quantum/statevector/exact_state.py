@@ -1,4 +1,4 @@
-"""Objectives, probabilities and samples of an exactly simulated QAOA state.
+"""Mean energy, probabilities and samples of an exactly simulated QAOA state.
 
 The state is processed in blocks, as the probabilities of 25 qubits at once would take as much
 memory as the state.
@@ -22,7 +22,6 @@ Schedule = Sequence[tuple[float, float]]
 States = npt.NDArray[np.int64]
 
 _T = TypeVar("_T")
-_BINS = 1 << 16
 
 
 class ExactState(ABC):
@@ -37,7 +36,6 @@ class ExactState(ABC):
         self.diagonal = diagonal
         self.threads = threads
         self._block = block
-        self._bins: npt.NDArray[np.uint16] | None = None
 
     @abstractmethod
     def evolve(self, schedule: Schedule) -> None:
@@ -64,47 +62,6 @@ class ExactState(ABC):
 
         mass, weighted = self._block_sums(sums).sum(axis=0)
         return float(weighted / mass)
-
-    def cvar(self, alpha: float) -> float:
-        """Mean energy of the lowest-energy share α of the probability mass.
-
-        Without a sort of all states: a number of one of 65,536 equal ranges of energy is kept for
-        each state (2 bytes, made once). The mass of each range tells which one the quantile lies
-        in, and only that one's states are sorted, so that the result is exact.
-
-        Args:
-            alpha: 0 < α ≤ 1.
-        """
-        if alpha == 1:
-            return self.mean()
-        bins = self._binned()
-
-        mass = np.zeros(_BINS)
-        step = max(self._block, _BINS)
-        for first in range(0, len(self.diagonal), step):
-            p = self.probabilities(first, min(first + step, len(bins)))
-            mass += np.bincount(bins[first : first + step], weights=p, minlength=_BINS)
-        reached = np.cumsum(mass)
-        wanted = alpha * reached[-1]
-        number = int(np.searchsorted(reached, wanted))
-
-        def below(
-            p: npt.NDArray[np.float32], first: int
-        ) -> tuple[float, npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-            here, energy = bins[first : first + len(p)], self.diagonal[first : first + len(p)]
-            inside = np.flatnonzero(here == number)
-            return float(np.dot(p * (here < number), energy)), energy[inside], p[inside]
-
-        parts = self._over_blocks(below)
-        energy = np.concatenate([e for _, e, _ in parts]).astype(np.float64)
-        inside = np.concatenate([p for _, _, p in parts]).astype(np.float64)
-        order = np.argsort(energy, kind="stable")
-        left = wanted - (reached[number] - mass[number])
-        # What each state can still add to the mass that is missing.
-        inside = inside[order]
-        taken = np.clip(left - (np.cumsum(inside) - inside), 0.0, inside)
-        total = sum(part for part, _, _ in parts) + float(taken @ energy[order])
-        return float(total / wanted)
 
     def probability_of(self, states: States) -> npt.NDArray[np.float64]:
         """Probability of each of the given states, shape (states,); of few states."""
@@ -133,16 +90,6 @@ class ExactState(ABC):
             drawn[here] = first + np.minimum(at, np.searchsorted(within, within[-1]))
         states, counts = np.unique(drawn, return_counts=True)
         return states, counts
-
-    def _binned(self) -> npt.NDArray[np.uint16]:
-        if self._bins is None:
-            lowest, highest = self.diagonal.min(), self.diagonal.max()
-            scale = np.float32(_BINS - 1) / (highest - lowest if highest > lowest else 1)
-            self._bins = np.empty(len(self.diagonal), dtype=np.uint16)
-            for first in range(0, len(self._bins), _BINS):
-                part = slice(first, first + _BINS)
-                self._bins[part] = np.minimum((self.diagonal[part] - lowest) * scale, _BINS - 1)
-        return self._bins
 
     def _block_sums(
         self, work: Callable[[npt.NDArray[np.float32], int], float | tuple[float, ...]]

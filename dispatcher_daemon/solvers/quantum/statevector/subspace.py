@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -17,13 +16,11 @@ import numpy.typing as npt
 from dispatcher_daemon.solvers.quantum.statevector.diagonal import Diagonal, one_hot_bits
 from dispatcher_daemon.solvers.quantum.statevector.exact_state import ExactState, Schedule, States
 
-Shape = Literal["ring", "chain"]
 
-
-def mixer_pairs(size: int, shape: Shape) -> list[tuple[int, int]]:
+def mixer_pairs(size: int) -> list[tuple[int, int]]:
     """Pairs of a group in the order of their gates: even, odd, and what closes the ring."""
     pairs = [(q, q + 1) for first in (0, 1) for q in range(first, size - 1, 2)]
-    return [*pairs, (size - 1, 0)] if shape == "ring" and size > 2 else pairs
+    return [*pairs, (size - 1, 0)] if size > 2 else pairs
 
 
 def one_hot_states(groups: Sequence[Sequence[int]]) -> int:
@@ -32,7 +29,7 @@ def one_hot_states(groups: Sequence[Sequence[int]]) -> int:
 
 
 class OneHotState(ExactState):
-    """State of the product of one-hot groups; states are numbered as by `one_hot_bits`.
+    """State of the product of one-hot groups, at first all choices equally likely (W states).
 
     A layer is e^{−iγC}, then in each group XXPlusYY(−2β) on the `mixer_pairs` in turn: the sign
     goes with that of the transverse mixer e^{+iβΣX}, as C is to be minimised.
@@ -40,30 +37,17 @@ class OneHotState(ExactState):
     Args:
         diagonal: C of each state, by `one_hot_diagonal`.
         groups: qubits of each group; together all qubits, each once.
-        shape: of the pairs that a mixer acts on.
-        start: which qubit of each group (its place within it) is in |1⟩ at first; None: W states,
-            all of them equally.
     """
 
-    def __init__(
-        self,
-        diagonal: Diagonal,
-        groups: Sequence[Sequence[int]],
-        shape: Shape = "ring",
-        start: Sequence[int] | None = None,
-    ) -> None:
+    def __init__(self, diagonal: Diagonal, groups: Sequence[Sequence[int]]) -> None:
         super().__init__(diagonal, len(diagonal))
         self._groups = [list(group) for group in groups]
         # The first group counts ones, so that its axis is the last one.
         self._sizes = [len(group) for group in reversed(self._groups)]
         if one_hot_states(self._groups) != len(diagonal):
             raise ValueError("groups and diagonal of different sizes")
-        self._shape: Shape = shape
-        self._start = np.zeros(self._sizes, dtype=np.complex128)
-        if start is None:
-            self._start[...] = 1 / math.sqrt(len(diagonal))
-        else:
-            self._start[tuple(reversed(start))] = 1
+        amplitude = 1 / math.sqrt(len(diagonal))
+        self._start = np.full(self._sizes, amplitude, dtype=np.complex128)
         self._state = self._start.ravel()
 
     def evolve(self, schedule: Schedule) -> None:
@@ -72,7 +56,7 @@ class OneHotState(ExactState):
         energies = self.diagonal.astype(np.float64).reshape(self._sizes)
         for beta, gamma in schedule:
             state = np.exp(-1j * gamma * energies) * state
-            mixers = {size: _mixer(size, self._shape, beta) for size in set(self._sizes)}
+            mixers = {size: _mixer(size, beta) for size in set(self._sizes)}
             for axis, size in enumerate(self._sizes):
                 state = np.moveaxis(np.tensordot(mixers[size], state, (1, axis)), 0, axis)
         self._state = np.ascontiguousarray(state).ravel()
@@ -91,10 +75,10 @@ class OneHotState(ExactState):
         return one_hot_bits(states, self._groups, sum(self._sizes))
 
 
-def _mixer(size: int, shape: Shape, beta: float) -> npt.NDArray[np.complex128]:
+def _mixer(size: int, beta: float) -> npt.NDArray[np.complex128]:
     """Product of a group's gates between its one-hot states, shape (size, size)."""
     unitary = np.eye(size, dtype=np.complex128)
     c, s = math.cos(beta), 1j * math.sin(beta)
-    for a, b in mixer_pairs(size, shape):
+    for a, b in mixer_pairs(size):
         unitary[[a, b]] = c * unitary[a] + s * unitary[b], s * unitary[a] + c * unitary[b]
     return unitary

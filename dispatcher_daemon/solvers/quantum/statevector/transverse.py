@@ -34,15 +34,15 @@ _GEMM_BITS = 18
 
 
 def memory_bytes(qubits: int) -> int:
-    """Memory that a `StateVector` needs with its diagonal and the bins of CVaR; 14 · 2^n."""
-    return 14 << qubits
+    """Memory that a `StateVector` needs with its diagonal: 12 · 2^n."""
+    return 12 << qubits
 
 
 class StateVector(ExactState):
     """State of n qubits from |+⟩^n; qubit 0 is the least significant bit of a state's number.
 
-    Single precision: 8 bytes of amplitude and 4 of energy a state, and 2 more once CVaR is asked
-    for: 448 MiB at 25 qubits, 1.75 GiB at 27; work space below 4 MiB a thread.
+    Single precision: 8 bytes of amplitude and 4 of energy a state: 384 MiB at 25 qubits, 1.5 GiB at
+    27; work space below 4 MiB a thread.
 
     Args:
         diagonal: C by state, shape (2^n,), n ≥ 1.

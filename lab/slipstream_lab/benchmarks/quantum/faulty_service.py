@@ -6,7 +6,6 @@ The service's side is a file, so that its jobs and its records go on when whoeve
 from __future__ import annotations
 
 import json
-import math
 import os
 import random
 import sqlite3
@@ -19,6 +18,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from dispatcher_daemon.solvers.quantum.backends import JobView, ServiceFault
+from dispatcher_daemon.solvers.quantum.chain import QubitPlacement
+from dispatcher_daemon.solvers.quantum.hardware import ServiceFactory
 
 Weights = Mapping[str, float]
 
@@ -143,21 +144,13 @@ def pid_file(path: Path) -> Path:
 
 
 @dataclass(frozen=True)
-class FaultyServiceFactory:
-    """Opens the service, in whatever process.
-
-    Attributes:
-        path: of its `ServiceRecords`.
-        max_age_s: see `ServiceFactory`.
-    """
-
-    path: str
-    max_age_s: float = math.inf
+class FaultyServiceFactory(ServiceFactory):
+    """Opens the service of the `ServiceRecords` at a path, in whatever process."""
 
     def __call__(self) -> FaultyService:
         """Never fails; says which process it is in."""
-        pid_file(Path(self.path)).write_text(str(os.getpid()), encoding="utf-8")
-        return FaultyService(Path(self.path))
+        pid_file(Path(self.backend)).write_text(str(os.getpid()), encoding="utf-8")
+        return FaultyService(Path(self.backend))
 
 
 class FaultyService:
@@ -174,6 +167,10 @@ class FaultyService:
     def estimate_s(self, circuit: Any, shots: int) -> float:
         """No job is ever charged more."""
         return ESTIMATE_S
+
+    def place(self, n: int, bond_weights: Sequence[float] | None = None) -> QubitPlacement:
+        """A device of one row."""
+        return QubitPlacement(tuple(range(n)), (), 1.0)
 
     def two_qubit(self, circuit: Any) -> tuple[int, int]:
         """Arbitrary depth and number of two-qubit gates."""

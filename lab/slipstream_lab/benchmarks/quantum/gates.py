@@ -12,7 +12,6 @@ come, seed by seed over all instances: the same command goes on where it was int
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import sys
 import time
@@ -27,12 +26,12 @@ import numpy.typing as npt
 
 from dispatcher_daemon.forms import RouteProblem, build_model
 from dispatcher_daemon.settings import LcQaoaSettings, LcQaoaVariant
-from dispatcher_daemon.solvers import Bits, TabuSolver, descend, uniform_bits, uniform_choices
+from dispatcher_daemon.solvers import Bits, TabuSolver, descend
 from dispatcher_daemon.solvers.quantum import prepare_model
 from dispatcher_daemon.solvers.quantum.chain import ChainState
-from slipstream_lab.benchmarks.aims import machine
 from slipstream_lab.benchmarks.quantum.gates_report import tables
 from slipstream_lab.benchmarks.quantum.variants import Case, arc_cases, route_cases, score
+from slipstream_lab.research.quantum.controls import uniform_bits, uniform_choices
 from slipstream_lab.research.quantum.store import Record, Store
 
 INSTANCES: Final = 20
@@ -97,9 +96,9 @@ def train_and_sample(case: Case, encoding: str, arm: str, seed: int) -> Record:
     if encoding == "one-hot":
         variant = "one-hot-multi-angle" if arm == "gates" else "one-hot-product"
     starts = STARTS[encoding, arm]
-    settings = LcQaoaSettings(variant=variant, layers=LAYERS, restarts=starts)
+    settings = LcQaoaSettings(variant=variant, layers=LAYERS)
     began = time.process_time()
-    prepared = prepare_model(case.model, settings, seed=seed, deadline=math.inf)
+    prepared = prepare_model(case.model, settings, seed=seed, deadline=math.inf, restarts=starts)
     trained = time.process_time()
     bits = np.empty((SHOTS, len(prepared.order)), dtype=np.int8)
     bits[:, list(prepared.order)] = ChainState(prepared.ansatz).sample(SHOTS, seed)
@@ -212,7 +211,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--short", action="store_true", help="two instances, one seed")
     parser.add_argument("--stored", action="store_true", help="measure nothing, show what there is")
     parser.add_argument("--out", type=Path, default=Path(".slipstream/bench-gates"), metavar="DIR")
-    parser.add_argument("--json", action="store_true", help="print the runs as JSON")
     options = parser.parse_args(arguments)
     instances, seeds = (2, 1) if options.short else (options.instances, options.seeds)
     with Store(options.out / "gates.jsonl", stamp(), read_only=options.stored) as store:
@@ -220,10 +218,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             say = lambda line: print(line, file=sys.stderr, flush=True)  # noqa: E731
             measure(store, options.encodings, instances, seeds, say)
         runs = {e: stored(store, e, instances, seeds) for e in options.encodings}
-    if options.json:
-        print(json.dumps({"machine": machine(), "settings": stamp(), "runs": runs}))
-    else:
-        print("\n".join(tables(runs)))
+    print("\n".join(tables(runs)))
     return 0
 
 

@@ -27,7 +27,7 @@ from dispatcher_daemon.service.dispatcher import (
 from dispatcher_daemon.settings import DispatcherSettings, HardwareSettings, LcQaoaSettings
 from dispatcher_daemon.solvers import Outcome, configured_solvers
 from dispatcher_daemon.solvers.quantum import LcQaoaSolver
-from dispatcher_daemon.solvers.quantum.hardware import JobManager, JobThread
+from dispatcher_daemon.solvers.quantum.hardware import JobLimits, JobManager, JobThread
 from dispatcher_daemon.solvers.workers import RESERVE, PoolJob, Solve, SolverPool
 from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot
 from slipstream.messages import Message
@@ -58,15 +58,18 @@ SETTINGS: Final = DispatcherSettings(
         budget_s_per_day=40.0,
         max_pending_jobs=3,
         wait_s=0.6,
-        poll_s=0.05,
-        max_poll_s=0.5,
-        call_timeout_s=0.5,
-        job_timeout_s=5.0,
-        lost_after_s=1.0,
-        fault_threshold=4,
-        open_s=0.3,
-        max_open_s=1.5,
     ),
+)
+
+LIMITS: Final = JobLimits(
+    poll_s=0.05,
+    max_poll_s=0.5,
+    call_timeout_s=0.5,
+    job_timeout_s=5.0,
+    lost_after_s=1.0,
+    fault_threshold=4,
+    open_s=0.3,
+    max_open_s=1.5,
 )
 
 
@@ -106,9 +109,14 @@ class Harness:
     """Everything around the cycles; job manager and database can be torn down and opened again."""
 
     def __init__(
-        self, folder: Path, seed: int, settings: DispatcherSettings, solve: Solve | None
+        self,
+        folder: Path,
+        seed: int,
+        settings: DispatcherSettings,
+        solve: Solve | None,
+        limits: JobLimits,
     ) -> None:
-        self.settings = settings
+        self.settings, self.limits = settings, limits
         self.url = f"sqlite:///{folder}/cycles.db"
         self.records = ServiceRecords(folder / "service.db", seed, EVERYTHING, (0.0, 0.25))
         self._pool = None
@@ -135,7 +143,8 @@ class Harness:
             FaultyServiceFactory(str(self.records.path)),
             AnsatzBuilder(LcQaoaSolver(self.settings.lc_qaoa)),
             self.database,
-            day_s=DAY_S,
+            self.limits,
+            DAY_S,
         )
         manager = JobManager(self.inner, thread, hardware.wait_s, self.settings.deadline_s)
         self.manager = self._stack.enter_context(manager)
@@ -188,6 +197,7 @@ def run(
     folder: Path,
     *,
     settings: DispatcherSettings = SETTINGS,
+    limits: JobLimits = LIMITS,
     solve: Solve | None = None,
     restart_every: int = 40,
     write: Callable[[Mapping[str, Any]], object] = lambda _: None,
@@ -204,7 +214,7 @@ def run(
     """
     result = empty_run(settings)
     before = _resources()
-    harness = Harness(folder, seed, settings, solve)
+    harness = Harness(folder, seed, settings, solve, limits)
     early = before
     first = harness.database.next_cycle_number()
     rng = random.Random(f"{seed} {first}")
@@ -323,8 +333,7 @@ def _traffic(network: RoadNetwork, rng: random.Random) -> TrafficSnapshot:
 def _settle(harness: Harness, result: Run) -> None:
     """Without new faults all jobs must end by themselves."""
     harness.records.expect({})
-    limits = harness.settings.hardware
-    until = time.monotonic() + limits.job_timeout_s + limits.lost_after_s + 20.0
+    until = time.monotonic() + harness.limits.job_timeout_s + harness.limits.lost_after_s + 20.0
     while harness.manager.health().pending and time.monotonic() < until:
         time.sleep(0.1)
     if harness.manager.health().pending:

@@ -12,11 +12,10 @@ The approximation ratio is the share of what the optimum gains on the base route
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Final
 
 from dispatcher_daemon.forms import QuboModel, RouteProblem, build_model
@@ -28,7 +27,6 @@ from dispatcher_daemon.solvers import (
     Outcome,
     Samples,
     Solver,
-    uniform_choices,
 )
 from dispatcher_daemon.solvers.quantum import LcQaoaSolver
 from slipstream.errors import InputError
@@ -39,6 +37,7 @@ from slipstream_lab.research.quantum.controls import (
     distributions,
     histogram_of,
     run_controls,
+    uniform_choices,
 )
 
 CITY: Final = (120, 600, 1200)
@@ -68,15 +67,15 @@ class Result:
     """
 
     name: str
-    qubits: int | None
-    depth: int | None
-    circuits: int
-    train_s: float
-    sample_s: float
-    wall_s: float
-    p_feasible: float | None
-    ratios: tuple[float | None, ...]
-    mean_ratio: float | None
+    qubits: int | None = None
+    depth: int | None = None
+    circuits: int = 0
+    train_s: float = 0.0
+    sample_s: float = 0.0
+    wall_s: float = 0.0
+    p_feasible: float | None = None
+    ratios: tuple[float | None, ...] = (None, None, None)
+    mean_ratio: float | None = None
 
 
 @dataclass(frozen=True)
@@ -127,9 +126,9 @@ class LargePlan:
                 layers=self.layers,
                 shots=self.shots,
                 iterations=self.iterations,
-                restarts=self.restarts,
                 backend=self.backend,
-            )
+            ),
+            restarts=self.restarts,
         )
 
 
@@ -167,11 +166,11 @@ def _one_circuit(
     try:
         outcome = plan.solver(variant).solve(problem, _SOLVE_S, plan.seed)
     except InputError as error:  # groups that no packing lays on the device
-        yield _no_result(f"one LC-QAOA, {variant}: {error.problem}")
+        yield Result(f"one LC-QAOA, {variant}: {error.problem}")
         return
     execution, samples = outcome.execution, outcome.samples
     if execution is None or samples is None:
-        yield _no_result(f"one LC-QAOA, {variant}: {outcome.reason}")
+        yield Result(f"one LC-QAOA, {variant}: {outcome.reason}")
         return
     yield Result(
         name=f"one LC-QAOA, {variant}",
@@ -190,10 +189,6 @@ def _one_circuit(
     yield _control(plan, model, scale, f"its marginals, {variant}", of["marginals"])
 
 
-def _no_result(name: str) -> Result:
-    return Result(name, None, None, 0, 0.0, 0.0, 0.0, None, (None, None, None), None)
-
-
 def _control(
     plan: LargePlan,
     model: QuboModel,
@@ -207,11 +202,6 @@ def _control(
     wall_s = time.perf_counter() - began
     return Result(
         name=f"control: {name}",
-        qubits=None,
-        depth=None,
-        circuits=0,
-        train_s=0.0,
-        sample_s=0.0,
         wall_s=wall_s,
         p_feasible=uniform.share(uniform.raw),
         ratios=_ratios(uniform, scale),
@@ -243,9 +233,7 @@ def _swept(
         train_s=sum(e.train_s for e in ran),
         sample_s=sum(e.sample_s for e in ran),
         wall_s=time.perf_counter() - began,
-        p_feasible=None,
         ratios=(ratio(*scale, swept.objective_kwh),),
-        mean_ratio=None,
     )
 
 
@@ -311,7 +299,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=LargePlan().seed, metavar="N")
     parser.add_argument("--backend", default=LargePlan().backend, metavar="NAME")
     parser.add_argument("--no-sweeps", action="store_true", help="no sweeps with LC-QAOA")
-    parser.add_argument("--json", action="store_true", help="print the figures as JSON")
     options = parser.parse_args(arguments)
     plan = LargePlan(
         seed=options.seed,
@@ -323,10 +310,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for variables in sorted(set(options.sizes)):
         print(f"{variables} qubits", file=sys.stderr, flush=True)
         blocks.append(measure(plan, variables))
-    if options.json:
-        print(json.dumps({"plan": asdict(plan), "blocks": [asdict(block) for block in blocks]}))
-    else:
-        print(report(blocks, plan))
+    print(report(blocks, plan))
     return 0
 
 

@@ -14,7 +14,6 @@ time to the first optimum, training included, and the share of repaired samples 
 from __future__ import annotations
 
 import argparse
-import json
 import statistics
 import sys
 import time
@@ -28,19 +27,17 @@ import numpy.typing as npt
 from scipy.optimize import minimize
 
 from dispatcher_daemon.forms import QuboModel
-from dispatcher_daemon.settings import QaoaSettings
-from dispatcher_daemon.solvers import BitDistribution, Bits, stages, uniform_bits
+from dispatcher_daemon.solvers import BitDistribution, Bits, stages
 from dispatcher_daemon.solvers.quantum import ramp_of, to_ising
 from dispatcher_daemon.solvers.quantum.statevector import (
     Diagonal,
     ExactState,
-    Objective,
     Schedule,
     cost_diagonal,
-    train,
 )
-from slipstream_lab.benchmarks.aims import machine
 from slipstream_lab.benchmarks.quantum.variants import Case, route_cases
+from slipstream_lab.research.quantum.angles import train
+from slipstream_lab.research.quantum.controls import uniform_bits
 from slipstream_lab.research.quantum.store import Record, Store
 
 INSTANCES: Final = 8
@@ -169,9 +166,9 @@ def circuit(case: Case, values: npt.NDArray[np.float64], layers: int, seed: int)
     ising = to_ising(case.model.total, case.model.variables).normalised()
     state = WarmState(cost_diagonal(ising), values)
     rng = np.random.default_rng(seed)
-    ramp = np.array(ramp_of(QaoaSettings(layers=layers)))
+    ramp = np.array(ramp_of("x", layers))
     start = [(b, g) for b, g in (ramp + _NOISE_RAD * rng.standard_normal(ramp.shape)).tolist()]
-    trained = train(state, start, Objective(ALPHA), evaluations=EVALUATIONS)
+    _, evaluations = train(state, start, ALPHA, evaluations=EVALUATIONS)
     train_s = time.process_time() - began
 
     def sampled(number: int) -> Bits:
@@ -184,7 +181,7 @@ def circuit(case: Case, values: npt.NDArray[np.float64], layers: int, seed: int)
     control = seeds_of(case, lambda k: alone.sample(_BATCH, seed * 1000 + k), seed, again)
     return {
         "train_s": train_s,
-        "evaluations": trained.evaluations,
+        "evaluations": evaluations,
         "circuit": found,
         "marginals": control,
     }
@@ -274,17 +271,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--layers", type=int, nargs="+", default=list(LAYERS), metavar="P")
     parser.add_argument("--short", action="store_true", help="one block, one seed, p = 1")
     parser.add_argument("--out", type=Path, default=Path(".slipstream/bench-gates"), metavar="DIR")
-    parser.add_argument("--json", action="store_true", help="print the runs as JSON")
     options = parser.parse_args(arguments)
     cases = route_cases(1 if options.short else INSTANCES, OPTIONS)
     layers, seeds = ((1,), 1) if options.short else (options.layers, options.seeds)
     stamp = {"evaluations": EVALUATIONS, "epsilon": EPSILON, "alpha": ALPHA, "batch": _BATCH}
     with Store(options.out / "warm-starts.jsonl", stamp) as store:
         rows = measure(store, cases, layers, seeds)
-    if options.json:
-        print(json.dumps({"machine": machine(), "settings": stamp, "rows": rows}))
-    else:
-        print("\n".join(table(rows)))
+    print("\n".join(table(rows)))
     return 0
 
 

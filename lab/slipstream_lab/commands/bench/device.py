@@ -49,8 +49,9 @@ def add_to(kinds: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Measure and print; what was measured is printed after Ctrl-C and faults, too."""
-    from dispatcher_daemon.solvers.quantum.backends import ServiceFault, open_backend
+    from dispatcher_daemon.solvers.quantum.backends import ServiceFault
     from slipstream.config import check
+    from slipstream_lab.research.quantum.backends.opening import open_backend
     from slipstream_lab.research.quantum.device import (
         DeviceTestSettings,
         as_json,

@@ -6,6 +6,7 @@ import argparse
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from slipstream.errors import InputError
@@ -122,7 +123,8 @@ def check_fit(
 
 
 def _check_backend(text: str, qubits: int) -> None:
-    from dispatcher_daemon.solvers.quantum.backends import find_access, open_backend
+    from dispatcher_daemon.solvers.quantum.backends import find_access
+    from slipstream_lab.research.quantum.backends.opening import open_backend
 
     service, _, device = text.partition(":")
     if service == "ibm" and device:
@@ -135,6 +137,15 @@ def _check_backend(text: str, qubits: int) -> None:
         raise InputError("solve", problem, error.mend, key="--backend") from None
 
 
+def _given(options: argparse.Namespace) -> dict[str, Any]:
+    """What the command line says of a circuit, by field."""
+    return {
+        field: value
+        for field, option in _OPTION_OF_FIELD.items()
+        if (value := getattr(options, option.removeprefix("--"))) is not None
+    }
+
+
 def settings_of(options: argparse.Namespace) -> DispatcherSettings:
     """Settings with what was given on the command line; their types set its choices and bounds.
 
@@ -143,24 +154,22 @@ def settings_of(options: argparse.Namespace) -> DispatcherSettings:
     """
     from dispatcher_daemon.settings import DispatcherSettings
     from slipstream.config import check
+    from slipstream_lab.research.quantum.angles import QaoaAsked
 
-    given = {
-        field: value
-        for field, option in _OPTION_OF_FIELD.items()
-        if (value := getattr(options, option.removeprefix("--"))) is not None
-    }
+    given = _given(options)
     asked = options.solver or ()
     data: dict[str, Any] = {"gamma": options.gamma, "city": {"options": options.options}}
     if "lc-qaoa" in asked:
         data["lc_qaoa"] = given
     elif "iskay" in asked:
         data["lc_qaoa"] = {k: v for k, v in given.items() if k in ("shots", "iterations")}
-    if "qaoa" in asked:
-        # Who gives iterations wants them used.
-        trained = {"angles": "trained"} if "iterations" in given else {}
-        data["qaoa"] = given | trained
+    if "qaoa" in asked and "variant" in given:
+        data["qaoa"] = {"variant": given["variant"]}
     try:
-        return check(data, DispatcherSettings, "solve")
+        settings = check(data, DispatcherSettings, "solve")
+        if "qaoa" in asked:
+            check({"qaoa": given}, QaoaAsked, "solve")
+        return settings
     except InputError as error:
         section, _, field = (error.key or "").partition(".")
         option = "--options" if section == "city" else _OPTION_OF_FIELD.get(field, error.key)
@@ -178,21 +187,31 @@ def make_solvers(names: Sequence[str], options: argparse.Namespace) -> list[Solv
         InputError: what they need is missing: credentials, a device, a variant.
     """
     from dispatcher_daemon.solvers import make_solver
+    from dispatcher_daemon.solvers.quantum import LcQaoaSolver
+    from slipstream_lab.research.quantum.angles import QaoaOptions, make_qaoa
+    from slipstream_lab.research.quantum.backends.opening import open_or_fall_back
 
     settings = settings_of(options)
     solvers: list[Solver] = []
     for name in dict.fromkeys(names):
         if name == "iskay":
             solvers.append(_iskay(options))
+        elif name == "qaoa":
+            asked = QaoaOptions.model_validate(_given(options))
+            solvers.append(make_qaoa(asked, settings.gamma, options.encoding))
+        elif name == "lc-qaoa" and options.backend is not None:
+            backend = partial(open_or_fall_back, options.backend)
+            solvers.append(
+                LcQaoaSolver(settings.lc_qaoa, settings.gamma, options.encoding, backend)
+            )
         else:
-            made = make_solver(name, settings, options.encoding, options.backend)
-            solvers.append(made)
+            solvers.append(make_solver(name, settings, options.encoding))
     return solvers
 
 
 def _iskay(options: argparse.Namespace) -> Solver:
-    from dispatcher_daemon.solvers.quantum import IskaySolver
     from dispatcher_daemon.solvers.quantum.backends import find_access
+    from slipstream_lab.research.quantum.backends.iskay import IskaySolver
 
     kind, _, device = (options.backend or "").partition(":")
     if kind != "ibm" or not device or device == "least-busy":
@@ -249,8 +268,8 @@ def _iterations(options: argparse.Namespace) -> dict[str, int]:
     found = {} if options.iterations is None else {"iskay": options.iterations}
     if settings.lc_qaoa.variant != "ramp":
         found["lc-qaoa"] = settings.lc_qaoa.iterations
-    if settings.qaoa.angles == "trained":
-        found["qaoa"] = settings.qaoa.iterations
+    if options.iterations is not None:
+        found["qaoa"] = options.iterations
     return found
 
 

@@ -100,7 +100,6 @@ def run(
         layers=settings.layers,
         iterations=settings.iterations,
         shots=settings.shots,
-        restarts=1,
     )
     stamp = settings.model_dump(mode="json", exclude={"instances", "seeds"})
     todo = [(c, seed, s) for seed in range(settings.seeds) for c in cases for s in SOLVERS]

@@ -19,7 +19,7 @@ from dwave.samplers import SimulatedAnnealingSampler
 from scipy.optimize import Bounds, LinearConstraint, milp
 
 from dispatcher_daemon.settings import LcQaoaSettings, SearchSettings
-from dispatcher_daemon.solvers import descend, in_order, uniform_bits
+from dispatcher_daemon.solvers import descend, in_order
 from dispatcher_daemon.solvers.quantum import Prepared, prepare_model
 from dispatcher_daemon.solvers.quantum.chain import ChainState, QubitPlacement
 from slipstream_lab.research.instances.matrices import (
@@ -28,6 +28,7 @@ from slipstream_lab.research.instances.matrices import (
     search_matrix_instance,
 )
 from slipstream_lab.research.qoblib.cover import Bits, CoverModel, build_cover, check_answer
+from slipstream_lab.research.quantum.controls import uniform_bits
 
 SolverName = Literal[
     "exact", "pyvrp", "annealing", "circuit", "marginals", "no-gates", "descent", "uniform"
@@ -224,6 +225,7 @@ def _trained(model: CoverModel, task: Task, *, gates: bool) -> Prepared:
         seed=task.seed,
         deadline=time.perf_counter() + _TRAINING_SHARE * task.limit_s,
         place=None if gates else cut_everywhere,
+        restarts=1,
     )
 
 

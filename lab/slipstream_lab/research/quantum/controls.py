@@ -6,22 +6,14 @@ Controls cost time and change no plan: they belong to tools and benchmarks, not 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
 
 from dispatcher_daemon.forms import QuboModel, RouteProblem
-from dispatcher_daemon.solvers import (
-    BitDistribution,
-    Histogram,
-    Outcome,
-    Samples,
-    stages,
-    uniform_bits,
-    uniform_choices,
-)
+from dispatcher_daemon.solvers import BitDistribution, Histogram, Outcome, Samples, stages
 
 Stage = Literal["raw", "descended", "repaired"]
 
@@ -87,6 +79,20 @@ def difference(share: float, shots: int, control: float, control_shots: int) -> 
 
     error = math.sqrt(variance(share, shots) + variance(control, control_shots))
     return Difference(share - control, error)
+
+
+def uniform_bits(n: int) -> BitDistribution:
+    """Independent bits with P(1) = 0.5."""
+    return BitDistribution((0.5,) * n)
+
+
+def uniform_choices(n: int, groups: Sequence[Sequence[int]]) -> BitDistribution:
+    """One member of each group, all equally likely; bits outside the groups have P(1) = 0.5."""
+    probabilities = [0.5] * n
+    for group in groups:
+        for i in group:
+            probabilities[i] = 1 / len(group)
+    return BitDistribution(tuple(probabilities), tuple(tuple(group) for group in groups))
 
 
 def distributions(model: QuboModel, outcome: Outcome) -> dict[str, BitDistribution]:

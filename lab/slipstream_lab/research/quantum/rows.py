@@ -4,22 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib.util import find_spec
 from itertools import product
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
 
-from dispatcher_daemon.settings import (
-    DispatcherSettings,
-    LcQaoaSettings,
-    LcQaoaVariant,
-    QaoaSettings,
-)
-from dispatcher_daemon.solvers import CplexSolver, ExactSolver, make_solver
-from dispatcher_daemon.solvers.quantum.backends import DECOUPLED, IDLE, TWIRLED, NoisyBackend
+from dispatcher_daemon.settings import LcQaoaSettings, LcQaoaVariant
+from dispatcher_daemon.solvers import CplexSolver, ExactSolver
+from dispatcher_daemon.solvers.quantum import LcQaoaSolver
+from dispatcher_daemon.solvers.quantum.backends import NoisyBackend
 from slipstream.config import Settings
 from slipstream_lab.research.quantum import dense, paper
+from slipstream_lab.research.quantum.angles import QaoaOptions, make_qaoa
+from slipstream_lab.research.quantum.backends.idle import DECOUPLED, IDLE, TWIRLED
+from slipstream_lab.research.quantum.backends.opening import open_or_fall_back
 from slipstream_lab.research.quantum.case import Case
 from slipstream_lab.research.quantum.paper import PaperRow
 from slipstream_lab.research.quantum.store import Record
@@ -139,7 +139,7 @@ def lc_qaoa(settings: BenchSettings, variant: LcQaoaVariant, p: int, backend: st
         shots=settings.shots,
         iterations=settings.iterations,
     )
-    solver = make_solver("lc-qaoa", DispatcherSettings(lc_qaoa=options), backend=backend)
+    solver = LcQaoaSolver(options, backend=partial(open_or_fall_back, backend))
 
     def measure(case: Case) -> Record:
         return case.measure(solver, settings.deadline_s, _seed(settings, case))
@@ -161,10 +161,8 @@ def qaoa(
     Args:
         most: instances that it is measured on.
     """
-    options = QaoaSettings(
-        layers=p, shots=settings.shots, iterations=settings.iterations, angles=angles
-    )
-    solver = make_solver("qaoa", DispatcherSettings(qaoa=options))
+    iterations = settings.iterations if angles == "trained" else None
+    solver = make_qaoa(QaoaOptions(layers=p, shots=settings.shots, iterations=iterations))
 
     def measure(case: Case) -> Record:
         # An evaluation takes a second, a hundred of them minutes.
@@ -186,7 +184,7 @@ def _dense_on_device(settings: BenchSettings, p: int) -> Row:
     device = settings.noise.partition(":")[2].partition("+")[0]
 
     def measure(case: Case) -> Record:
-        return dense.estimate(case, QaoaSettings(layers=p), NoisyBackend(device))
+        return dense.estimate(case, p, NoisyBackend(device))
 
     return Row(
         key=f"qaoa/estimated/p{p}/{settings.noise}",
@@ -235,8 +233,8 @@ def _iskay(settings: BenchSettings) -> Row:
     solver: Any = None
     reason: str | None = "not run: it needs a device (--device), an account and the extra iskay"
     if settings.device is not None:
-        from dispatcher_daemon.solvers.quantum import IskaySolver
         from dispatcher_daemon.solvers.quantum.backends import find_access
+        from slipstream_lab.research.quantum.backends.iskay import IskaySolver
 
         solver, reason = IskaySolver(find_access(), settings.device), None
         solver.warm_up()

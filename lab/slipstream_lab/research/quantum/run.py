@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from dispatcher_daemon.solvers.quantum.backends import open_backend
+from slipstream_lab.research.quantum.backends.opening import open_backend
 from slipstream_lab.research.quantum.case import Case, named_cases, open_case
 from slipstream_lab.research.quantum.report import Table
 from slipstream_lab.research.quantum.rows import (

@@ -17,7 +17,7 @@ from slipstream_lab.research.qoblib.solvers import (
     run_task,
 )
 
-TINY = LcQaoaSettings(layers=1, iterations=5, shots=64, restarts=1)
+TINY = LcQaoaSettings(layers=1, iterations=5, shots=64)
 
 
 @pytest.fixture(scope="module")

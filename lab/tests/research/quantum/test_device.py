@@ -60,7 +60,7 @@ class Device:
         answer = self.answers(circuit.num_qubits, layers)
         if isinstance(answer, str):
             raise ServiceFault(answer, f"the service is {answer}")
-        return Sampled(answer, 4 * layers, 2, 0.1)
+        return Sampled(answer, self.name, self.kind, 4 * layers, 2, 0.1)
 
 
 def test_quality_is_the_share_of_the_largest_cut() -> None:

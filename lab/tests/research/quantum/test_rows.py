@@ -7,11 +7,9 @@ import numpy as np
 import pytest
 from qiskit import QuantumCircuit
 
-from dispatcher_daemon.settings import QaoaSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.quantum.backends.aer import NoisyBackend
+from dispatcher_daemon.solvers.quantum.backends import NoisyBackend, sample_noisy
 from dispatcher_daemon.solvers.quantum.chain.order import heavy_path
-from dispatcher_daemon.solvers.quantum.circuits import dense_qaoa_circuit
 from dispatcher_daemon.solvers.quantum.ising import to_ising
 from dispatcher_daemon.solvers.quantum.lc_qaoa import counts_to_bits
 from slipstream.errors import InputError
@@ -101,8 +99,8 @@ def test_simulated_rows_are_measured_with_their_controls(case: Case) -> None:
 @pytest.mark.long
 def test_a_device_leaves_less_of_dense_qaoa(case: Case) -> None:
     """The estimate lies between uniform bits and the circuit without noise."""
-    record = dense.estimate(case, QaoaSettings(layers=1), NoisyBackend("FakeBoston"))
-    ideal = dense.dense_qaoa_figures(case.model, dense.ramp_of(QaoaSettings(layers=1)))
+    record = dense.estimate(case, 1, NoisyBackend("FakeBoston"))
+    ideal = dense.dense_qaoa_figures(case.model, dense.ramp_of("x", 1))
     assert 0.5 < record["error_free"] < 1
     low, high = sorted((ideal.uniform_feasible, ideal.p_feasible))
     assert low < record["p_feasible"] < high
@@ -112,12 +110,15 @@ def test_a_device_leaves_less_of_dense_qaoa(case: Case) -> None:
 @pytest.mark.slow
 def test_the_estimate_is_near_what_a_noisy_simulation_of_a_small_circuit_gives(case: Case) -> None:
     """Six qubits at p = 3 can be sampled with noise: the estimate is within a factor of 1.5."""
-    options, backend = QaoaSettings(layers=3), NoisyBackend("FakeBoston")
-    estimated = dense.estimate(case, options, backend)
+    layers, backend = 3, NoisyBackend("FakeBoston")
+    estimated = dense.estimate(case, layers, backend)
     ising = to_ising(case.model.total, case.model.variables)
     order = heavy_path(ising.coupling)
-    circuit = dense_qaoa_circuit(ising.permuted(order).normalised(), dense.ramp_of(options))
-    bits, counts = counts_to_bits(backend.sample(circuit, 2000, 1).counts, order)
+    schedule = dense.ramp_of("x", layers)
+    circuit = dense.dense_qaoa_circuit(ising.permuted(order).normalised(), schedule)
+    transpiled = dense.transpile_dense(circuit, backend.target)
+    drawn = sample_noisy(transpiled, backend.noise, 2000, 1)
+    bits, counts = counts_to_bits(drawn, order)
     valid = valid_selections(case.form.problem)
     numbers = bits[:, : case.form.problem.choices] @ (1 << np.arange(case.form.problem.choices))
     sampled = counts[valid[numbers]].sum() / counts.sum()

@@ -108,7 +108,7 @@ def at_call(cluster: Cluster, number: int, act: Callable[[], None]) -> None:
     cluster.submit = counted  # type: ignore[method-assign]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_workers_plan_as_this_machine_does(
     members: Members, connected: Connect, expected: Any
 ) -> None:
@@ -216,19 +216,6 @@ def test_a_worker_of_another_build_gets_no_work(
         assert cluster.slots == 1
         assert len(lines()) == 1
         assert "it is slipstream 9.9.9, this is slipstream" in lines()[0]
-
-
-@pytest.mark.long
-def test_a_cluster_in_this_process_plans_the_same(connected: Connect, expected: Any) -> None:
-    """The address local: nothing but loopback, and the same plan."""
-    with (
-        connected(ClusterSettings(address="local"), 2) as cluster,
-        own_processes(cluster) as executor,
-    ):
-        made = plan(executor, cluster_solve(cluster, [ExactSolver()], refuse), 600.0)
-        listening = [c.laddr for c in psutil.Process().net_connections() if c.status == "LISTEN"]
-    assert stops_of(made) == expected
-    assert {place.ip for place in listening} == {"127.0.0.1"}
 
 
 @pytest.mark.long

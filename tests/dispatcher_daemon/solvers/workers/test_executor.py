@@ -12,7 +12,7 @@ from dispatcher_daemon.forms.problem import Problem, RouteOption, RouteProblem
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.protocol import Outcome
 from dispatcher_daemon.solvers.workers.executor import executor_solve
-from dispatcher_daemon.solvers.workers.pool import GRACE_S, PoolJob, SolverPool
+from dispatcher_daemon.solvers.workers.pool import GRACE_S, PoolJob
 
 ENOUGH = threading.Event()
 
@@ -97,14 +97,3 @@ def test_a_closed_executor_is_reported() -> None:
     (outcome,) = executor_solve(executor, [Odd()])([PoolJob("odd", PROBLEM, 0)], 1.0)
     assert outcome.status == "failed"
     assert "shutdown" in (outcome.reason or "")
-
-
-def test_senseless_settings_are_refused() -> None:
-    """Two solvers of one name, or no worker, are a caller's mistake."""
-    with ThreadPoolExecutor(1) as executor:
-        with pytest.raises(ValueError, match="one name"):
-            executor_solve(executor, [Odd(), Odd()])
-        with pytest.raises(ValueError, match="0 workers"):
-            executor_solve(executor, [Odd()], workers=0)
-    with pytest.raises(ValueError, match="needs a worker"):
-        SolverPool([Odd()], workers=0)

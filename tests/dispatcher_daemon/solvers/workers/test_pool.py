@@ -70,9 +70,11 @@ def faulty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable
     ("fault", "status", "reason"),
     [
         ("hangs", "timeout", "no answer within 3 s"),
-        ("raises", "failed", "ValueError: no such luck"),
+        pytest.param("raises", "failed", "ValueError: no such luck", marks=pytest.mark.long),
         ("dies", "failed", "ProcessExpired"),
-        ("garbage", "failed", "TypeError: answered with a dict"),
+        pytest.param(
+            "garbage", "failed", "TypeError: answered with a dict", marks=pytest.mark.long
+        ),
     ],
 )
 def test_a_faulty_solver_costs_only_its_own_answer(
@@ -238,12 +240,6 @@ def test_workers_end_with_a_killed_parent(tmp_path: Path) -> None:
         parent.kill()
     _, alive = psutil.wait_procs(children, timeout=5)
     assert alive == []
-
-
-def test_two_solvers_of_one_name_are_refused() -> None:
-    """Answers are told apart by name."""
-    with pytest.raises(ValueError, match="one name"):
-        SolverPool([ExactSolver(), ExactSolver()])
 
 
 def test_solving_in_place_reports_faults_too(faulty: Callable[[str], Any], demo_arcs: Demo) -> None:

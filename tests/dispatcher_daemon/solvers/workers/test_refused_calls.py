@@ -61,7 +61,7 @@ if __name__ == "__main__":
 
 
 @pytest.mark.process
-@pytest.mark.slow
+@pytest.mark.long
 def test_workers_answer_where_the_service_may_not_set_priorities(tmp_path: Path) -> None:
     """Under the shipped units' filter the exact solver, the search, the device's worker and that of
     callers' jobs work as elsewhere.

@@ -10,13 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dispatcher_daemon.solvers.quantum.backends import ibm_account, open_backend, open_service
-from dispatcher_daemon.solvers.quantum.backends.ibm import (
-    IbmBackend,
-    IbmOptions,
-    IbmService,
-    open_ibm,
-)
+from dispatcher_daemon.solvers.quantum.backends import ibm_account, open_service
+from dispatcher_daemon.solvers.quantum.backends.ibm import IbmService, open_ibm
 from dispatcher_daemon.solvers.quantum.backends.ibm_account import AccountAccess, find_access
 from dispatcher_daemon.solvers.quantum.backends.ibm_faults import ask
 from dispatcher_daemon.solvers.quantum.backends.jobs import ServiceFault
@@ -139,7 +134,7 @@ def test_http_faults_have_their_kinds(
         assert (found.kind, found.retry_s) == (kind, 7.0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_is_no_json_is_garbage(stand_in: IbmStandIn, service: IbmService) -> None:
     """A captive portal's page, and a result of the wrong shape."""
     job = service.submit(CIRCUIT, 10, [])
@@ -185,9 +180,9 @@ def test_the_least_busy_device_is_asked_for_anew(
     monkeypatch.setenv(ibm_account.TOKEN, TOKEN)
     monkeypatch.setenv(ibm_account.INSTANCE, INSTANCE)
     monkeypatch.setenv(ibm_account.ADDRESS, stand_in.address)
-    backend = open_backend("ibm:least-busy")
-    assert (backend.name, backend.kind) == (f"ibm:{DEVICE}", "hardware")
-    assert backend.target.num_qubits == 156
+    opened = open_ibm("least-busy")
+    assert opened.name == DEVICE
+    assert opened.target.num_qubits == 156
     stand_in.online = False
     assert fault(lambda: open_service("ibm:least-busy")).kind == "broken"
 
@@ -207,50 +202,6 @@ def test_faults_at_the_door(stand_in: IbmStandIn, service: IbmService) -> None:
 
 
 @pytest.mark.slow
-def test_a_back_end_waits_and_gives_up(stand_in: IbmStandIn, service: IbmService) -> None:
-    """Samples with the job's id; a job that is not done in time is cancelled."""
-    done = IbmBackend(service, poll_s=0.01).sample(CIRCUIT, 64, 1)
-    assert done.job in stand_in.jobs
-    assert sum(done.counts.values()) >= 64
-    assert (done.two_qubit_depth, done.two_qubit_gates) == (4, 4)
-    stand_in.runs = False
-    patient = IbmBackend(service, wait_s=0.1, poll_s=0.02)
-    assert "not done after 0.1 s" in str(fault(lambda: patient.sample(CIRCUIT, 64, 1)))
-    assert list(stand_in.jobs.values())[-1].status == "Cancelled"
-
-
-def test_a_job_that_cannot_be_cancelled_is_still_named(
-    stand_in: IbmStandIn, service: IbmService, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The line of the fault has the job's id, so that it can be cancelled by hand."""
-
-    def refuse(job_id: str) -> None:
-        raise ServiceFault("broken", "IBM Quantum: 500")
-
-    stand_in.runs = False
-    monkeypatch.setattr(service, "cancel", refuse)
-    patient = IbmBackend(service, wait_s=0.1, poll_s=0.02)
-    line = str(fault(lambda: patient.sample(CIRCUIT, 64, 1)))
-    assert f"job {list(stand_in.jobs)[-1]} was not done" in line
-    assert line.endswith("could not be cancelled: IBM Quantum: 500")
-
-
-def test_whoever_stops_waiting_cancels_the_job(
-    stand_in: IbmStandIn, service: IbmService, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Ctrl-C while a job queues takes it out of the queue."""
-
-    def interrupt(job_id: str) -> None:
-        raise KeyboardInterrupt
-
-    stand_in.runs = False
-    monkeypatch.setattr(service, "look", interrupt)
-    with pytest.raises(KeyboardInterrupt):
-        IbmBackend(service).sample(CIRCUIT, 64, 1)
-    assert list(stand_in.jobs.values())[-1].status == "Cancelled"
-
-
-@pytest.mark.slow
 def test_a_charge_is_asked_for_without_the_samples(
     stand_in: IbmStandIn, service: IbmService
 ) -> None:
@@ -262,17 +213,6 @@ def test_a_charge_is_asked_for_without_the_samples(
     assert (view.state, view.counts) == ("done", None)
     assert view.usage_s is not None
     assert not any("result" in line for line in stand_in.seen[asked:])
-
-
-@pytest.mark.slow
-def test_options_can_be_left_out(stand_in: IbmStandIn, service: IbmService) -> None:
-    """Without twirling and decoupling a job has exactly its shots."""
-    plain = IbmService(
-        service._client, service._device, IbmOptions(False, False, False, False), TOKEN
-    )
-    view = plain.look(plain.submit(CIRCUIT, 100, []))
-    assert view.counts is not None
-    assert sum(view.counts.values()) == 100
 
 
 def test_credentials_come_from_the_environment_or_from_systemd(tmp_path: Path) -> None:
@@ -291,7 +231,7 @@ def test_credentials_come_from_the_environment_or_from_systemd(tmp_path: Path) -
         find_access(folder)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_token_is_in_no_text(
     stand_in: IbmStandIn, service: IbmService, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -301,7 +241,7 @@ def test_the_token_is_in_no_text(
         opened = open_ibm(DEVICE, access=access)
         stand_in.status = {"/jobs": 500}
         fault(lambda: opened.submit(CIRCUIT, 10, []))
-    text = repr(access) + repr(opened) + repr(IbmBackend(opened)) + caplog.text
+    text = repr(access) + repr(opened) + caplog.text
     assert TOKEN not in text
     for value in (RuntimeError(f"with {TOKEN}"), KeyError(TOKEN)):
 

@@ -80,7 +80,7 @@ def test_samples_are_those_of_the_density_matrix(make: Any) -> None:
     )
     exact = frequencies(simulator.run(transpiled, shots=60_000).result().get_counts())
     shots = 2_500
-    counts = sample_noisy(transpiled, DeviceNoise(target), shots, 1, method="matrix_product_state")
+    counts = sample_noisy(transpiled, DeviceNoise(target), shots, 1)
     assert sum(counts.values()) == shots
     deviation = np.abs(frequencies(counts) - exact)
     assert np.all(deviation < 5 * np.sqrt(exact * (1 - exact) / shots) + 4e-3)
@@ -88,6 +88,7 @@ def test_samples_are_those_of_the_density_matrix(make: Any) -> None:
     assert np.abs(probabilities(circuit) - exact).max() > 0.02
 
 
+@pytest.mark.slow
 def test_the_seed_fixes_the_samples() -> None:
     """Same seed, same counts; another seed, others; 0 is a seed."""
     target = noisy_device()
@@ -95,7 +96,7 @@ def test_the_seed_fixes_the_samples() -> None:
     noise = DeviceNoise(target)
 
     def draw(seed: int) -> dict[str, int]:
-        return sample_noisy(transpiled, noise, 200, seed, method="matrix_product_state")
+        return sample_noisy(transpiled, noise, 200, seed)
 
     assert draw(0) == draw(0)
     assert draw(0) != draw(1)
@@ -109,6 +110,7 @@ def test_blocks_without_noise_are_the_circuit() -> None:
         assert all(block.error == 0 for block in blocks_of(circuit, None))
 
 
+@pytest.mark.slow
 def test_a_better_device_errs_more_rarely() -> None:
     """The chance of an error-free run grows with better gates."""
     shares = []

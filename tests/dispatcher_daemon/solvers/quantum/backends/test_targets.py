@@ -9,23 +9,15 @@ import pytest
 from dispatcher_daemon.solvers.quantum.ansatz import linear_ramp, scheduled
 from dispatcher_daemon.solvers.quantum.backends.aer import fake_target
 from dispatcher_daemon.solvers.quantum.backends.targets import (
-    compare_depths,
-    transpile_dense,
     transpile_on,
     two_qubit_depth,
     two_qubit_gates,
     with_fractional_gates,
 )
 from dispatcher_daemon.solvers.quantum.chain.layout import place_chain
-from dispatcher_daemon.solvers.quantum.circuits import (
-    circuit_of,
-    dense_qaoa_circuit,
-    swap_network_circuit,
-)
+from dispatcher_daemon.solvers.quantum.circuits import circuit_of
 from dispatcher_daemon.solvers.quantum.ising import Ising
 from tests.dispatcher_daemon.solvers.quantum.devices import (
-    line,
-    make_target,
     names,
     probabilities,
     random_chain,
@@ -106,26 +98,3 @@ def test_a_gate_over_a_cut_is_an_error_of_the_caller(boston: Any) -> None:
     far = [0, 100]
     with pytest.raises(ValueError, match="no edge for the rzz"):
         transpile_on(circuit_of(random_chain(2, 1, 1)), boston, far)
-
-
-def test_swap_network_and_routed_circuit_are_dense_qaoa() -> None:
-    """All three give the same bits, for an even and an odd number of qubits and layers."""
-    target = make_target(line(5))
-    for n, layers in ((4, 2), (5, 1)):
-        ising, schedule = dense_ising(n), linear_ramp(layers, 0.7, 0.9)
-        expected = probabilities(dense_qaoa_circuit(ising, schedule))
-        network = swap_network_circuit(ising, schedule)
-        assert probabilities(network) == pytest.approx(expected, abs=1e-9)
-        on_chain = transpile_on(network, target, range(n))
-        assert probabilities(on_chain) == pytest.approx(expected, abs=1e-9)
-        routed = transpile_dense(dense_qaoa_circuit(ising, schedule), target)
-        assert probabilities(routed) == pytest.approx(expected, abs=1e-9)
-
-
-@pytest.mark.slow
-def test_the_chain_saves_two_thirds_of_the_dense_circuits_depth(boston: Any) -> None:
-    """On the same device in the same run, against the better of two ways to make it dense."""
-    depths = compare_depths(dense_ising(25), linear_ramp(1, 0.3, 0.6), boston)
-    assert depths.chain_depth == 4
-    assert depths.reduction >= 0.667
-    assert depths.dense_gates >= 2 * 300

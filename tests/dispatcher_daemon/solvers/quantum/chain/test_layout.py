@@ -94,20 +94,6 @@ def test_the_cut_lies_at_the_lightest_bond(light: int) -> None:
     assert place_chain(legs, 7, bond_weights=bonds).cuts == (light,)
 
 
-def test_runs_that_must_not_be_cut_are_packed_one_by_one() -> None:
-    """Three groups of three on rows of seven and three: lighter as 7 + 2, but whole as 6 + 3."""
-    rows = {(q, q + 1): 0.01 for q in range(9) if q != 6}
-    target = make_target(rows, readout={q: 0.2 if q == 9 else 0.01 for q in range(10)})
-    assert place_chain(target, 9).cuts != (2,)
-    bonds = [math.inf, math.inf, 1.0, math.inf, math.inf, 1.0, math.inf, math.inf]
-    placement = place_chain(target, 9, bond_weights=bonds)
-    assert set(placement.cuts) <= {2, 5}
-    kept = set(range(8)) - set(placement.cuts)
-    assert all(abs(placement.qubits[q] - placement.qubits[q + 1]) == 1 for q in kept)
-    bonds[2] = 0.1
-    assert place_chain(target, 9, bond_weights=bonds).cuts == (2,)
-
-
 def test_a_device_that_is_too_small_is_refused_in_one_line() -> None:
     """More qubits than usable ones, and cuts where none may be, are the user's to mend."""
     target = make_target(line(4), readout={0: 0.01, 1: 0.01, 2: 0.01, 3: 0.45})

@@ -44,6 +44,7 @@ def energies(ising: Ising, bits: np.ndarray) -> np.ndarray:
     )
 
 
+@pytest.mark.slow
 @given(seed=st.integers(0, 1000))
 def test_hamiltonian_inside_groups_has_the_same_energies_there(seed: int) -> None:
     """Whatever the groups are, also of one; nothing couples members of one group any more."""

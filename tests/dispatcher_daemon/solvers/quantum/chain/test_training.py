@@ -11,8 +11,6 @@ from dispatcher_daemon.solvers.quantum.chain.sites import Ansatz
 from dispatcher_daemon.solvers.quantum.chain.state import ChainState
 from dispatcher_daemon.solvers.quantum.chain.training import (
     around,
-    cvar,
-    ising_energies,
     mean_energy,
     train_angles,
     train_schedule,
@@ -33,7 +31,8 @@ def lowest(ising: Ising) -> float:
     """The ground state's energy, by looking at all states."""
     n = len(ising.h)
     bits = ((np.arange(1 << n)[:, None] >> np.arange(n)) & 1).astype(np.int8)
-    return float(ising_energies(ising, bits).min())
+    z = 1.0 - 2.0 * bits
+    return float((z @ ising.h + ((z @ ising.coupling) * z).sum(axis=1) / 2).min())
 
 
 def quadratics(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -74,17 +73,7 @@ def test_schedule_gets_below_the_ramp_and_keeps_the_best() -> None:
     found = train_schedule(lambda s: scheduled(ising, s), objective, RAMP, evaluations=25)
     assert found.evaluations == len(seen) <= 25
     assert found.value == min(seen) < seen[0] - 0.2
-    assert ChainState(found.ansatz).energy(ising) == pytest.approx(found.value)
-
-
-def test_cvar_is_the_mean_of_the_lowest_samples() -> None:
-    """Two calls use the same random numbers; all samples give the sample mean."""
-    ising = spin_glass(2, 6)
-    ansatz = scheduled(ising, RAMP)
-    drawn = np.sort(ising_energies(ising, ChainState(ansatz).sample(400, 9)))
-    assert cvar(ising, 1.0, 400, 9)(ansatz) == pytest.approx(drawn.mean())
-    assert cvar(ising, 0.1, 400, 9)(ansatz) == pytest.approx(drawn[:40].mean())
-    assert cvar(ising, 0.001, 400, 9)(ansatz) == pytest.approx(drawn[0])
+    assert ChainState(found.circuit).energy(ising) == pytest.approx(found.value)
 
 
 @pytest.mark.slow
@@ -94,7 +83,7 @@ def test_an_angle_for_each_gate_finds_the_ground_state_of_a_small_model() -> Non
     starts = around(scheduled(ising, RAMP), 0.5, 8, seed=1)
     found = train_angles(starts, ising, iterations=60)
     assert found.value == pytest.approx(lowest(ising), abs=1e-2)
-    assert ChainState(found.ansatz).energy(ising) == pytest.approx(found.value)
+    assert ChainState(found.circuit).energy(ising) == pytest.approx(found.value)
     again = train_angles(starts, ising, iterations=60)
     assert again.value == found.value
 
@@ -103,17 +92,13 @@ def test_closed_bonds_stay_closed() -> None:
     """A cut bond gets no gate; without entangling gates the state is a product."""
     ising = spin_glass(4, 7)
     starts = around(scheduled(ising, RAMP), 0.5, 2, seed=1)
-    cut = train_angles(starts, ising, iterations=15, cuts=[2, 5]).ansatz
+    cut = train_angles(starts, ising, iterations=15, cuts=[2, 5]).circuit
     assert isinstance(cut, ChainAnsatz)
     assert np.all(cut.bonds[:, [2, 5]] == 0)
     assert np.all(cut.bonds[:, [0, 1, 3, 4]] != 0)
-    flat = train_angles(starts, ising, iterations=3, entangled=False).ansatz
+    flat = train_angles(starts, ising, iterations=3, entangled=False).circuit
     assert isinstance(flat, ChainAnsatz)
     assert np.all(flat.bonds == 0)
-    state = ChainState(flat)
-    apart = np.outer(state.means(), state.means())
-    np.fill_diagonal(apart, 1.0)
-    assert state.correlations() == pytest.approx(apart)
 
 
 def test_deadline_that_is_over_still_gives_a_circuit() -> None:
@@ -139,6 +124,7 @@ def test_a_deadline_far_away_changes_nothing() -> None:
     assert (timed.value, timed.evaluations) == (pytest.approx(free.value), free.evaluations)
 
 
+@pytest.mark.slow
 def test_five_hundred_qubits_train() -> None:
     """Two steps lower the energy of a long chain with couplings beyond its neighbours."""
     rng = np.random.default_rng(1)

@@ -13,7 +13,7 @@ from dispatcher_daemon.forms.problem import ArcProblem, CandidateArc, Problem
 from dispatcher_daemon.settings import HardwareSettings
 from dispatcher_daemon.solvers.protocol import Outcome
 from dispatcher_daemon.solvers.quantum.backends.jobs import JobView, ServiceFault
-from dispatcher_daemon.solvers.quantum.hardware.breaker import BreakerLimits, CircuitBreaker
+from dispatcher_daemon.solvers.quantum.hardware.breaker import CircuitBreaker, JobLimits
 from dispatcher_daemon.solvers.quantum.hardware.circuits import (
     BuiltCircuit,
     Unsuitable,
@@ -33,14 +33,8 @@ SETTINGS = HardwareSettings(
     budget_s_per_day=10.0,
     max_pending_jobs=2,
     jobs_per_cycle=9,
-    poll_s=1.0,
-    max_poll_s=8.0,
-    job_timeout_s=100.0,
-    lost_after_s=20.0,
-    fault_threshold=3,
-    open_s=60.0,
-    max_open_s=3600.0,
 )
+LIMITS = JobLimits(max_poll_s=8.0, job_timeout_s=100.0, lost_after_s=20.0)
 
 
 def toy_problem(*stops: str) -> ArcProblem:
@@ -101,6 +95,13 @@ class ToyService:
     def estimate_s(self, circuit: object, shots: int) -> float:
         """Each job is said to take 4 s."""
         return 4.0
+
+    def place(self, n: int, bond_weights: object = None) -> None:
+        """Not asked."""
+
+    def two_qubit(self, circuit: object) -> tuple[int, int]:
+        """Any depth and number of gates."""
+        return 4, 2
 
     def submit(self, circuit: object, shots: int, tags: Sequence[str]) -> Any:
         """Take the job, unless told not to; then do as told."""
@@ -170,11 +171,10 @@ class RunnerHarness:
     def restart(self) -> None:
         """A new runner, as after a crash: only service and store know what was."""
         self.ledger = Ledger(self.store, "hardware", self.now_ns)
-        limits = self.settings
-        breaker_limits = BreakerLimits(limits.fault_threshold, limits.open_s, limits.max_open_s)
-        self.breaker = CircuitBreaker(breaker_limits, lambda: self.now_s)
+        self.breaker = CircuitBreaker(LIMITS, lambda: self.now_s)
         self.runner = JobRunner(
-            limits,
+            self.settings,
+            LIMITS,
             "hardware",
             self.service,
             self.builder,

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from dispatcher_daemon.solvers.quantum.hardware.breaker import BreakerLimits, CircuitBreaker
+from dispatcher_daemon.solvers.quantum.hardware.breaker import CircuitBreaker, JobLimits
 
 
 class Clock:
@@ -28,7 +28,7 @@ def clock() -> Clock:
 @pytest.fixture
 def breaker(clock: Callable[[], float]) -> CircuitBreaker:
     """Three faults open it for 10, 20, 40, then always 60 s."""
-    return CircuitBreaker(BreakerLimits(3, 10.0, 60.0), clock)
+    return CircuitBreaker(JobLimits(fault_threshold=3, open_s=10.0, max_open_s=60.0), clock)
 
 
 def test_it_opens_after_so_many_faults(breaker: CircuitBreaker, clock: Clock) -> None:
@@ -126,7 +126,9 @@ def test_faults_of_older_jobs_prolong_nothing(breaker: CircuitBreaker, clock: Cl
 
 def test_its_state_can_be_read_while_it_changes(clock: Clock) -> None:
     """Another thread that asks gets an answer, whatever the device's thread does meanwhile."""
-    breaker = CircuitBreaker(BreakerLimits(1, 10.0, 60.0), lambda: clock())
+    breaker = CircuitBreaker(
+        JobLimits(fault_threshold=1, open_s=10.0, max_open_s=60.0), lambda: clock()
+    )
     breaker.fault("broken", "500")
     clock.now += 11.0
 

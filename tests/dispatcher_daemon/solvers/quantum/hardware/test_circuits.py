@@ -130,7 +130,12 @@ def test_a_chain_is_cut_where_the_device_has_no_edge(
         return {min(circuit.find_bit(q).index for q in pair) for pair in pairs}
 
     problem = demo_arcs(avenue_east=1)
-    opened = SimpleNamespace(name="cut", place=place, estimate_s=lambda circuit, shots: 1.0)
+    opened = SimpleNamespace(
+        name="cut",
+        place=place,
+        estimate_s=lambda circuit, shots: 1.0,
+        two_qubit=lambda circuit: (4, 4),
+    )
     prepared = service.prepare(_Opens(opened), builder, problem, 5.0, 1, 64)
     whole = gated(builder.build(problem, 5.0, 1).circuit)
     assert 2 in whole

@@ -7,29 +7,26 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import psutil
 import pytest
 
-from dispatcher_daemon.forms.problem import ArcProblem, RoutingProblem
-from dispatcher_daemon.planning.cycle.cycle import run_cycle
-from dispatcher_daemon.planning.plans.candidates import Cycle
+from dispatcher_daemon.forms.problem import ArcProblem
 from dispatcher_daemon.settings import DispatcherSettings, HardwareSettings
-from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.protocol import Execution, Outcome
+from dispatcher_daemon.solvers.quantum.hardware.breaker import JobLimits
 from dispatcher_daemon.solvers.quantum.hardware.ledger import MonotonicUtcClock
 from dispatcher_daemon.solvers.quantum.hardware.manager import (
-    BackendServiceFactory,
     JobManager,
     device_kind,
     open_job_manager,
 )
 from dispatcher_daemon.solvers.quantum.hardware.request import JobRequest
 from dispatcher_daemon.solvers.quantum.hardware.runner import JobRunner
+from dispatcher_daemon.solvers.quantum.hardware.service import ServiceFactory
 from dispatcher_daemon.solvers.quantum.hardware.thread import JobThread
 from dispatcher_daemon.solvers.workers.pool import PoolJob, Solve, solve_in_process
-from dispatcher_daemon.traffic.snapshot import take_snapshot
 from slipstream.errors import InputError
 from slipstream_lab.benchmarks.quantum.faulty_service import FaultyServiceFactory, ServiceRecords
 from storage import Database, QuantumJob, open_database
@@ -38,15 +35,8 @@ from .light_builder import LightBuilder
 
 Demo = Callable[..., ArcProblem]
 
-SETTINGS = HardwareSettings(
-    backend="ibm:faulty",
-    shots=256,
-    poll_s=0.05,
-    max_poll_s=0.2,
-    call_timeout_s=0.5,
-    wait_s=30.0,
-    fault_threshold=9,
-)
+SETTINGS = HardwareSettings(backend="ibm:faulty", shots=256, wait_s=30.0)
+LIMITS = JobLimits(poll_s=0.05, max_poll_s=0.2, call_timeout_s=0.5, fault_threshold=9)
 
 
 def aer(jobs: Sequence[PoolJob], deadline_s: float) -> list[Outcome]:
@@ -84,14 +74,20 @@ def open_manager(
     """Opens managers, one after the other; each closes the one before."""
     managers: list[JobManager] = []
 
-    def make(solve: Solve = aer, **changes: Any) -> JobManager:
+    def make(
+        solve: Solve = aer, *, wait_s: float = 30.0, call_timeout_s: float = 0.5
+    ) -> JobManager:
         while managers:
             managers.pop().close()
-        settings = SETTINGS.model_copy(update=changes)
         thread = JobThread(
-            settings, "hardware", FaultyServiceFactory(str(records.path)), LightBuilder(), database
+            SETTINGS,
+            "hardware",
+            FaultyServiceFactory(str(records.path)),
+            LightBuilder(),
+            database,
+            replace(LIMITS, call_timeout_s=call_timeout_s),
         )
-        manager = JobManager(solve, thread, settings.wait_s).__enter__()
+        manager = JobManager(solve, thread, wait_s).__enter__()
         managers.append(manager)
         return manager
 
@@ -239,23 +235,6 @@ def test_blocks_of_a_cycle_share_its_wait(demo_arcs: Demo) -> None:
 
 
 @pytest.mark.long
-def test_a_device_that_never_answers_makes_no_cycle_late(demo: RoutingProblem) -> None:
-    """With the settings as they are, a long queue costs some seconds of the deadline, no more."""
-    settings = DispatcherSettings(
-        solvers=("exact", "lc-qaoa"), hardware=HardwareSettings(backend="ibm:least-busy")
-    )
-    stub = cast(JobThread, Stub(lambda t: t.set_status("job j still queued")))
-    manager = JobManager(solve_exactly, stub, settings.hardware.wait_s, settings.deadline_s)
-    traffic = take_snapshot(demo.network, (), 10**18, stale_after_s=60.0)
-    began = time.monotonic()
-    manager.begin_cycle(1)
-    done = run_cycle(Cycle(demo, traffic, settings, 1, 10**18, seed=1), manager)
-    took_s = time.monotonic() - began
-    assert done.plans
-    assert settings.hardware.wait_s <= took_s < 0.8 * settings.deadline_s
-
-
-@pytest.mark.long
 def test_waiting_leaves_a_reserve_of_the_cycles_deadline(demo_arcs: Demo) -> None:
     """What a cycle has done before its solvers, and what they took, comes off the wait."""
     manager = JobManager(
@@ -267,14 +246,6 @@ def test_waiting_leaves_a_reserve_of_the_cycles_deadline(demo_arcs: Demo) -> Non
     manager([PoolJob("lc-qaoa", demo_arcs(), 1)], 5.0)
     # Without the reserve 5.0, were the wait counted from the solvers' begin 5.5.
     assert 3.95 < time.monotonic() - before < 4.9
-
-
-def solve_exactly(jobs: Sequence[PoolJob], deadline_s: float) -> list[Outcome]:
-    """All by the exact solver."""
-    exact = solve_in_process([ExactSolver()])(
-        [replace(job, solver="exact") for job in jobs], deadline_s
-    )
-    return [replace(o, solver=job.solver) for job, o in zip(jobs, exact, strict=True)]
 
 
 @pytest.mark.process
@@ -360,10 +331,10 @@ def test_kinds_and_services() -> None:
         "noise-model",
     )
     with pytest.raises(InputError, match="no job service"):
-        BackendServiceFactory("aer")()
-    assert BackendServiceFactory("ibm:least-busy").max_age_s == 3600.0
+        ServiceFactory("aer")()
+    assert ServiceFactory("ibm:least-busy").max_age_s == 3600.0
     assert (
-        BackendServiceFactory("ibm:boston").max_age_s
-        == BackendServiceFactory("fake:FakeBoston").max_age_s
+        ServiceFactory("ibm:boston").max_age_s
+        == ServiceFactory("fake:FakeBoston").max_age_s
         == float("inf")
     )

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from dispatcher_daemon.solvers.quantum.hardware import service
+from dispatcher_daemon.solvers.quantum.hardware.breaker import JobLimits
 from dispatcher_daemon.solvers.quantum.hardware.request import JobRequest
 from dispatcher_daemon.solvers.quantum.hardware.thread import JobThread
 
@@ -16,8 +17,14 @@ def test_a_fault_of_our_own_costs_a_step_not_the_thread(
 ) -> None:
     """The thread goes on after a bug, says so once, and serves what comes next."""
     monkeypatch.setattr(service.ServiceWorker, "call", lambda _, *call: harness.call(*call))
-    settings = harness.settings.model_copy(update={"poll_s": 0.05})
-    thread = JobThread(settings, "hardware", harness.service, harness.builder, harness.store)
+    thread = JobThread(
+        harness.settings,
+        "hardware",
+        harness.service,
+        harness.builder,
+        harness.store,
+        JobLimits(poll_s=0.05),
+    )
     broken = [True, True]
     serve = thread._runner.serve
 

@@ -18,10 +18,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from dispatcher_daemon.forms import Encoding, Problem, QuboModel, build_model
-from dispatcher_daemon.solvers.protocol import Execution, Outcome, Status
-from dispatcher_daemon.solvers.quantum.backends.ibm_account import AccountAccess
-from dispatcher_daemon.solvers.sampling import Bits, answer
-from dispatcher_daemon.solvers.workers.pool import error_line
+from dispatcher_daemon.solvers import Bits, Execution, Outcome, Status, answer
+from dispatcher_daemon.solvers.quantum.backends import AccountAccess
+from dispatcher_daemon.solvers.workers import error_line
 
 log = logging.getLogger(__name__)
 

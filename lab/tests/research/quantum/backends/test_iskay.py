@@ -18,8 +18,12 @@ from hypothesis import strategies as st
 from dispatcher_daemon.forms.milp import solve_milp
 from dispatcher_daemon.forms.model import build_model
 from dispatcher_daemon.forms.problem import RouteOption, RouteProblem
-from dispatcher_daemon.solvers.quantum.backends.ibm_account import AccountAccess
-from dispatcher_daemon.solvers.quantum.iskay import IskaySolver, qubo_terms, solution_bits
+from dispatcher_daemon.solvers.quantum.backends import AccountAccess
+from slipstream_lab.research.quantum.backends.iskay import (
+    IskaySolver,
+    qubo_terms,
+    solution_bits,
+)
 
 Routes = Callable[..., RouteProblem]
 

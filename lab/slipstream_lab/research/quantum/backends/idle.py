@@ -7,14 +7,24 @@ scheduled circuit, and Pauli frames around each CZ, drawn anew for each group of
 
 from __future__ import annotations
 
+import time
 from collections import Counter
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
-from dispatcher_daemon.solvers.quantum.backends.noise import DeviceNoise
-from dispatcher_daemon.solvers.quantum.backends.trajectories import sample_noisy
+from dispatcher_daemon.solvers.quantum.backends import (
+    DeviceNoise,
+    NoisyBackend,
+    Sampled,
+    fake_target,
+    fit,
+    sample_noisy,
+    sampled,
+)
 from slipstream.errors import InputError
 
 DETUNING_HZ: Final = 20e3
@@ -24,6 +34,14 @@ COHERENT_SHARE: Final = 0.5
 """ASSUMPTION: share of a CZ's calibrated error that is a constant ZZ rotation."""
 GROUPS: Final = 8
 """Groups of shots with detunings, and Pauli frames, of their own."""
+
+IDLE: Final = "+idle"
+DECOUPLED: Final = "+dd"
+TWIRLED: Final = "+twirl"
+IDLE_ENDINGS: Final = tuple(
+    IDLE + decoupled + twirled for decoupled in ("", DECOUPLED) for twirled in ("", TWIRLED)
+)
+"""What may follow a fake device's name."""
 
 _IDLE: Final = "idle_"
 _COHERENT: Final = "coherent"
@@ -74,6 +92,68 @@ class IdleNoise(DeviceNoise):
         return float(2 * np.arcsin(np.sqrt(min(1.0, 1.25 * COHERENT_SHARE * calibrated))))
 
 
+@dataclass(frozen=True)
+class IdleBackend(NoisyBackend):
+    """Aer with the noise of a fake device and errors of idle time and coherent ones.
+
+    Attributes:
+        decoupled, twirled: see `sample_with_idle`.
+    """
+
+    decoupled: bool = False
+    twirled: bool = False
+
+    @property
+    def name(self) -> str:
+        """As `open_backend` takes it."""
+        ending = (DECOUPLED if self.decoupled else "") + (TWIRLED if self.twirled else "")
+        return f"aer:{self.device}{IDLE}{ending}"
+
+    @property
+    def target(self) -> Any:
+        """See `Backend.target`."""
+        return self.noise.target
+
+    @property
+    def noise(self) -> IdleNoise:
+        """The device's noise."""
+        return _noise(self.device)
+
+    def sample(self, circuit: Any, shots: int, seed: int, wait_s: float = 900.0) -> Sampled:
+        """See `Backend.sample`."""
+        began = time.perf_counter()
+        transpiled = fit(circuit, self.target)
+        counts = sample_with_idle(
+            transpiled, self.noise, shots, seed, decoupled=self.decoupled, twirled=self.twirled
+        )
+        return sampled(self, counts, transpiled, began)
+
+
+def open_idle(name: str) -> IdleBackend:
+    """The backend of a fake device's name with one of `IDLE_ENDINGS`.
+
+    Raises:
+        InputError: there is no such device or ending.
+    """
+    device, plus, ending = name.partition("+")
+    if plus + ending not in IDLE_ENDINGS:
+        raise InputError(
+            "backend",
+            f"a fake device cannot have {plus + ending!r}",
+            f"leave it out, or take one of +fractional {' '.join(IDLE_ENDINGS)}",
+        )
+    fake_target(device)
+    return IdleBackend(
+        device, decoupled=DECOUPLED in plus + ending, twirled=TWIRLED in plus + ending
+    )
+
+
+@lru_cache(maxsize=4)
+def _noise(device: str) -> IdleNoise:
+    """Noise, which learns a gate's noise once."""
+    return IdleNoise(fake_target(device))
+
+
 def sample_with_idle(
     circuit: Any,
     noise: IdleNoise,
@@ -82,7 +162,6 @@ def sample_with_idle(
     *,
     decoupled: bool,
     twirled: bool,
-    method: str,
 ) -> dict[str, int]:
     """Counts by Qiskit bit string of a transpiled, measured circuit.
 
@@ -93,7 +172,6 @@ def sample_with_idle(
         seed: of all draws; the same seed has the same detunings, however the circuit is treated.
         decoupled: with two X pulses in each idle time that they fit into.
         twirled: with random Pauli frames around each CZ.
-        method: of Aer, see `sample_noisy`.
     """
     rng = np.random.default_rng(seed)
     counts: Counter[str] = Counter()
@@ -105,7 +183,7 @@ def sample_with_idle(
         framed = _twirled(circuit, noise.target, frames) if twirled else circuit
         timed = scheduled(framed, noise.target, decoupled=decoupled)
         erring = with_coherent_errors(timed, noise, detunings)
-        counts.update(sample_noisy(erring, noise, shots_of_group, samples, method=method))
+        counts.update(sample_noisy(erring, noise, shots_of_group, samples))
     return dict(counts)
 
 

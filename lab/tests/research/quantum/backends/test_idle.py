@@ -11,10 +11,11 @@ from qiskit import QuantumCircuit
 from qiskit.circuit.library import RZZGate
 from qiskit.quantum_info import Operator, average_gate_fidelity
 
-from dispatcher_daemon.solvers.quantum.backends import idle, open_backend
-from dispatcher_daemon.solvers.quantum.backends.aer import NoisyBackend
-from dispatcher_daemon.solvers.quantum.backends.idle import IdleNoise
+from dispatcher_daemon.solvers.quantum.backends import NoisyBackend
 from slipstream.errors import InputError
+from slipstream_lab.research.quantum.backends import idle
+from slipstream_lab.research.quantum.backends.idle import IdleBackend, IdleNoise
+from slipstream_lab.research.quantum.backends.opening import open_backend
 
 SHOTS = 2_000
 
@@ -22,9 +23,7 @@ SHOTS = 2_000
 @pytest.fixture(scope="module")
 def noise() -> IdleNoise:
     """Of FakeBoston."""
-    found = NoisyBackend("FakeBoston", "+idle").noise
-    assert isinstance(found, IdleNoise)
-    return found
+    return IdleBackend("FakeBoston").noise
 
 
 def on_device(noise: IdleNoise, bits: int) -> QuantumCircuit:
@@ -34,9 +33,7 @@ def on_device(noise: IdleNoise, bits: int) -> QuantumCircuit:
 
 def sample(circuit: Any, noise: IdleNoise, *, decoupled: bool, twirled: bool) -> dict[str, int]:
     """Counts of ``SHOTS`` samples."""
-    return idle.sample_with_idle(
-        circuit, noise, SHOTS, 3, decoupled=decoupled, twirled=twirled, method="statevector"
-    )
+    return idle.sample_with_idle(circuit, noise, SHOTS, 3, decoupled=decoupled, twirled=twirled)
 
 
 @pytest.mark.slow

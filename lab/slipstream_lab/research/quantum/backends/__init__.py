@@ -1,0 +1,1 @@
+"""Back ends that commands and benchmarks have beside the dispatcher's, and Iskay."""
