@@ -7,7 +7,6 @@ from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, TypeVar
-from urllib.parse import unquote
 
 from slipstream.errors import InputError
 from slipstream.freshness import FUTURE_TOLERANCE_S, is_ahead
@@ -23,11 +22,9 @@ from slipstream.messages import (
     StoppedVehicles,
     VehiclePlan,
     VehiclePosition,
-    capture_time_ns,
     decode,
     plan_key,
     position_key,
-    preview_key,
     rsu_health_key,
     state_key,
     stopped_key,
@@ -35,10 +32,10 @@ from slipstream.messages import (
 from slipstream.orders import OrderRecord
 from slipstream.roads.admission import Refusal
 
+HISTORY_CYCLES: Final = 200
+"""Cycles that are kept."""
 MAX_ENTRIES: Final = 20_000
 """Maximum number of segment states, RSUs and vehicles kept, each; the oldest are dropped first."""
-MAX_PREVIEWS: Final = 16
-MAX_PREVIEW_BYTES: Final = 512 * 1024
 
 _K = TypeVar("_K")
 _V = TypeVar("_V")
@@ -67,8 +64,6 @@ class Snapshot:
         connected: whether the bus answers.
         has_database: whether there is one; True until it was looked for.
         drafting_kwh: what platoons save of a plan, by vehicle and cycle, as far as it is stored.
-        previews: latest JPEG and UTC ns at which it was taken, of its arrival where the RSU does
-            not say it, by RSU.
         history_problem: why the stored history cannot be read; None if it can.
     """
 
@@ -81,7 +76,6 @@ class Snapshot:
     cycles: Sequence[CycleReport] = ()
     dispatcher: DispatcherHealth | None = None
     cycle_failed_ns: int | None = None
-    previews: Mapping[str, tuple[bytes, int]] = field(default_factory=dict)
     history_problem: str | None = None
     flag_since: Mapping[tuple[str, str], int] = field(default_factory=dict)
     orders: Sequence[OrderRecord] = ()
@@ -95,21 +89,18 @@ class LiveData:
     """Stores messages from any thread and returns consistent snapshots of the latest.
 
     Args:
-        history_cycles: number of cycle reports to keep.
-        clock_ns: UTC in ns. It is the time of pictures that carry none. A message dated ahead of
-            it is replaced by any other, so that a clock that was set back does not block the page.
+        clock_ns: UTC in ns. A message dated ahead of it is replaced by any other, so that a clock
+            that was set back does not block the page.
         refusal: why a SegmentState or StoppedVehicles is not admitted; None: it is.
     """
 
     def __init__(
         self,
-        history_cycles: int,
         clock_ns: Callable[[], int],
         refusal: Callable[[SegmentState | StoppedVehicles], Refusal | None] = lambda _: None,
     ) -> None:
         self._refusal = refusal
         self._clock_ns = clock_ns
-        self._history_cycles = history_cycles
         self._lock = threading.Lock()
         self._states: OrderedDict[tuple[str, str], SegmentState] = OrderedDict()
         self._stopped: OrderedDict[tuple[str, str], StoppedVehicles] = OrderedDict()
@@ -118,7 +109,6 @@ class LiveData:
         self._positions: OrderedDict[str, VehiclePosition] = OrderedDict()
         self._followed: OrderedDict[str, VehiclePlan] = OrderedDict()
         self._cycles: dict[int, CycleReport] = {}
-        self._previews: OrderedDict[str, tuple[bytes, int]] = OrderedDict()
         self._dispatcher: DispatcherHealth | None = None
         self._cycle_failed_ns: int | None = None
         self._history_problem: str | None = None
@@ -198,21 +188,6 @@ class LiveData:
         with self._lock:
             self._alarms = alarms
 
-    def on_preview(self, key: str, payload: bytes) -> None:
-        """Store an RSU's picture: a JPEG of at most `MAX_PREVIEW_BYTES`."""
-        rsu = unquote(key.split("/")[3]) if key.count("/") == 4 else ""
-        _check_key(key, preview_key(rsu))
-        if not (payload.startswith(b"\xff\xd8\xff") and payload.endswith(b"\xff\xd9")):
-            raise InputError(key, "not a JPEG picture", "check the sender's version")
-        if len(payload) > MAX_PREVIEW_BYTES:
-            raise InputError(key, f"picture of {len(payload)} bytes", "send smaller previews")
-        with self._lock:
-            # A unit whose camera has stopped sends its last picture again.
-            self._previews[rsu] = (payload, capture_time_ns(payload) or self._clock_ns())
-            self._previews.move_to_end(rsu)
-            if len(self._previews) > MAX_PREVIEWS:
-                self._previews.popitem(last=False)
-
     def add_history(self, cycles: Sequence[CycleReport], plans: Sequence[VehiclePlan]) -> None:
         """Add cycles and plans from the bus or the database; newer ones are kept."""
         # Plans first, as the dispatcher sends them: a vehicle without a new one becomes idle.
@@ -221,7 +196,7 @@ class LiveData:
         with self._lock:
             for report in cycles:
                 self._add_cycle(report)
-            for number in sorted(self._cycles)[: -self._history_cycles]:
+            for number in sorted(self._cycles)[:-HISTORY_CYCLES]:
                 del self._cycles[number]
             # In a city each report has hundreds of gates; only those of the last one are shown.
             for number in sorted(self._cycles)[:-1]:
@@ -252,7 +227,6 @@ class LiveData:
                 cycles=tuple(report for _, report in sorted(self._cycles.items())),
                 dispatcher=self._dispatcher,
                 cycle_failed_ns=self._cycle_failed_ns,
-                previews=dict(self._previews),
                 history_problem=self._history_problem,
                 flag_since=dict(self._flag_since),
                 orders=self._orders,

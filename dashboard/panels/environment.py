@@ -11,12 +11,12 @@ from typing import Final
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from dashboard.view import Rgb, execution_summary, labels
+from dashboard.view import labels
+from dashboard.view.labels import Rgb
+from dashboard.view.model import platoon_km
 
-MAX_ROWS: Final = 20
-"""Rows that a table shows."""
-MAX_UNSERVED: Final = 5
-"""Unserved stops that the cycle's panel names."""
+MAX_ROWS: Final = 6
+"""Troubles that the summary shows."""
 
 
 def render(template: str, **context: object) -> str:
@@ -36,13 +36,6 @@ def shorten(text: str, max_length: int = 80) -> str:
 def number(value: float | None, spec: str) -> str:
     """A number by a format specification; a dash for None."""
     return "–" if value is None else format(value, spec)
-
-
-def percent(share: float | None) -> str:
-    """A share in per cent, below 10 % with two significant digits; a dash for None."""
-    if share is None:
-        return "–"
-    return f"{share:.0%}" if share in (0.0, 1.0) or share >= 0.1 else f"{share * 100:.2g}%"
 
 
 def css(rgb: Rgb) -> str:
@@ -67,18 +60,15 @@ def _environment() -> Environment:
         "base64": _base64,
         "css": css,
         "duration": labels.duration,
-        "execution": execution_summary,
         "number": number,
-        "percent": percent,
+        "platoon_km": platoon_km,
         "plural": labels.plural,
-        "reason": labels.reason,
         "shorten": shorten,
     }
     environment.globals |= {
         "LEVEL_RGB": labels.LEVEL_RGB,
         "LEVEL_SIGN": labels.LEVEL_SIGN,
         "MAX_ROWS": MAX_ROWS,
-        "MAX_UNSERVED": MAX_UNSERVED,
         "TRAFFIC_DASHES": labels.TRAFFIC_DASHES,
         "TRAFFIC_RGB": labels.TRAFFIC_RGB,
         "TRAFFIC_SIGN": labels.TRAFFIC_SIGN,

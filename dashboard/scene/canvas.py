@@ -13,7 +13,7 @@ import viser
 from dashboard.scene import geometry
 from dashboard.scene.geometry import Array
 from dashboard.scene.shapes import Shape
-from dashboard.view import Rgb
+from dashboard.view.labels import Rgb
 from slipstream.roads import RoadNetwork
 
 Colours = npt.NDArray[np.integer[Any]] | Rgb

@@ -17,7 +17,9 @@ from dashboard.scene.canvas import Batch, Canvas
 from dashboard.scene.geometry import Array
 from dashboard.scene.lanes import Lanes
 from dashboard.scene.marks import Mark
-from dashboard.view import Rgb, VehicleView, labels
+from dashboard.view import labels
+from dashboard.view.labels import Rgb
+from dashboard.view.model import VehicleView
 
 MAX_VEHICLES: Final = 2000
 MAX_ROUTE_STRIPS: Final = 6000
@@ -139,9 +141,9 @@ class FleetLayer:
         junctions = self._canvas.network.junctions
         names: dict[str, set[str]] = {}
         for van in vehicles:
-            for stop, node in van.stops:
-                if node in junctions and node not in self._depots:
-                    names.setdefault(node, set()).add(stop)
+            for stop in van.plan.stops:
+                if stop.node in junctions and stop.node not in self._depots:
+                    names.setdefault(stop.node, set()).add(stop.stop)
         # Stops at one junction share a label; separate ones would overlap.
         stops = tuple(sorted((_joint_label(sorted(names[node])), node) for node in names))
         if stops == self._stops:
@@ -291,7 +293,7 @@ def _label(van: VehicleView) -> str:
     """Its name, and what it is where nobody hears it."""
     name = van.vehicle[:40]
     if van.silence is not None:
-        return f"{name}, {van.activity.partition(';')[0]}"
+        return f"{name}, silent"
     return f"{name}, by plan" if van.progress.state == "planned" else name
 
 

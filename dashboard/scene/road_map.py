@@ -20,7 +20,10 @@ from dashboard.scene.canvas import FOV_RAD, Batch, Canvas
 from dashboard.scene.fleet import LANE_UNITS, FleetLayer, Placed
 from dashboard.scene.geometry import Array
 from dashboard.scene.marks import Mark
-from dashboard.view import DashboardView, Rgb, RoadView, RsuView, Traffic, labels
+from dashboard.view import labels
+from dashboard.view.build import DashboardView
+from dashboard.view.labels import Rgb, Traffic
+from dashboard.view.model import RoadView, RsuView
 from slipstream.roads import RoadNetwork
 
 MAX_DASHES: Final = 3600
@@ -202,7 +205,8 @@ class RoadMap:
         self._road_of_dash = np.repeat(np.arange(len(parts)), [len(dash) for _, dash in parts])
 
     def _update_rsus(self, rsus: Sequence[RsuView]) -> list[Mark]:
-        here = [(rsu, stand) for rsu in rsus if (stand := self.stand(rsu.segments)) is not None]
+        stands = ((rsu, self.stand(rsu.health.segments)) for rsu in rsus)
+        here = [(rsu, stand) for rsu, stand in stands if stand is not None]
         places = np.array([place for _, (place, _) in here]).reshape(-1, 2)
         headings = np.array([heading for _, (_, heading) in here])
         rgb = [_DARK if rsu.level == "ok" else labels.LEVEL_RGB[rsu.level] for rsu, _ in here]

@@ -17,7 +17,7 @@ from dashboard.scene.geometry import Array
 from dashboard.scene.marks import Eye, Mark, at_pixel
 from dashboard.scene.road_map import POLE_UNITS, Drawn, RoadMap
 from dashboard.selection import Selection
-from dashboard.view import Rgb
+from dashboard.view.labels import Rgb
 
 MAX_CANVAS_PX: Final = 65536
 """Sides of a canvas that a camera is fitted to, px; larger ones are no browser's."""
@@ -214,7 +214,7 @@ class Viewer:
         rsu = None
         if selected is not None and selected.kind == "rsu":
             rsu = next((rsu for rsu in drawn.view.rsus if rsu.rsu == selected.id), None)
-        self._show_cone(rsu.segments if rsu is not None else ())
+        self._show_cone(rsu.health.segments if rsu is not None else ())
         self._ring.show(
             canvas.bodies(places, np.zeros(len(places)), _SELECTED_RGB, 0.9 * VEHICLE_UNITS, 0.25)
         )

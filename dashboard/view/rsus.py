@@ -53,13 +53,9 @@ def rsu_views(
                 status=status,
                 level=level,
                 fps=health.fps if fresh else None,
-                latency_ms_p50=health.latency_ms_p50 if fresh else None,
-                latency_ms_p95=health.latency_ms_p95 if fresh else None,
-                frames_skipped=health.frames_skipped,
+                latency_ms=health.latency_ms_p50 if fresh else None,
                 skipped_share=health.frames_skipped / seen if seen else 0.0,
                 age_s=age_s,
-                segments=health.segments,
-                vehicles_in_view=health.vehicles_in_view,
                 health=health,
             )
         )

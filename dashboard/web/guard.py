@@ -9,7 +9,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from dashboard import metrics
-from dashboard.requests import check_names
+from dashboard.requests import check_names, warn_refused
 from slipstream.http.bodies import WITH_BODY, received
 from slipstream.http.guard import answer
 from slipstream.http.problems import Problem
@@ -77,14 +77,7 @@ class PageGuard:
             headers.getlist("host"), headers.getlist("origin"), self._served, self._allowed, local
         )
         if refused is not None:
-            if self._limiter.allow(refused.header):
-                log.warning(
-                    "refused a request for %s %.100a (and %d before): if this is where your proxy "
-                    "serves the page, add the name to allowed_hosts in the dashboard's settings",
-                    refused.header,
-                    refused.value,
-                    self._limiter.suppressed(refused.header),
-                )
+            warn_refused(refused, self._limiter)
             raise Problem(
                 403,
                 f"not served for this {refused.header}",

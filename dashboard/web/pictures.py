@@ -9,9 +9,10 @@ import time
 from collections import Counter, OrderedDict
 from collections.abc import AsyncIterator, Callable, Iterator
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Final
 from urllib.parse import unquote
 
+from slipstream.bus.subscriptions import Listener
 from slipstream.errors import InputError
 from slipstream.messages import bare_preview_key, capture_time_ns, preview_key
 
@@ -24,14 +25,6 @@ KEPT_S: Final = 3.0
 """A picture is the latest for so long after it came."""
 GLANCE_S: Final = 5.0
 """Whoever asks for single pictures is taken to look on for so long after each."""
-
-
-class PictureListener(Protocol):
-    """Subscriptions that change; see `slipstream.bus.subscriptions.Listener`."""
-
-    def listen(self, key_expressions: frozenset[str]) -> None:
-        """Receive these keys, and no others."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -70,10 +63,10 @@ class Pictures:
         self._latest: OrderedDict[str, tuple[Picture, float]] = OrderedDict()
         self._waiting: dict[str, set[tuple[asyncio.AbstractEventLoop, asyncio.Event]]] = {}
         self._glances: dict[str, tuple[asyncio.TimerHandle, contextlib.ExitStack]] = {}
-        self._listener: PictureListener | None = None
+        self._listener: Listener | None = None
         self._change = threading.Lock()
 
-    def listen_by(self, listener: PictureListener | None) -> None:
+    def listen_by(self, listener: Listener | None) -> None:
         """Set what receives them; None: nothing does any more."""
         with self._change:
             self._listener = listener

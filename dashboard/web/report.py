@@ -14,7 +14,9 @@ from typing import Any, Final, NamedTuple
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from dashboard.web.energy import Factors, Zone, by_day, local, midnight_ns, sum_row, total
+from dashboard.settings import Factors
+from dashboard.web.energy import Zone, by_day, local, midnight_ns, total
+from dashboard.web.tables.rows import sum_row
 from slipstream.energy.ledger import HOUR_NS, EnergySum
 from storage import CycleSums, Event, OrderEnd, Reader
 

@@ -12,11 +12,11 @@ import pytest
 import viser
 
 from dashboard.live import Snapshot
-from dashboard.panels import PanelLayout
+from dashboard.panels.layout import PanelLayout
 from dashboard.scene import RoadMap
 from dashboard.scene.fleet import VEHICLE_UNITS
 from dashboard.server import start_server, stop_server
-from dashboard.view import DashboardView, build_view
+from dashboard.view.build import DashboardView, build_view
 from slipstream.bus import free_port
 from slipstream.roads import RoadNetwork
 from tests.dashboard import city
@@ -41,7 +41,7 @@ def server() -> Iterator[viser.ViserServer]:
 
 
 def _view(snapshot: Snapshot, now_ns: int) -> DashboardView:
-    return build_view(snapshot, now_ns, stale_after_s=5.0, silent_after_s=30.0)
+    return build_view(snapshot, now_ns, 5.0)
 
 
 def test_the_city_is_one(network, world, now_ns):

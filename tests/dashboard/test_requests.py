@@ -22,9 +22,10 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin, Subprotocol
 
 from dashboard.page import Page
-from dashboard.requests import ONE_LINE, check_headers
+from dashboard.requests import ONE_LINE, check_names
 from dashboard.server import start_server, stop_server
 from dashboard.settings import DashboardSettings
+from dashboard.web.pictures import Pictures
 from slipstream.bus import free_port
 from slipstream.config import check
 from slipstream.errors import InputError
@@ -133,7 +134,9 @@ def test_requests_of_the_page_and_others(
     headers: list[tuple[str, str]], refused: str | None
 ) -> None:
     """Own names and addresses pass; others, missing, double and malformed ones do not."""
-    found = check_headers(Headers(headers), "0.0.0.0", frozenset({PROXIED}), "192.0.2.7")
+    asked = Headers(headers)
+    hosts, origins = asked.get_all("Host"), asked.get_all("Origin")
+    found = check_names(hosts, origins, "0.0.0.0", frozenset({PROXIED}), "192.0.2.7")
     assert (found and found.header) == refused
 
 
@@ -249,7 +252,7 @@ def test_bad_frames_write_no_traceback(
     """Frames that are no messages, or messages of nonsense: at most two lines, and it serves on."""
     monkeypatch.setattr("dashboard.page.start_server", lambda *_: server)
     settings = DashboardSettings(port=server.get_port(), database_url=None)
-    page = Page(settings, world.network, threading.Event())
+    page = Page(settings, world.network, threading.Event(), Pictures())
     with caplog.at_level(logging.INFO):
         for frame in BAD_FRAMES * 5:
             with client_of(server) as client:

@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from dashboard.live import Snapshot
+from dashboard.settings import Factors
 from dashboard.view import labels
+from dashboard.web.past.views import majority
 from dashboard.web.routes.vehicle_parts import Part, sentence
-from dashboard.web.services import Known
 from dashboard.web.tables import rows
-from dashboard.web.tables.rows import ms
+from dashboard.web.tables.rows import Known, ms
 from slipstream import freshness
 from slipstream.explain import Explanation
 from slipstream.messages import CameraCalibration, CycleReport, SegmentState
@@ -134,7 +135,7 @@ def hour(minutes: Sequence[RollUp]) -> Part:
                 _rolled(minute, feature, which, factor, digits, share=name == "cv")
                 for minute in minutes
             ]
-    return told | {"flag": [_flag(minute) for minute in minutes]}
+    return told | {"flag": [majority(minute) for minute in minutes]}
 
 
 def _rolled(
@@ -146,13 +147,6 @@ def _rolled(
         return None
     value: float = getattr(spread, which)
     return round(value * factor / (speed.mean if share and speed is not None else 1.0), digits)
-
-
-def _flag(minute: RollUp) -> str:
-    """What most states of a minute said; one that most did not judge is unknown."""
-    if minute.stable * 2 > minute.count:
-        return "stable"
-    return "turbulent" if minute.turbulent * 2 >= minute.count else "unknown"
 
 
 def refused(road: str, known: Known) -> list[Part]:
@@ -250,17 +244,15 @@ def order_facts(order: OrderRecord | None) -> Part:
     }
 
 
-def cycle_card(
-    report: CycleReport, factors: Mapping[str, float], words: Explanation | None
-) -> Part:
+def cycle_card(report: CycleReport, factors: Factors, words: Explanation | None) -> Part:
     """All about a cycle.
 
     Args:
         report: of it.
-        factors: keyword arguments of `rows.energy_sum`.
+        factors: for CO2 and money.
         words: of it; None: they are not stored.
     """
-    energy = None if report.energy is None else rows.energy_sum(report.energy, **factors)
+    energy = None if report.energy is None else rows.cycle_energy(report.energy, factors)
     return {
         "n": report.cycle,
         **rows.cycle_row(report),

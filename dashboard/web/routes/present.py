@@ -11,7 +11,7 @@ from typing import Any, Final
 from dashboard import metrics
 from dashboard.live import LiveData, Snapshot
 from dashboard.web.hub import PageHub
-from dashboard.web.services import Known
+from dashboard.web.tables.rows import Known
 from dashboard.web.tables.tables import PageTables
 from slipstream.service import LogLimiter
 

@@ -8,8 +8,7 @@ from typing import Any, Final
 
 from dashboard.live import Snapshot
 from dashboard.view import labels
-from dashboard.web.services import Known
-from dashboard.web.tables.rows import Rows, Scene, ms
+from dashboard.web.tables.rows import Known, Rows, Scene, ms
 from slipstream.explain import Explanation
 from slipstream.messages import CycleReport, PlannedSegment, PlannedStop, VehiclePlan
 from slipstream.orders import PlanRecord, drafting_kwh

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from dashboard.view import VehicleView
+from dashboard.view.model import VehicleView
 from dashboard.web.tables.rows import Row, Scene, ms
 from slipstream.messages import VehiclePlan
 from slipstream.orders import OrderRecord

@@ -10,8 +10,9 @@ from zoneinfo import ZoneInfo
 import pytest
 
 import storage
+from dashboard.settings import Factors
 from dashboard.web import energy
-from dashboard.web.energy import EnergyBook, Factors
+from dashboard.web.energy import EnergyBook
 from slipstream.energy.ledger import EnergyHour
 from slipstream.messages import CycleReport, EnergySummary
 from slipstream.orders import FleetRecords

@@ -19,7 +19,7 @@ import storage
 from dashboard.settings import DashboardSettings
 from dashboard.view.places import Places
 from dashboard.web.app import make_app
-from dashboard.web.energy import EnergyBook, Factors, local, zone_of
+from dashboard.web.energy import EnergyBook, local, zone_of
 from dashboard.web.past import StoredPast
 from dashboard.web.report import clock
 from dashboard.web.services import PageServices
@@ -86,7 +86,7 @@ def run(url: str, world: Any, begin_ns: int) -> Iterator[Run]:
     )
     scene = Scene(Places(world.network), {"depot": "depot"}, {"van-c": "Käse & Co"})
     with storage.open_reader(url) as reader:
-        energy = EnergyBook(reader, zone_of("Europe/Berlin"), Factors(**settings.energy_factors))
+        energy = EnergyBook(reader, zone_of("Europe/Berlin"), settings.factors)
         past = StoredPast(reader, scene, energy, None)
         last = past.span()
         assert last is not None
