@@ -44,14 +44,6 @@ def _view(snapshot: Snapshot, now_ns: int) -> DashboardView:
     return build_view(snapshot, now_ns, 5.0)
 
 
-def test_the_city_is_one(network, world, now_ns):
-    """What the tests below show is as large as is said."""
-    snapshot = city.snapshot(world, network, now_ns)
-    assert len(network.segments) == 2024
-    assert len(snapshot.plans) == 200
-    assert len({stop.stop for plan in snapshot.plans.values() for stop in plan.stops}) == 1000
-
-
 @pytest.mark.slow
 def test_one_node_a_layer(server, network, world, now_ns):
     """All routes, stops, cameras and vans are a few nodes, however many there are."""
@@ -106,6 +98,7 @@ def _srgb(colours: np.ndarray) -> list[list[float]]:
     return sorted(srgb.tolist())
 
 
+@pytest.mark.slow
 def test_each_route_has_its_vans_colour(server, network, world, now_ns):
     """Strips of a van are drawn in its colour, in linear light, and a void plan's fade."""
     road_map = RoadMap(server, network, ())
@@ -136,6 +129,7 @@ def _platoon(network, world, now_ns, y_e: int):
     return Snapshot(states={(road, state.rsu): state}, plans=plans)
 
 
+@pytest.mark.slow
 def test_a_platoon_is_linked_while_traffic_is_calm(server, network, world, now_ns):
     """Its members stand apart and facing their road, and the link goes when the flag closes."""
     road_map = RoadMap(server, network, ())
@@ -151,6 +145,7 @@ def test_a_platoon_is_linked_while_traffic_is_calm(server, network, world, now_n
         assert apart > 0
 
 
+@pytest.mark.slow
 def test_only_what_changed_is_sent(server, network, world, now_ns, monkeypatch):
     """A second view of the same moment sends nothing; a flag that flips sends its colours only."""
     road_map = RoadMap(server, network, ())
@@ -171,7 +166,7 @@ def test_only_what_changed_is_sent(server, network, world, now_ns, monkeypatch):
     ]
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_memory_stays_flat_over_many_updates(server, world, now_ns):
     """Six hundred updates with vans that come, go and move keep no more than the first ones."""
     road_map = RoadMap(server, world.network, ("depot",))
@@ -208,7 +203,7 @@ def test_memory_stays_flat_over_many_updates(server, world, now_ns):
     assert after - before < 250_000
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_an_update_is_quick(server, network, world, now_ns):
     """Two hundred new plans are on the page in a fifth of a second of computing, as is a move."""
     road_map, panels = RoadMap(server, network, ("x0y0",)), PanelLayout(server)

@@ -19,6 +19,7 @@ def live(now_ns) -> LiveData:
     return LiveData(lambda: now_ns)
 
 
+@pytest.mark.slow
 def test_history_appears_with_the_database(tmp_path, live, world, now_ns):
     """A missing database is no problem; once the dispatcher writes, its cycles and plans show."""
     url = f"sqlite:///{tmp_path}/state/x.db"
@@ -37,6 +38,7 @@ def test_history_appears_with_the_database(tmp_path, live, world, now_ns):
     assert [report.cycle for report in live.snapshot().cycles] == [1, 2]
 
 
+@pytest.mark.slow
 def test_only_new_cycles_are_read(tmp_path, live, world, now_ns, monkeypatch):
     """After the first time only cycles since the last are read; all, where they count anew."""
     limits, whole = [], HISTORY_CYCLES

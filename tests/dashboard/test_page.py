@@ -20,7 +20,7 @@ from dashboard.view import labels
 from slipstream.bus import Bus, Router, free_port
 from slipstream.config import BusSettings
 
-pytestmark = pytest.mark.process
+pytestmark = [pytest.mark.process, pytest.mark.long]
 START = """
 import json, sys
 from dashboard.daemon import run_dashboard
@@ -176,18 +176,3 @@ def test_what_a_dispatcher_sees(running, page, browser, tmp_path):
     assert running.process.wait(timeout=30) == 0
     assert time.monotonic() - began < 15
     assert "Traceback" not in running.log.read_text()
-
-
-@pytest.mark.long
-def test_a_taken_port_is_one_line(tmp_path):
-    """Started on a port that is in use, the dashboard raises InputError before it serves."""
-    with Router() as router:
-        port = int(router.endpoint.rsplit(":", 1)[1])
-        settings = {"port": port, "database_url": None, "bus": {"connect": [router.endpoint]}}
-        process = _start(settings, tmp_path / "log")
-        assert process.wait(timeout=30) != 0
-    last = (tmp_path / "log").read_text().strip().splitlines()[-1]
-    assert last == (
-        f"slipstream.errors.InputError: 127.0.0.1:{port}: port: cannot serve the operator's page: "
-        "Address already in use; choose a free port"
-    )

@@ -241,6 +241,7 @@ BAD_FRAMES = [
 ]
 
 
+@pytest.mark.slow
 def test_bad_frames_write_no_traceback(
     server: viser.ViserServer,
     world: Any,
@@ -341,6 +342,7 @@ OPEN_SOCKET = """
 """
 
 
+@pytest.mark.long
 def test_other_sites_get_nothing_in_a_real_browser(server: viser.ViserServer, browser: Any) -> None:
     """Another site's script and a name rebound to loopback reach neither page nor socket."""
     own = f"127.0.0.1:{server.get_port()}"

@@ -74,7 +74,7 @@ def _no_tunnel(*_: object) -> None:
     raise AssertionError("a tunnel was opened")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_is_kept_for_new_browsers_does_not_grow(server, world, now_ns):
     """After hundreds of updates, roads and vans coming and going, no more is kept than before."""
     road_map, panels = RoadMap(server, world.network, ("depot",)), PanelLayout(server)

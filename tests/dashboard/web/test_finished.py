@@ -71,6 +71,7 @@ def test_a_finished_run_is_shown_without_bus_and_settings(tmp_path: Path, world:
     assert database.read_bytes() == stored
 
 
+@pytest.mark.slow
 def test_what_cannot_be_shown_is_one_line(
     tmp_path: Path, world: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:

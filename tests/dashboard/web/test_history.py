@@ -74,7 +74,7 @@ def url(tmp_path_factory: pytest.TempPathFactory, world: Any, begin_ns: int) -> 
     return found
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def run(url: str, world: Any, begin_ns: int) -> Iterator[Run]:
     """The run, served."""
     settings = DashboardSettings(

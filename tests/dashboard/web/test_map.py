@@ -644,7 +644,7 @@ def large(open_map: OpenMap) -> Any:
     return open_map(network, moment, width=1440, height=900)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_labels_of_a_city_with_a_thousand_vehicles_never_overlap(large):
     """From afar to near, standing and after a step."""
     page, kinds = large, set()
@@ -671,7 +671,7 @@ def test_labels_of_a_city_with_a_thousand_vehicles_never_overlap(large):
     assert page.errors == []
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_clusters_of_a_city_overlap_no_other_sign(large):
     """Each vehicle is shown once, and no two signs touch."""
     large.evaluate("map.fit(); map._frame()")

@@ -89,7 +89,7 @@ def test_a_closed_gate_waits_for_the_next_cycle(tables, world, now_ns):
     assert row["gate_why"] == "turbulent traffic in cycle #3; the next one may open it"
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_roads_moment_after_moment_are_those_of_one_look(tables, world, now_ns, seed):
     """Whatever comes, and however late: the rows are those that nothing was remembered for."""
     drawn = random.Random(seed)
@@ -218,6 +218,7 @@ def test_an_idle_cycle_keeps_the_last_figures(tables, world, now_ns):
     assert tables.moment["energy"]["last_cycle"] == saved
 
 
+@pytest.mark.slow
 def test_a_second_of_a_city_is_a_few_kilobytes(world, now_ns):
     """200 vans that drive and 600 roads whose speeds change by little: what changed, packed."""
     network = of.grid_city()
