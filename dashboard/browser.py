@@ -23,14 +23,7 @@ FIT_CAMERA_FOR_S: Final = 10.0
 
 
 class Browser:
-    """A connected browser.
-
-    Args:
-        client: viser's handle of it.
-        road_map: what all browsers see.
-        selection: what it was opened with.
-        operator_url: base of the operator's page; None: the card has no link to it.
-    """
+    """A connected browser."""
 
     def __init__(
         self,

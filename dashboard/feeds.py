@@ -40,14 +40,7 @@ MORE_PERIOD_S: Final = 60.0
 def subscribe(
     bus: Bus, live: LiveData, limiter: LogLimiter, rsus: Mapping[str, Iterable[str]] | None = None
 ) -> None:
-    """Subscribe the live data to all messages but camera pictures.
-
-    Args:
-        bus: to subscribe on.
-        live: takes the messages.
-        limiter: of log lines.
-        rsus: the roads of each RSU, as far as the settings have them.
-    """
+    """Subscribe the live data to all messages but camera pictures."""
 
     def on_plan(key: str, payload: bytes) -> None:
         live.on_plan(key, payload)
@@ -84,12 +77,6 @@ class HistoryFeed(threading.Thread):
     """A thread that reads stored orders, and cycles and plans at its start and after each new one.
 
     It is a thread because a busy database may block a reader for seconds.
-
-    Args:
-        url: of the database.
-        live: takes what is read.
-        limiter: of log lines.
-        read_more: reads what else depends on cycles; it is given UTC, ns.
 
     Raises:
         InputError: the database URL is invalid.
@@ -130,20 +117,17 @@ class HistoryFeed(threading.Thread):
                 self._live.add_history(history, [record.plan for record in records])
                 self._live.set_drafting(drafting_kwh(records))
                 self._latest = (latest.cycle, latest.started_ns)
-            self._live.set_orders(self._reader.orders(ended_since_ns=self._oldest_ns()))
-            self._live.set_has_database(self._reader.exists())
+            oldest_ns = time.time_ns() - round(ENDED_ORDERS_FOR_S * 1e9)
+            orders = tuple(self._reader.orders(ended_since_ns=oldest_ns))
+            self._live.tell(orders=orders, has_database=self._reader.exists())
             if is_new or time.monotonic() - self._read_more_at >= MORE_PERIOD_S:
                 self._read_more_at = time.monotonic()
                 self._read_more(time.time_ns())
-            self._live.set_history_problem(None)
+            self._live.tell(history_problem=None)
         except (storage.StorageError, ValueError) as error:
-            self._live.set_history_problem(f"No stored history: {error}")
+            self._live.tell(history_problem=f"No stored history: {error}")
             if self._limiter.allow("history"):
                 log.warning("no stored history: %s", error)
-
-    @staticmethod
-    def _oldest_ns() -> int:
-        return time.time_ns() - round(ENDED_ORDERS_FOR_S * 1e9)
 
     def _cycles_to_read(self, latest: CycleReport) -> int:
         """Number of cycles to read: those since the last read, or all if numbers start again."""

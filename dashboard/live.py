@@ -5,8 +5,8 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Final, TypeVar
+from dataclasses import dataclass, field, replace
+from typing import Any, Final, TypeVar
 
 from slipstream.errors import InputError
 from slipstream.freshness import FUTURE_TOLERANCE_S, is_ahead
@@ -109,15 +109,10 @@ class LiveData:
         self._positions: OrderedDict[str, VehiclePosition] = OrderedDict()
         self._followed: OrderedDict[str, VehiclePlan] = OrderedDict()
         self._cycles: dict[int, CycleReport] = {}
-        self._dispatcher: DispatcherHealth | None = None
-        self._cycle_failed_ns: int | None = None
-        self._history_problem: str | None = None
+        # What is no table; its tables stay empty.
+        self._told = Snapshot()
         self._flag_since: dict[tuple[str, str], int] = {}
-        self._orders: tuple[OrderRecord, ...] = ()
-        self._alarms: Alarms | None = None
-        self._connected = True
-        self._has_database = True
-        self._drafting: tuple[dict[tuple[str, int], float], dict[tuple[str, int], float]] = {}, {}
+        self._drafting: dict[tuple[str, int], float] = {}
 
     def on_state(self, key: str, payload: bytes) -> None:
         """Store a SegmentState.
@@ -172,21 +167,20 @@ class LiveData:
         health = decode(DispatcherHealth, payload, key)
         _check_key(key, DISPATCHER_HEALTH_KEY)
         with self._lock:
-            previous = self._dispatcher
+            previous, failed_ns = self._told.dispatcher, self._told.cycle_failed_ns
             if (
                 previous is not None
                 and previous.started_ns == health.started_ns
                 and previous.cycles_failed < health.cycles_failed
             ):
-                self._cycle_failed_ns = self._clock_ns()
-            self._dispatcher = health
+                failed_ns = self._clock_ns()
+            self._told = replace(self._told, dispatcher=health, cycle_failed_ns=failed_ns)
 
     def on_alarms(self, key: str, payload: bytes) -> None:
         """Store the dispatcher's Alarms."""
         alarms = decode(Alarms, payload, key)
         _check_key(key, ALARMS_KEY)
-        with self._lock:
-            self._alarms = alarms
+        self.tell(alarms=alarms)
 
     def add_history(self, cycles: Sequence[CycleReport], plans: Sequence[VehiclePlan]) -> None:
         """Add cycles and plans from the bus or the database; newer ones are kept."""
@@ -206,18 +200,19 @@ class LiveData:
         """Set what platoons save of the latest stored plans, by vehicle and cycle; those before
         are kept once, as a vehicle follows its older plan for a while.
         """
-        with self._lock:
-            self._drafting = saved_kwh, self._drafting[0] | saved_kwh
+        self.tell(drafting_kwh=self._drafting | saved_kwh)
+        self._drafting = saved_kwh
 
-    def set_history_problem(self, problem: str | None) -> None:
-        """Set why the stored history cannot be read; None if it can."""
+    def tell(self, **facts: Any) -> None:
+        """Set fields of the snapshot that are no table of messages."""
         with self._lock:
-            self._history_problem = problem
+            self._told = replace(self._told, **facts)
 
     def snapshot(self) -> Snapshot:
         """A copy of the latest messages."""
         with self._lock:
-            return Snapshot(
+            return replace(
+                self._told,
                 states=dict(self._states),
                 stopped=dict(self._stopped),
                 rsus=dict(self._rsus),
@@ -225,36 +220,13 @@ class LiveData:
                 positions=dict(self._positions),
                 followed=dict(self._followed),
                 cycles=tuple(report for _, report in sorted(self._cycles.items())),
-                dispatcher=self._dispatcher,
-                cycle_failed_ns=self._cycle_failed_ns,
-                history_problem=self._history_problem,
                 flag_since=dict(self._flag_since),
-                orders=self._orders,
-                alarms=self._alarms,
-                connected=self._connected,
-                has_database=self._has_database,
-                drafting_kwh=self._drafting[1],
             )
 
     def watched(self) -> dict[str, tuple[str, ...]]:
         """The roads of each RSU, as it told last."""
         with self._lock:
             return {name: health.segments for name, health in self._rsus.items()}
-
-    def set_orders(self, orders: Sequence[OrderRecord]) -> None:
-        """Set the orders that are shown."""
-        with self._lock:
-            self._orders = tuple(orders)
-
-    def set_connected(self, connected: bool) -> None:
-        """Set whether the bus answers."""
-        with self._lock:
-            self._connected = connected
-
-    def set_has_database(self, has_database: bool) -> None:
-        """Set whether there is a database."""
-        with self._lock:
-            self._has_database = has_database
 
     def _add_cycle(self, report: CycleReport) -> None:
         if self._cycles.get(report.cycle) in (report, _without_details(report)):
@@ -284,7 +256,7 @@ class LiveData:
         self, entries: OrderedDict[tuple[str, str], _Roadside], message: _Roadside
     ) -> None:
         name = (message.segment, message.rsu)
-        tolerance_s = published_tolerance_s(self._dispatcher)
+        tolerance_s = published_tolerance_s(self._told.dispatcher)
         self._put(entries, name, message, message.time_ns, lambda old: old.time_ns, tolerance_s)
 
     def _put(

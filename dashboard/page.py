@@ -38,15 +38,6 @@ RETRY_AFTER_S: Final = (0.5, 1.0, 2.0, 4.0, 8.0, 15.0)
 class Page:
     """One viser server with the map and the panels on it.
 
-    Args:
-        settings: address and age limits.
-        network: the road network to draw.
-        stopping: set when the service is to stop; ends the wait for an address.
-        pictures: of the cameras.
-        operator_url: base of the operator's page, for links to it; None: there are none.
-        trucks: vehicles that are drawn as trucks, the others as vans.
-        depots: junctions to mark.
-
     Raises:
         InputError: the address cannot be served on.
     """

@@ -29,12 +29,6 @@ def start_server(
 
     A request whose Host is not a name of the page, or that another site's page sent, gets HTTP 403.
 
-    Args:
-        host: address or name to serve on.
-        port: TCP port.
-        allowed_hosts: names of the page beside the served address and the loopback names.
-        head: HTML to add to the page's head.
-
     Raises:
         InputError: the address cannot be bound, as when the port is taken.
     """

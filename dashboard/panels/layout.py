@@ -17,11 +17,7 @@ CARD_ORDER: Final = 3.0
 
 
 class PanelLayout:
-    """What of the panel all browsers share.
-
-    Args:
-        server: the viser server to build it on.
-    """
+    """What of the panel all browsers share."""
 
     def __init__(self, server: viser.ViserServer) -> None:
         gui = server.gui

@@ -66,14 +66,7 @@ class Placed:
 
 
 class FleetLayer:
-    """Draws vehicles, routes and stops, and updates them.
-
-    Args:
-        scene: the scene of all browsers.
-        canvas: the scale.
-        depots: junctions with a depot's marker, which get no stop's marker.
-        trucks: vehicles that are drawn as trucks; the others as vans.
-    """
+    """Draws vehicles, routes and stops, and updates them."""
 
     def __init__(
         self,
@@ -107,12 +100,7 @@ class FleetLayer:
     def update(
         self, vehicles: Sequence[VehicleView], open_roads: Collection[str]
     ) -> tuple[Placed, list[Mark]]:
-        """Show the vehicles whose routes run on this network.
-
-        Args:
-            vehicles: all of them.
-            open_roads: roads on which traffic is calm now: only there a platoon's way is drawn.
-        """
+        """Show the vehicles whose routes run on this network."""
         indices = self.lanes.index
         known = [
             van

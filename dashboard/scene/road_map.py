@@ -43,13 +43,7 @@ _DARK: Final[Rgb] = (29, 39, 51)
 
 @dataclass(frozen=True)
 class Drawn:
-    """What the map shows at one moment, for labels and clicks.
-
-    Attributes:
-        marks: what can be labelled.
-        placed: the vehicles that are drawn.
-        view: what it was made of.
-    """
+    """What the map shows at one moment, for labels and clicks."""
 
     marks: tuple[Mark, ...]
     placed: Placed
@@ -57,14 +51,7 @@ class Drawn:
 
 
 class RoadMap:
-    """Draws a network, its traffic and its fleet, and updates them.
-
-    Args:
-        server: the viser server to draw on.
-        network: the road network.
-        depots: junctions of the depots; unknown ones are not marked.
-        trucks: vehicles that are drawn as trucks.
-    """
+    """Draws a network, its traffic and its fleet, and updates them."""
 
     def __init__(
         self,

@@ -21,17 +21,7 @@ from slipstream import freshness
 
 @dataclass(frozen=True)
 class DashboardView:
-    """All that the 3D view shows at one moment.
-
-    Attributes:
-        headline: the state of the watched roads in a line, with its level.
-        device: status line of the quantum device and its level; None without one, or if the
-            dispatcher's health is stale.
-        troubles: what is wrong, the worst first.
-        roads: that are watched.
-        rsus: roadside units.
-        vehicles: the fleet.
-    """
+    """All that the 3D view shows at one moment."""
 
     headline: tuple[str, Level]
     device: tuple[str, Level] | None

@@ -65,12 +65,7 @@ class RoadData:
     def with_states(
         self, states: Sequence[SegmentState], flag_since: Mapping[tuple[str, str], int]
     ) -> RoadData:
-        """The same road with other states.
-
-        Args:
-            states: of each RSU.
-            flag_since: UTC ns since when flags are what they are, by road and RSU.
-        """
+        """The same road with other states."""
         since = tuple(flag_since.get((self.segment, state.rsu)) for state in states)
         return replace(self, states=tuple(states), flag_since=since)
 
@@ -78,13 +73,7 @@ class RoadData:
 def road_data(
     snapshot: Snapshot, now_ns: int, watching: Mapping[str, str] = MappingProxyType({})
 ) -> dict[str, RoadData]:
-    """The messages by road, of all that are watched, by name.
-
-    Args:
-        snapshot: the latest messages.
-        now_ns: UTC.
-        watching: RSUs by road, where the settings have them; what units tell goes before it.
-    """
+    """The messages by road, of all that are watched, by name."""
     last = snapshot.cycles[-1] if snapshot.cycles else None
     gates = {gate.segment: gate for gate in last.gates} if last else {}
     oldest_ns = now_ns - round(LIST_FOR_S * 1e9)
@@ -113,14 +102,7 @@ def road_data(
 
 
 def road_view(road: RoadData, cycle: int | None, now_ns: int, limits: RoadLimits) -> RoadView:
-    """The view of one road.
-
-    Args:
-        road: its messages.
-        cycle: number of the last cycle.
-        now_ns: UTC.
-        limits: within which its states count.
-    """
+    """The view of one road."""
     decisive = freshness.decisive(
         road.states,
         now_ns,

@@ -26,14 +26,7 @@ def rsu_views(
     *,
     keep: Container[str] = (),
 ) -> tuple[RsuView, ...]:
-    """The units that were heard less than `LIST_FOR_S` ago, by name.
-
-    Args:
-        healths: the latest of each unit.
-        now_ns: UTC.
-        stale_after_s: age above which a unit is silent, s.
-        keep: units that stay listed for as long as they are silent.
-    """
+    """The units that were heard less than `LIST_FOR_S` ago, by name."""
     views = []
     for name, health in sorted(healths.items()):
         age_s = _age_s(health.time_ns, now_ns)

@@ -58,15 +58,6 @@ def troubles(
     """All that is wrong, the worst first.
 
     Where the bus does not answer, silence of all others is no trouble of theirs.
-
-    Args:
-        snapshot: the latest messages.
-        roads: views of the watched roads.
-        rsus: of the roadside units.
-        vans: of the vehicles.
-        now_ns: UTC.
-        settling: the bus has just come back, so that silence still tells nothing.
-        unheard: RSUs of the settings that should have been heard by now and were not.
     """
     found: list[Trouble] = []
     down = bus_trouble(snapshot, now_ns)

@@ -90,20 +90,7 @@ def vehicle_view(
     has_orders: bool = False,
     missed: SilentVehicle | None = None,
 ) -> VehicleView:
-    """The view of one vehicle.
-
-    Args:
-        snapshot: the latest messages.
-        plan: its latest plan.
-        index: of its colour.
-        last: see `last_good`.
-        now_ns: UTC.
-        open_roads: see `vehicle_views`.
-        live: likewise.
-        has_orders: it has orders that have not ended.
-        missed: what the dispatcher tells of it if it is silent: it may have heard it before the
-            page was there.
-    """
+    """The view of one vehicle."""
     position = snapshot.positions.get(plan.vehicle)
     stale = position is not None and freshness.fault(position.time_ns, now_ns) is not None
     silent_ns = None

@@ -67,13 +67,7 @@ def by_day(hours: Iterable[EnergySum], zone: Zone) -> list[EnergySum]:
 
 
 class EnergyBook:
-    """Reads the ledger; from any thread. Days that are long over are read once.
-
-    Args:
-        reader: of the database.
-        zone: of days and weeks.
-        factors: for CO2 and money.
-    """
+    """Reads the ledger; from any thread. Days that are long over are read once."""
 
     def __init__(self, reader: Reader, zone: Zone, factors: Factors) -> None:
         self._reader = reader

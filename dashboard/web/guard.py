@@ -35,13 +35,7 @@ HEADERS: Final = {
 
 
 class PageGuard:
-    """ASGI middleware around the whole application.
-
-    Args:
-        app: behind it.
-        served: address or name that is served on, in lower case.
-        allowed: further names of the page, in lower case.
-    """
+    """ASGI middleware around the whole application."""
 
     def __init__(self, app: ASGIApp, served: str, allowed: frozenset[str]) -> None:
         self._app, self._served, self._allowed = app, served, allowed

@@ -46,10 +46,6 @@ class Pictures:
 
     Units draw and send pictures only while somebody subscribes to theirs, so each one is subscribed
     to on its own, and for as long as it is looked at.
-
-    Args:
-        clock_s: a monotonic clock.
-        clock_ns: UTC.
     """
 
     def __init__(
@@ -135,12 +131,7 @@ class Pictures:
         self._glances[key] = asyncio.get_running_loop().call_later(GLANCE_S, end), look
 
     async def following(self, key: str, within_s: float) -> AsyncIterator[Picture]:
-        """The pictures of a key as they come; one that is not taken in time is left out.
-
-        Args:
-            key: see `picture_key`.
-            within_s: ends where none comes for so long.
-        """
+        """The pictures of a key as they come; one that is not taken in time is left out."""
         loop, event = asyncio.get_running_loop(), asyncio.Event()
         with self._lock:
             self._waiting.setdefault(key, set()).add((loop, event))

@@ -75,13 +75,6 @@ def read_day(
 ) -> Day:
     """Read a day from the database.
 
-    Args:
-        reader: of it.
-        day: in the zone.
-        zone: of the page.
-        now_ns: UTC.
-        watched: roads by RSU.
-
     Raises:
         StorageError: the database cannot be read.
     """
@@ -207,16 +200,7 @@ def _nice(step: float) -> float:
 def report_html(
     day: Day, *, title: str, zone: Zone, factors: Factors, currency: str, now_ns: int
 ) -> str:
-    """The page.
-
-    Args:
-        day: what is stored of it.
-        title: of the operator's page.
-        zone: of its times.
-        factors: for CO2 and money.
-        currency: of the money.
-        now_ns: UTC.
-    """
+    """The page."""
     bars, ticks = chart(day, zone)
     states = Counter(end.state for end in day.ends)
     late = sum(

@@ -54,9 +54,6 @@ class PageServices:
     def known(self, t: int | None) -> Known:
         """What is known now, or was at a moment.
 
-        Args:
-            t: UTC of the moment, ms; None: now.
-
         Raises:
             Problem: nothing is kept of that moment.
         """

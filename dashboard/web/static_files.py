@@ -47,11 +47,7 @@ class StaticFile(NamedTuple):
 
 
 class StaticFiles:
-    """Files of a folder, as they are when it is opened.
-
-    Args:
-        folder: with all that is below it.
-    """
+    """Files of a folder, as they are when it is opened."""
 
     def __init__(self, folder: Path) -> None:
         self._files = {

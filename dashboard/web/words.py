@@ -16,11 +16,7 @@ KEPT: Final = 16
 
 
 class Words:
-    """The words of stored cycles; from any thread.
-
-    Args:
-        reader: of the database; None: there is none.
-    """
+    """The words of stored cycles; from any thread."""
 
     def __init__(self, reader: Reader | None) -> None:
         self._reader = reader

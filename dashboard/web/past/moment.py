@@ -32,13 +32,7 @@ def snapshot_at(facts: Facts) -> Snapshot:
 
 
 def moment_at(facts: Facts, snapshot: Snapshot, scene: Scene) -> Moment:
-    """The tables of a moment; vehicles are where their plans put them.
-
-    Args:
-        facts: that are stored of it.
-        snapshot: `snapshot_at` of them.
-        scene: roads and fleet.
-    """
+    """The tables of a moment; vehicles are where their plans put them."""
     roads = views.road_views(facts)
     names = {*scene.vehicles, *(record.plan.vehicle for record in facts.plans)}
     vans = vehicle_views(snapshot, facts.time_ns, open_roads(roads), names, live=False)

@@ -81,12 +81,7 @@ def features(road: str, known: Known) -> list[Part]:
 
 
 def features_of_minute(minutes: Sequence[RollUp], time_ns: int) -> list[Part]:
-    """The same of a past moment: means of its minute. Errors and limits are not stored.
-
-    Args:
-        minutes: of the road, oldest first.
-        time_ns: UTC.
-    """
+    """The same of a past moment: means of its minute. Errors and limits are not stored."""
     minute = next(
         (one for one in minutes if one.began_ns <= time_ns < one.began_ns + one.period_s * 10**9),
         None,
@@ -196,15 +191,7 @@ def rsu_facts(rsu: str, snapshot: Snapshot) -> Part:
         "decode_errors": told.get("decode_errors"),
         "reconnects": told.get("reconnects"),
         "rss_mb": told.get("rss_mb"),
-        "reception": None
-        if reception is None
-        else {
-            "received": reception.received,
-            "missed": reception.missed,
-            "duplicates": reception.duplicates,
-            "out_of_order": reception.out_of_order,
-            "delay_s": reception.delay_s,
-        },
+        "reception": None if reception is None else reception.model_dump(exclude={"rsu"}),
         "calibration": None if health is None else _calibration(health.calibration),
     }
 
@@ -245,19 +232,13 @@ def order_facts(order: OrderRecord | None) -> Part:
 
 
 def cycle_card(report: CycleReport, factors: Factors, words: Explanation | None) -> Part:
-    """All about a cycle.
-
-    Args:
-        report: of it.
-        factors: for CO2 and money.
-        words: of it; None: they are not stored.
-    """
+    """All about a cycle."""
     energy = None if report.energy is None else rows.cycle_energy(report.energy, factors)
     return {
         "n": report.cycle,
         **rows.cycle_row(report),
         "solvers": [run.model_dump(mode="json") for run in report.solvers],
-        "unserved": [{"stop": one.stop, "reason": one.reason} for one in report.unserved],
+        "unserved": [one.model_dump(mode="json") for one in report.unserved],
         "energy": energy,
         "explain": None
         if words is None

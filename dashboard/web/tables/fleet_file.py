@@ -20,11 +20,6 @@ def make_scene(network: RoadNetwork, fleet: Path | None, depots: tuple[str, ...]
 
     The dispatcher checks the file wholly; here only what is shown of it has to be sound.
 
-    Args:
-        network: the roads.
-        fleet: the file; None: none is given.
-        depots: junctions to mark where there is none.
-
     Raises:
         InputError: the file is missing or no fleet.
     """

@@ -35,12 +35,7 @@ class Serving:
 
     @classmethod
     def of(cls, van: VehicleView, plan: VehiclePlan) -> Serving:
-        """That of a vehicle.
-
-        Args:
-            van: its view.
-            plan: its latest, which it need not follow yet.
-        """
+        """That of a vehicle."""
         done = van.progress
         at = None if done.at is None else van.plan.stops[done.at].stop
         return cls(
@@ -59,14 +54,7 @@ def servings(vans: Sequence[VehicleView], plans: Mapping[str, VehiclePlan]) -> d
 
 
 def order_row(order: OrderRecord, serving: Serving | None, scene: Scene, now_ns: int) -> Row:
-    """One order, judged by the clock: what is over is never taken for on its way.
-
-    Args:
-        order: as it is stored.
-        serving: the vehicle that has it; None: none has, or it has no plan.
-        scene: the roads.
-        now_ns: UTC.
-    """
+    """One order, judged by the clock: what is over is never taken for on its way."""
     place = scene.places.at_node(order.node)
     carried = None if order.ended else serving
     eta_ns = None if carried is None else carried.eta_ns(order.order)

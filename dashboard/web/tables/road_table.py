@@ -92,13 +92,7 @@ class RoadTable:
         self._complete_until_ns = 0
 
     def update(self, snapshot: Snapshot, now_ns: int, limits: RoadLimits) -> None:
-        """Bring the roads up to a snapshot.
-
-        Args:
-            snapshot: the messages.
-            now_ns: UTC of the moment.
-            limits: within which states count.
-        """
+        """Bring the roads up to a snapshot."""
         frame = _TableFrame(
             limits,
             snapshot.cycles[-1] if snapshot.cycles else None,

@@ -54,13 +54,7 @@ class Scene:
 
 @dataclass(frozen=True)
 class Known:
-    """All that is known at one moment.
-
-    Attributes:
-        snapshot: the messages.
-        moment: the page's tables of them.
-        now_ns: UTC.
-    """
+    """All that is known at one moment."""
 
     snapshot: Snapshot
     moment: Moment
@@ -114,13 +108,7 @@ def road_figures(speed_kmh: float | None, cv: float | None, vehicles: int | None
 
 
 def rsu_row(rsu: RsuView, scene: Scene, pictured: bool) -> Row:
-    """One roadside unit.
-
-    Args:
-        rsu: its view.
-        scene: the roads.
-        pictured: whether it can be asked for pictures.
-    """
+    """One roadside unit."""
     fault, silent = rsu.health.fault, rsu.fps is None
     return bare_rsu_row(rsu.health.segments, scene.places, rsu.status, rsu.level) | {
         "fps": None if rsu.fps is None else round(rsu.fps),
@@ -221,16 +209,7 @@ def vehicle_row(
     partners: Mapping[tuple[str, str], Sequence[str]],
     saved_kwh: float | None,
 ) -> Row:
-    """One vehicle.
-
-    Args:
-        van: its view.
-        tour: of its plan.
-        drawn: see `TourRow.drawn`.
-        scene: roads and fleet.
-        partners: vehicles by platoon and road, see `platoons`.
-        saved_kwh: by the platoons of its plan; None: not known.
-    """
+    """One vehicle."""
     done, plan = van.progress, van.plan
     place = None if done.position is None else scene.places.on_road(*done.position)
     part = None if done.part is None else plan.segments[done.part]

@@ -45,9 +45,6 @@ class PageTables:
             publishes no limit.
         factors: for CO2 and money.
         rsus: roads by RSU, as far as the settings have them: listed though they were never heard.
-
-    Attributes:
-        moment: the whole, with `seq` 0 before the first update.
     """
 
     def __init__(
