@@ -569,7 +569,7 @@ def test_names_of_vehicles_are_read_easily(town, theme):
 
 
 def test_vehicles_glide_between_messages_while_all_else_stays_drawn(open_map):
-    """Moving vehicles cost no drawing of roads; a destroyed map leaves nothing."""
+    """Moving vehicles cost no drawing of roads."""
     page = open_map(STREETS, three_roads(), query="theme=light", width=600, height=400)
     page.evaluate("map._frame(); window.drawn = map._layers._drawnAt; window.seen = []")
     start = page.evaluate("map._scene.motion.movers.get('a').x")
@@ -592,8 +592,6 @@ def test_vehicles_glide_between_messages_while_all_else_stays_drawn(open_map):
     page.wait_for_function("!map._scene.motion.isMoving")
     assert page.evaluate("map._scene.motion.movers.get('a').x") == 180
     assert page.evaluate("map._layers._drawnAt === window.drawn")
-    page.evaluate("map.destroy()")
-    assert page.evaluate("document.getElementById('map').children.length") == 0
     assert page.errors == []
 
 
