@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import tracemalloc
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -164,43 +163,6 @@ def test_only_what_changed_is_sent(server, network, world, now_ns, monkeypatch):
     assert [(message.name, list(message.updates)) for message in sent] == [
         ("/watched", ["batched_colors"])
     ]
-
-
-@pytest.mark.nightly
-def test_memory_stays_flat_over_many_updates(server, world, now_ns):
-    """Six hundred updates with vans that come, go and move keep no more than the first ones."""
-    road_map = RoadMap(server, world.network, ("depot",))
-    buffer = server._websock_server._broadcast_buffer
-
-    def show(tick: int) -> None:
-        time_ns = now_ns + tick * S // 4
-        states = [world.state("avenue_east", time_ns, y_e=tick // 3 % 2)]
-        vans = ("van-a", "van-b") if tick % 5 else ("van-b",)
-        snapshot = Snapshot(
-            states={(state.segment, state.rsu): state for state in states},
-            plans={van: world.plan(van, 1, now_ns + tick // 200 * 100 * S) for van in vans},
-        )
-        road_map.update(_view(snapshot, time_ns))
-
-    def kept() -> int:
-        server._run_garbage_collector()
-        return len(buffer.message_from_id)
-
-    for tick in range(100):
-        show(tick)
-    messages = kept()
-    tracemalloc.start()
-    try:
-        for tick in range(100, 200):
-            show(tick)
-        before, _ = tracemalloc.get_traced_memory()
-        for tick in range(200, 600):
-            show(tick)
-        after, _ = tracemalloc.get_traced_memory()
-    finally:
-        tracemalloc.stop()
-    assert kept() <= messages + 5
-    assert after - before < 250_000
 
 
 @pytest.mark.nightly

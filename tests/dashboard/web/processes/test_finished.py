@@ -15,8 +15,7 @@ import pytest
 
 from slipstream.bus import free_port
 from slipstream_cli.main import main
-
-from .stored import S, store_run
+from tests.dashboard.web.past.stored import S, store_run
 
 BEGIN_NS = 1_790_000_040 * S
 

@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
-from tests.dashboard.web import city, map_data
 from tests.dashboard.web.browser import SIZES, TABS, geometry_faults, open_page, until
-from tests.dashboard.web.fake import TOKEN, FakePage
+from tests.dashboard.web.pages import city
+from tests.dashboard.web.pages.fake import TOKEN, FakePage
 
 pytestmark = [pytest.mark.process, pytest.mark.slow]
 NET = city.network(120)
@@ -373,33 +373,6 @@ def test_nothing_overlaps_sticks_out_or_breaks(opened, width: int):
     assert geometry_faults(tab) == []
     tab.click("#card-close")
     assert geometry_faults(tab) == []
-
-
-@pytest.mark.nightly
-def test_troy_keeps_to_its_places_too(browser: Any):
-    """A net with street names and long IDs, through the page: a table, search, a road's card."""
-    net = map_data.troy()
-    moment = city.moment(NET, vans=12, rsus=12, orders=30)
-    for name, rows in map_data.moment(net, 12, 60, 12, 30).items():
-        if isinstance(rows, dict):
-            usual = list(moment[name].values())
-            moment[name] = {
-                key: {**usual[i % len(usual)], **row} for i, (key, row) in enumerate(rows.items())
-            }
-    with FakePage({k: v for k, v in net.items() if k != "follows"}, moment) as running:
-        context = browser.new_context(viewport={"width": 390, "height": SIZES[390]})
-        tab = open_page(context, running, "?tab=roads")
-        assert geometry_faults(tab) == []
-        tab.fill("#search", "spring")
-        first = tab.locator("#found li").first
-        assert first.locator(".name").inner_text().startswith("Spring")
-        heights = tab.locator("#found li").evaluate_all("(all) => all.map((li) => li.offsetHeight)")
-        assert max(heights) < 40
-        tab.keyboard.press("Enter")
-        tab.wait_for_selector("#card-body .chart")
-        assert geometry_faults(tab) == []
-        assert tab.faults == []
-        context.close()
 
 
 def serious(tab: Any, part: str = "body", **options: Any) -> list[str]:

@@ -25,10 +25,9 @@ from dashboard.web.report import clock
 from dashboard.web.services import PageServices
 from dashboard.web.tables.rows import Scene
 from slipstream.http.server import HttpServer
-
-from .conftest import Served
-from .contract import SHAPES
-from .stored import S, store_run
+from tests.dashboard.web.conftest import Served
+from tests.dashboard.web.contract import SHAPES
+from tests.dashboard.web.past.stored import S, store_run
 
 MS = 1_000_000
 

@@ -22,8 +22,7 @@ from slipstream.messages import (
     rsu_health_key,
     state_key,
 )
-
-from .conftest import Stream, follow
+from tests.dashboard.web.conftest import Stream, follow
 
 pytestmark = [pytest.mark.process, pytest.mark.long]
 S = 1_000_000_000
