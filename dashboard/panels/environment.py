@@ -9,8 +9,7 @@ import base64
 from pathlib import Path
 from typing import Final
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
+from dashboard.html import templates
 from dashboard.view import labels
 from dashboard.view.labels import Rgb
 from dashboard.view.model import platoon_km
@@ -28,11 +27,6 @@ def render(template: str, **context: object) -> str:
     return _ENVIRONMENT.get_template(template).render(context)
 
 
-def shorten(text: str, max_length: int = 80) -> str:
-    """A text cut to a length in characters, with an ellipsis at the cut."""
-    return text if len(text) <= max_length else text[: max_length - 1] + "…"
-
-
 def number(value: float | None, spec: str) -> str:
     """A number by a format specification; a dash for None."""
     return "–" if value is None else format(value, spec)
@@ -47,33 +41,20 @@ def _base64(data: bytes) -> str:
     return base64.b64encode(data).decode("ascii")
 
 
-def _environment() -> Environment:
-    environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent / "templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        auto_reload=False,
-    )
-    environment.filters |= {
-        "base64": _base64,
-        "css": css,
-        "duration": labels.duration,
-        "number": number,
-        "platoon_km": platoon_km,
-        "plural": labels.plural,
-        "shorten": shorten,
-    }
-    environment.globals |= {
-        "LEVEL_RGB": labels.LEVEL_RGB,
-        "LEVEL_SIGN": labels.LEVEL_SIGN,
-        "MAX_ROWS": MAX_ROWS,
-        "TRAFFIC_DASHES": labels.TRAFFIC_DASHES,
-        "TRAFFIC_RGB": labels.TRAFFIC_RGB,
-        "TRAFFIC_SIGN": labels.TRAFFIC_SIGN,
-    }
-    return environment
-
-
-_ENVIRONMENT: Final = _environment()
+_ENVIRONMENT: Final = templates(
+    Path(__file__).parent / "templates",
+    base64=_base64,
+    css=css,
+    duration=labels.duration,
+    number=number,
+    platoon_km=platoon_km,
+    plural=labels.plural,
+)
+_ENVIRONMENT.globals |= {
+    "LEVEL_RGB": labels.LEVEL_RGB,
+    "LEVEL_SIGN": labels.LEVEL_SIGN,
+    "MAX_ROWS": MAX_ROWS,
+    "TRAFFIC_DASHES": labels.TRAFFIC_DASHES,
+    "TRAFFIC_RGB": labels.TRAFFIC_RGB,
+    "TRAFFIC_SIGN": labels.TRAFFIC_SIGN,
+}

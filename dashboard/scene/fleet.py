@@ -42,7 +42,6 @@ _MAX_LINK_VEHICLES: Final = 12.0
 _LINK_RGB: Final[Rgb] = (0, 120, 90)
 _ALL_ROUTES_RGB: Final[Rgb] = (120, 140, 170)
 _STOP_RGB: Final[Rgb] = (60, 72, 88)
-_DARK: Final[Rgb] = (38, 46, 58)
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,7 @@ from datetime import date, datetime, timedelta
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
+from dashboard.html import templates
 from dashboard.settings import Factors
 from dashboard.web.energy import Zone, by_day, local, midnight_ns, total
 from dashboard.web.tables.rows import sum_row
@@ -265,21 +264,4 @@ def _percent(share: float | None, digits: int = 1) -> str:
     return "–" if share is None else f"{100 * share:.{digits}f}\u202f%"
 
 
-def _shorten(text: str, length: int = 90) -> str:
-    return text if len(text) <= length else text[: length - 1] + "…"
-
-
-def _templates() -> Environment:
-    environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent / "templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        auto_reload=False,
-    )
-    environment.filters |= {"number": _number, "percent": _percent, "shorten": _shorten}
-    return environment
-
-
-_TEMPLATES: Final = _templates()
+_TEMPLATES: Final = templates(Path(__file__).parent / "templates", number=_number, percent=_percent)
