@@ -47,24 +47,14 @@ class Snapshot:
     """The latest messages at one moment.
 
     Attributes:
-        states: latest SegmentState by segment and RSU.
-        stopped: latest StoppedVehicles by segment and RSU.
-        rsus: latest RsuHealth by RSU.
-        plans: latest VehiclePlan by vehicle.
-        positions: latest VehiclePosition by vehicle.
         followed: the plan that each vehicle last reported to follow; it may be older than its
             latest one.
         cycles: reports in ascending order of their numbers; only the last one has its solvers
             and gates.
-        dispatcher: latest DispatcherHealth.
         cycle_failed_ns: UTC of the last increase of its count of failed cycles.
         flag_since: UTC since when each state's flag is what it is, by segment and RSU.
-        orders: open ones, and those that ended lately.
-        alarms: that the dispatcher published last.
-        connected: whether the bus answers.
         has_database: whether there is one; True until it was looked for.
         drafting_kwh: what platoons save of a plan, by vehicle and cycle, as far as it is stored.
-        history_problem: why the stored history cannot be read; None if it can.
     """
 
     states: Mapping[tuple[str, str], SegmentState] = field(default_factory=dict)

@@ -26,11 +26,8 @@ def card_html(
     """The card's HTML.
 
     Args:
-        view: what is shown now; None before the first update.
-        selection: None shows how to select.
         operator_url: base of the operator's page, for a link to it or to the same there; None: no
             link.
-        picture: of a selected camera; None: none comes.
     """
     data: object = None
     if view is not None and selection is not None:

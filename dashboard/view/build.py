@@ -35,8 +35,6 @@ def build_view(snapshot: Snapshot, now_ns: int, stale_after_s: float) -> Dashboa
     """Build the view model. Road data are judged by the limits that the dispatcher publishes.
 
     Args:
-        snapshot: the latest messages.
-        now_ns: UTC in ns.
         stale_after_s: age above which RSU health is stale, s; for road data too where the
             dispatcher has published no limit.
     """

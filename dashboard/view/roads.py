@@ -47,11 +47,7 @@ class RoadData:
     """The latest messages of one watched road.
 
     Attributes:
-        segment: the road.
         watched_by: RSU that says that it watches it; empty: none.
-        states: of each RSU.
-        stopped: of each RSU.
-        gate: of the last cycle; None: it had none.
         flag_since: UTC ns since when the flag of each state is what it is; None: not known.
     """
 

@@ -30,10 +30,7 @@ def vehicle_views(
     ago, and those with open orders, by name, idle ones last.
 
     Args:
-        snapshot: the latest messages.
-        now_ns: UTC in ns.
         open_roads: roads on which platoons may drive close now; on others no plan's platoon is one.
-        fleet: names of all vehicles.
         live: False of a past moment: positions are not stored, and plans that were no longer in
             force have been left out.
     """

@@ -41,18 +41,9 @@ class Day:
     """What is stored of a day.
 
     Attributes:
-        day: in the page's zone.
-        begin_ns: UTC of its begin.
-        end_ns: UTC of its end.
         until_ns: UTC up to which it is told of, its end or now.
-        hours: driven, by hour.
         baseline: name of the plan that it is held against; None: nothing was driven.
-        span: first and last moment that is kept; None: nothing is.
-        ends: of orders.
-        cycles: of the dispatcher.
-        alarms: that began in it, worst first.
         more_alarms: whether there were more than are told of.
-        rsus: availability, the worst first; of all that are known.
     """
 
     day: date
@@ -113,9 +104,7 @@ def availability(
     each counts with its part.
 
     Args:
-        watched: roads by RSU.
         counted: states that came of each road, and those with features.
-        time_s: that they could have come in, s.
     """
     watchers = Counter(road for roads in watched.values() for road in roads)
     found = []

@@ -29,13 +29,8 @@ class PageServices:
     """The page as its routes see it; all of it may be called from any thread.
 
     Attributes:
-        settings: of the dashboard.
-        scene: roads and fleet.
         now: what is known now; of a finished run, at its end.
         hub: what happens, for browsers that follow it; None: a finished run is shown.
-        pictures: of the cameras; None likewise.
-        past: None: there is no database.
-        reader: of the database; None: there is none.
     """
 
     settings: DashboardSettings

@@ -10,7 +10,7 @@ from dashboard.view.roads import open_roads
 from dashboard.view.troubles import of_alarms
 from dashboard.view.vehicles import vehicle_views
 from dashboard.web.past import views
-from dashboard.web.past.facts import Facts
+from dashboard.web.past.views import Facts
 from dashboard.web.tables import rows
 from dashboard.web.tables.levels import raised, worst_by_row
 from dashboard.web.tables.orders import order_row, servings

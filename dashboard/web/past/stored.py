@@ -8,8 +8,8 @@ from functools import lru_cache
 from typing import Final
 
 from dashboard.web.energy import EnergyBook
-from dashboard.web.past.facts import ALARMS_BEGAN_S, Facts
 from dashboard.web.past.moment import moment_at, snapshot_at
+from dashboard.web.past.views import ALARMS_BEGAN_S, Facts
 from dashboard.web.tables import rows
 from dashboard.web.tables.rows import Known, Scene
 from slipstream.http.problems import Problem
@@ -27,9 +27,6 @@ class StoredPast:
     """Moments that the database keeps; from any thread, one is read at a time.
 
     Args:
-        reader: of the database.
-        scene: roads and fleet.
-        energy: driven and saved.
         rsus: roads by RSU as the settings have them; None: they do not.
         heard: roads by RSU as these tell now.
     """

@@ -20,10 +20,8 @@ class Action(Settings):
     """What somebody asks for.
 
     Attributes:
-        action: what.
         subject: `dispatcher`, `order/ID` or `alarm/ID`.
         vehicle: to pin an order to; None: the one whose plan has it.
-        reason: in words, handed on to the dispatcher; None: none was given.
     """
 
     action: Kind

@@ -21,8 +21,6 @@ class Serving:
 
     Attributes:
         plans: its latest, and the one that it follows.
-        silent_ns: UTC since when it is silent; None: it is not.
-        reported: whether it reports what it does.
         at: the stop that it reports to stand at; None: at none.
         delay_s: that it reports; 0 where it reports none.
     """

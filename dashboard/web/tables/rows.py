@@ -40,10 +40,8 @@ class Scene:
     """What is known of roads and fleet beforehand.
 
     Attributes:
-        places: of the network.
         depots: junctions by the name of their depot.
         vehicles: carriers by vehicle, of the whole fleet; None: it has none.
-        trucks: vehicles that are trucks.
     """
 
     places: Places

@@ -40,10 +40,8 @@ class PageTables:
     """The tables of the latest moment; of roads only what has changed is made anew.
 
     Args:
-        scene: roads and fleet.
         stale_after_s: age above which RSU health is stale, s, and road data where the dispatcher
             publishes no limit.
-        factors: for CO2 and money.
         rsus: roads by RSU, as far as the settings have them: listed though they were never heard.
     """
 
@@ -90,10 +88,7 @@ class PageTables:
         """Bring `moment` up to a snapshot.
 
         Args:
-            snapshot: the messages.
-            now_ns: UTC of the moment.
             energy: what is saved today, this week, in total, and since when; None: not known.
-            pictured: whether cameras can be asked for pictures.
 
         Returns:
             What has changed, as a browser gets it; None: nothing.
