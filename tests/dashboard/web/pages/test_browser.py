@@ -511,41 +511,6 @@ def test_a_low_window_scrolls_to_everything(browser: Any, page: FakePage, width:
 
 
 @pytest.mark.long
-def test_paper_has_the_whole_table_in_light_colours(opened, page: FakePage):
-    """Title, moment and zone, all rows; then the page is as before."""
-    tab = opened("?tab=orders#order/o-3", theme="dark")
-    shown = "document.querySelectorAll('#pane-orders tr[data-id]').length"
-    before = tab.evaluate(shown)
-    assert before < 80
-    tab.evaluate(f"addEventListener('beforeprint', () => {{ window.printed = {shown}; }})")
-    assert tab.pdf().startswith(b"%PDF")
-    assert tab.evaluate("window.printed") == 80
-    until(tab, f"{shown} === {before}")
-    tab.emulate_media(media="print")
-    until(tab, f"{shown} === 80")
-    looks = tab.evaluate(
-        """() => ({
-          ground: getComputedStyle(document.body).backgroundColor,
-          ink: getComputedStyle(document.querySelector("#pane-orders td")).color,
-          cut: [...document.querySelectorAll("#pane-orders td")]
-            .filter((cell) => cell.scrollWidth > cell.clientWidth + 1).length,
-          hidden: ["#timebar", "#tabs", "#filter", "#control", "#search"]
-            .filter((part) => document.querySelector(part).getClientRects().length),
-          head: document.querySelector("#header").innerText,
-          title: document.querySelector("#print-title").innerText,
-        })"""
-    )
-    assert looks["ground"] == "rgb(255, 255, 255)"
-    assert looks["ink"] == "rgb(23, 33, 44)"
-    assert (looks["cut"], looks["hidden"]) == (0, [])
-    for part in ("Troy", "Wed 18 Nov 2026", "11:06", "UTC"):
-        assert part in looks["head"]
-    assert looks["title"] == "Orders: 80 rows"
-    tab.emulate_media(media="screen")
-    until(tab, f"{shown} === {before}")
-
-
-@pytest.mark.long
 def test_a_picture_that_is_none_of_now_is_grey_and_tells_its_age(opened, page):
     """That of a camera that has stopped, which its unit sends again and again; a new one is not."""
     page.taken = city.T0 - 210_000
