@@ -70,7 +70,7 @@ def run_dashboard(settings: DashboardSettings) -> None:
         if settings.scene_port is not None:
             # Behind a proxy both are of one site.
             own = f"http://{settings.host}:{settings.port}" if settings.scene_url is None else ""
-            around = service.stopping, pictures, own, scene.trucks, scene.depots.values()
+            around = service.stopping, pictures, own, scene.depots.values()
             page = service.start("the 3D view", lambda: closing(Page(settings, network, *around)))
         bus = service.start("bus", partial(Bus.open, settings.bus), Bus.fault)
         subscribe(bus, live, limiter, settings.rsus)

@@ -49,7 +49,6 @@ class Page:
         stopping: threading.Event,
         pictures: Pictures,
         operator_url: str | None = None,
-        trucks: Collection[str] = (),
         depots: Collection[str] = (),
     ) -> None:
         self._settings = settings
@@ -60,7 +59,6 @@ class Page:
         self._network = network
         self._stopping = stopping
         self._operator_url = operator_url
-        self._trucks = trucks
         self._limiter = LogLimiter()
         self._browsers: dict[int, Browser] = {}
         self._server: viser.ViserServer
@@ -126,7 +124,7 @@ class Page:
         head = frame_html(Canvas(self._network).scale)
         self._server = start_server(settings.host, self._port, settings.allowed_hosts, head)
         try:
-            self._map = RoadMap(self._server, self._network, self._depots, self._trucks)
+            self._map = RoadMap(self._server, self._network, self._depots)
             self._panels = PanelLayout(self._server)
             places = self._server.gui.add_button_group("View", PLACES, order=VIEW_ORDER)
             places.on_click(self._on_place)

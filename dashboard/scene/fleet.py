@@ -50,7 +50,6 @@ class Placed:
 
     Attributes:
         vehicles: in the order of the arrays.
-        trucks: which of them are trucks, (N,).
         reported: which of them report where they are, (N,); the others are where their plans put
             them.
         places_m: (N, 2).
@@ -58,7 +57,6 @@ class Placed:
     """
 
     vehicles: tuple[VehicleView, ...]
-    trucks: npt.NDArray[np.bool_]
     reported: npt.NDArray[np.bool_]
     places_m: Array
     headings: Array
@@ -72,12 +70,10 @@ class FleetLayer:
         scene: viser.SceneApi,
         canvas: Canvas,
         depots: Collection[str] = (),
-        trucks: Collection[str] = (),
     ) -> None:
         self._scene = scene
         self._canvas = canvas
         self._depots = frozenset(depots)
-        self._trucks = frozenset(trucks)
         self.lanes = Lanes(canvas.network, 14 * canvas.unit_m, 0.5 * canvas.unit_m)
         self._routes: object = None
         self._platoons: object = None
@@ -87,12 +83,10 @@ class FleetLayer:
         self._platoon_batch = Batch(scene, "/platoons", shapes.QUAD, "toon3")
         self._link_batch = Batch(scene, "/platoon_links", shapes.QUAD, "toon3")
         self._stop_batch = Batch(scene, "/stops", shapes.STOP)
-        # By whether they are trucks, and whether they report where they are.
+        # By whether they report where they are.
         self._body_batches = {
-            (False, True): Batch(scene, "/vans", shapes.VAN),
-            (True, True): Batch(scene, "/trucks", shapes.TRUCK),
-            (False, False): Batch(scene, "/planned_vans", shapes.VAN, opacity=PLANNED_OPACITY),
-            (True, False): Batch(scene, "/planned_trucks", shapes.TRUCK, opacity=PLANNED_OPACITY),
+            True: Batch(scene, "/vans", shapes.VAN),
+            False: Batch(scene, "/planned_vans", shapes.VAN, opacity=PLANNED_OPACITY),
         }
         self._line = cache(lambda name: canvas.offset_line(name, LANE_UNITS))
 
@@ -240,7 +234,6 @@ class FleetLayer:
         self._link_batch.show(self._canvas.strips(strokes, _LINK_RGB, 0.34, 0.5))
         return Placed(
             tuple(vehicles),
-            np.array([van.vehicle in self._trucks for van in vehicles], dtype=np.bool_),
             np.array([van.progress.reported for van in vehicles], dtype=np.bool_),
             places,
             np.arctan2(ahead[:, 1], ahead[:, 0]),
@@ -248,8 +241,8 @@ class FleetLayer:
 
     def _update_bodies(self, placed: Placed) -> None:
         rgb = np.array([_body_rgb(van) for van in placed.vehicles]).reshape(-1, 3)
-        for (trucks, reported), batch in self._body_batches.items():
-            mine = (placed.trucks == trucks) & (placed.reported == reported)
+        for reported, batch in self._body_batches.items():
+            mine = placed.reported == reported
             bodies = self._canvas.bodies(
                 placed.places_m[mine], placed.headings[mine], rgb[mine], VEHICLE_UNITS
             )

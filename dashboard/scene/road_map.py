@@ -6,7 +6,7 @@ Each layer is one scene node; of an update only the arrays that changed are sent
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Final
@@ -58,13 +58,12 @@ class RoadMap:
         server: viser.ViserServer,
         network: RoadNetwork,
         depots: Sequence[str],
-        trucks: Collection[str] = (),
     ) -> None:
         self._server = server
         self._network = network
         self._names = tuple(network.segments)
         self.canvas = Canvas(network)
-        self.fleet = FleetLayer(server.scene, self.canvas, depots, trucks)
+        self.fleet = FleetLayer(server.scene, self.canvas, depots)
         self._watched: tuple[str, ...] = ()
         self._traffic: tuple[Traffic, ...] = ()
         self._dashes = Batch(server.scene, "/watched", shapes.QUAD, "toon3")

@@ -86,12 +86,7 @@ VAN: Final = _side_view(
     ((0.07, -0.5), (0.5, -0.5), (0.52, -0.46), (0.52, 0.2), (0.3, 0.36), (0.24, 0.5), (0.07, 0.5)),
     0.2,
 )
-"""A delivery van 1 long with a sloped windscreen."""
-TRUCK: Final = joined(
-    box((-0.5, 0.22), (-0.18, 0.18), (0.12, 0.6)),
-    _side_view(((0.08, 0.26), (0.46, 0.26), (0.46, 0.4), (0.3, 0.5), (0.08, 0.5)), 0.165),
-)
-"""A truck 1 long: cab and box body."""
+"""A vehicle, 1 long: a van with a sloped windscreen."""
 POLE: Final = joined(disc(0.09, 0.0, 1.0, 6), box((-0.14, 0.4), (-0.17, 0.17), (0.92, 1.22)))
 """A camera on a pole 1 high, which looks ahead."""
 DEPOT: Final = joined(

@@ -98,7 +98,6 @@ def view(world) -> Iterator[View]:
             stopping,
             Pictures(),
             "http://operator.example",
-            ("van-b",),
             ("depot",),
         ),
         f"http://127.0.0.1:{settings.scene_port}",

@@ -47,7 +47,6 @@ class Scene:
     places: Places
     depots: Mapping[str, str] = field(default_factory=dict)
     vehicles: Mapping[str, str | None] = field(default_factory=dict)
-    trucks: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
