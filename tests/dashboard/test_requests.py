@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import gzip
-import http.server
 import logging
 import socket
 import threading
@@ -331,34 +330,3 @@ def test_a_foreign_handshake_ends_in_the_client(server: viser.ViserServer) -> No
             open_timeout=60,
         )
     assert caught.value.response.status_code == 403
-
-
-OPEN_SOCKET = """
-([address, version]) => new Promise(done => {
-  const socket = new WebSocket(address, version);
-  socket.onopen = () => done("open");
-  socket.onerror = () => done("refused");
-})
-"""
-
-
-@pytest.mark.long
-def test_other_sites_get_nothing_in_a_real_browser(server: viser.ViserServer, browser: Any) -> None:
-    """Another site's script and a name rebound to loopback reach neither page nor socket."""
-    own = f"127.0.0.1:{server.get_port()}"
-    arguments = [f"ws://{own}", VERSION]
-    page = browser.new_page()
-    assert page.goto(f"http://{own}/").status == 200
-    page.wait_for_selector("canvas")
-    assert page.evaluate(OPEN_SOCKET, arguments) == "open"
-    # Browsers take every name below localhost to loopback, as a rebinding attacker does his own.
-    assert page.goto(f"http://rebound.localhost:{server.get_port()}/").status == 403
-    with http.server.HTTPServer(("127.0.0.1", 0), http.server.BaseHTTPRequestHandler) as other:
-        thread = threading.Thread(target=other.serve_forever)
-        thread.start()
-        try:
-            page.goto(f"http://127.0.0.1:{other.server_port}/")
-            assert page.evaluate(OPEN_SOCKET, arguments) == "refused"
-        finally:
-            other.shutdown()
-            thread.join()
