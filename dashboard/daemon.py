@@ -110,7 +110,8 @@ def run_dashboard(settings: DashboardSettings) -> None:
             clients = 0 if page is None else page.clients()
             if page is not None and (clients or not shown):
                 page.show(live, time.time_ns())
-                shown = True
+                # Once more after the last one has gone: it asks for no pictures any more.
+                shown = not clients
             metrics.RESIDENT_MB.set(rss_mb())
             if time.monotonic() - present.progress_at < STUCK_AFTER_S:
                 service.progress(f"{hub.viewers} browsers, {clients} of the 3D view")
