@@ -21,7 +21,12 @@ from dashboard.settings import DashboardSettings
 from dashboard.web.pictures import Pictures
 from slipstream.bus import free_port
 
-pytestmark = [pytest.mark.process, pytest.mark.long]
+pytestmark = [
+    pytest.mark.process,
+    pytest.mark.long,
+    # The view goes on after the browser of a test has gone.
+    pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection:UserWarning"),
+]
 S = 1_000_000_000
 DRAWN = "window.__viserTestpoints?.rendererInfo.render.triangles > 20"
 LABELS = """() => {
