@@ -9,11 +9,12 @@ from typing import Final
 import numpy as np
 import viser
 
-from dashboard.panels import card_html
+from dashboard.panels.card import card_html
 from dashboard.panels.layout import CARD_ORDER
 from dashboard.scene import Drawn, RoadMap, Viewer
 from dashboard.scene.viewer import MAX_CANVAS_PX
 from dashboard.selection import Selection
+from dashboard.view.model import PreviewView
 
 log = logging.getLogger(__name__)
 
@@ -22,14 +23,7 @@ FIT_CAMERA_FOR_S: Final = 10.0
 
 
 class Browser:
-    """A connected browser.
-
-    Args:
-        client: viser's handle of it.
-        road_map: what all browsers see.
-        selection: what it was opened with.
-        operator_url: base of the operator's page; None: the card has no link to it.
-    """
+    """A connected browser."""
 
     def __init__(
         self,
@@ -43,6 +37,7 @@ class Browser:
         self._arrived_s = time.monotonic()
         self._canvas: tuple[int, int] | None = None
         self._drawn: Drawn | None = None
+        self._picture: PreviewView | None = None
         self._to_visit = selection is not None
         self.viewer = Viewer(client, road_map)
         self.viewer.select(selection)
@@ -52,9 +47,9 @@ class Browser:
         client.scene.on_click()(self._on_click)
         self._on_camera(client.camera)
 
-    def show(self, drawn: Drawn) -> None:
-        """Follow an update of the map."""
-        self._drawn = drawn
+    def show(self, drawn: Drawn, picture: PreviewView | None) -> None:
+        """Follow an update of the map, with the picture of `picture_of`."""
+        self._drawn, self._picture = drawn, picture
         self.viewer.show(drawn)
         if self._to_visit:
             self._to_visit = not self.viewer.go_to_selection()
@@ -76,7 +71,7 @@ class Browser:
 
     def _update_card(self) -> None:
         view = None if self._drawn is None else self._drawn.view
-        content = card_html(view, self.viewer.selection, self._operator_url)
+        content = card_html(view, self.viewer.selection, self._operator_url, self._picture)
         if content != self._sent:
             self._sent = content
             self._card.content = content
@@ -88,6 +83,7 @@ class Browser:
         camera = self._client.camera
         size = np.array([camera.image_width, camera.image_height])
         self.viewer.select(self.viewer.pick(pixel * size))
+        self._picture = None
         self._to_visit = False
         self._update_card()
 

@@ -12,12 +12,12 @@ from typing import Final
 
 import storage
 from dashboard import metrics
-from dashboard.feeds import HistoryFeed, PreviewFeed, listen_to_pictures, subscribe
+from dashboard.feeds import HistoryFeed, listen_to_pictures, subscribe
 from dashboard.live import LiveData
 from dashboard.page import Page
 from dashboard.settings import DashboardSettings
 from dashboard.web.app import make_app
-from dashboard.web.energy import EnergyBook, Factors, zone_of
+from dashboard.web.energy import EnergyBook, zone_of
 from dashboard.web.hub import PageHub
 from dashboard.web.past import StoredPast
 from dashboard.web.pictures import Pictures
@@ -25,7 +25,7 @@ from dashboard.web.routes.present import Present
 from dashboard.web.services import PageServices
 from dashboard.web.tables.fleet_file import make_scene
 from dashboard.web.tables.rows import Scene
-from dashboard.web.tables.tables import Limits, PageTables
+from dashboard.web.tables.tables import PageTables
 from slipstream.bus import Bus
 from slipstream.errors import InputError
 from slipstream.http.server import HttpServer
@@ -55,35 +55,34 @@ def run_dashboard(settings: DashboardSettings) -> None:
     scene = make_scene(network, settings.fleet, settings.depots)
     limiter = LogLimiter()
     check_rsus(settings.rsus, network, "dashboard")
-    live = LiveData(
-        settings.history_cycles,
-        time.time_ns,
-        lambda message: refusal(message, network, settings.rsus),
-    )
+    live = LiveData(time.time_ns, lambda message: refusal(message, network, settings.rsus))
+    pictures = Pictures()
     with Service("dashboard", settings.service) as service:
         reader = history = past = None
         if settings.database_url is not None:
-            url, cycles = settings.database_url, settings.history_cycles
+            url = settings.database_url
             reader = service.start("database", partial(storage.open_reader, url))
             past = _past(settings, scene, reader, live.watched)
-            history = HistoryFeed(url, live, cycles, limiter, past.energy.refresh)
+            history = HistoryFeed(url, live, limiter, past.energy.refresh)
             service.on_stop("history", history.stop)
         server = service.start("the operator's page", partial(_open_server, settings))
         page = None
         if settings.scene_port is not None:
             # Behind a proxy both are of one site.
             own = f"http://{settings.host}:{settings.port}" if settings.scene_url is None else ""
-            around = service.stopping, own, scene.trucks, scene.depots.values()
+            around = service.stopping, pictures, own, scene.depots.values()
             page = service.start("the 3D view", lambda: closing(Page(settings, network, *around)))
         bus = service.start("bus", partial(Bus.open, settings.bus), Bus.fault)
-        previews = PreviewFeed(bus, live, limiter)
         subscribe(bus, live, limiter, settings.rsus)
         if history is not None:
             history.start()
-        hub, pictures = PageHub(), Pictures()
-        limits = Limits(settings.stale_after_s, settings.silent_after_s)
-        factors = settings.energy_factors
-        tables = PageTables(scene, limits, energy_factors=factors, rsus=settings.rsus)
+        hub = PageHub()
+        tables = PageTables(
+            scene,
+            stale_after_s=settings.stale_after_s,
+            factors=settings.factors,
+            rsus=settings.rsus,
+        )
         present = Present(
             live,
             tables,
@@ -111,8 +110,8 @@ def run_dashboard(settings: DashboardSettings) -> None:
             clients = 0 if page is None else page.clients()
             if page is not None and (clients or not shown):
                 page.show(live, time.time_ns())
-                previews.look_at(page.pictured_rsus())
-                shown = True
+                # Once more after the last one has gone: it asks for no pictures any more.
+                shown = not clients
             metrics.RESIDENT_MB.set(rss_mb())
             if time.monotonic() - present.progress_at < STUCK_AFTER_S:
                 service.progress(f"{hub.viewers} browsers, {clients} of the 3D view")
@@ -174,7 +173,7 @@ def _past(
     heard: Callable[[], Mapping[str, Sequence[str]]],
 ) -> StoredPast:
     zone = zone_of(settings.time_zone)
-    energy = EnergyBook(reader, zone, Factors(**settings.energy_factors))
+    energy = EnergyBook(reader, zone, settings.factors)
     return StoredPast(reader, scene, energy, settings.rsus, heard)
 
 

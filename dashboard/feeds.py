@@ -10,7 +10,7 @@ from typing import Final
 
 import storage
 from dashboard import metrics
-from dashboard.live import LiveData
+from dashboard.live import HISTORY_CYCLES, LiveData
 from dashboard.web.pictures import Pictures
 from dashboard.web.tables.rows import ENDED_ORDERS_FOR_S
 from slipstream.bus import Bus
@@ -25,7 +25,6 @@ from slipstream.messages import (
     CYCLE_KEY,
     DISPATCHER_HEALTH_KEY,
     CycleReport,
-    preview_key,
     state_key,
 )
 from slipstream.orders import drafting_kwh
@@ -41,14 +40,7 @@ MORE_PERIOD_S: Final = 60.0
 def subscribe(
     bus: Bus, live: LiveData, limiter: LogLimiter, rsus: Mapping[str, Iterable[str]] | None = None
 ) -> None:
-    """Subscribe the live data to all messages but camera pictures.
-
-    Args:
-        bus: to subscribe on.
-        live: takes the messages.
-        limiter: of log lines.
-        rsus: the roads of each RSU, as far as the settings have them.
-    """
+    """Subscribe the live data to all messages but camera pictures."""
 
     def on_plan(key: str, payload: bytes) -> None:
         live.on_plan(key, payload)
@@ -75,24 +67,6 @@ def subscribe(
     bus.expect(state_key(rsu, road) for rsu, roads in (rsus or {}).items() for road in roads)
 
 
-class PreviewFeed:
-    """Camera pictures for the 3D view, of the units alone whose picture a browser shows.
-
-    RSUs encode pictures only for subscribers, so one that nobody looks at costs nothing.
-    """
-
-    def __init__(self, bus: Bus, live: LiveData, limiter: LogLimiter) -> None:
-        handler = _counting_handler("preview", live.on_preview, limiter)
-        self._listener = bus.listener("previews", handler)
-        self._rsus: frozenset[str] = frozenset()
-
-    def look_at(self, rsus: frozenset[str]) -> None:
-        """Receive the pictures of these units, and of no others."""
-        if rsus != self._rsus:
-            self._rsus = rsus
-            self._listener.listen(frozenset(map(preview_key, rsus)))
-
-
 def listen_to_pictures(bus: Bus, pictures: Pictures, limiter: LogLimiter) -> None:
     """Have pictures come in of those units that are looked at."""
     handler = _counting_handler("preview", pictures.accept, limiter)
@@ -104,13 +78,6 @@ class HistoryFeed(threading.Thread):
 
     It is a thread because a busy database may block a reader for seconds.
 
-    Args:
-        url: of the database.
-        live: takes what is read.
-        cycles: number of them to read.
-        limiter: of log lines.
-        read_more: reads what else depends on cycles; it is given UTC, ns.
-
     Raises:
         InputError: the database URL is invalid.
     """
@@ -119,7 +86,6 @@ class HistoryFeed(threading.Thread):
         self,
         url: str,
         live: LiveData,
-        cycles: int,
         limiter: LogLimiter,
         read_more: Callable[[int], None] = lambda _: None,
     ) -> None:
@@ -128,7 +94,6 @@ class HistoryFeed(threading.Thread):
         self._read_more_at = -MORE_PERIOD_S
         self._reader = storage.open_reader(url)
         self._live = live
-        self._cycles = cycles
         self._limiter = limiter
         self._latest: tuple[int, int] | None = None
         self._stopping = threading.Event()
@@ -152,29 +117,26 @@ class HistoryFeed(threading.Thread):
                 self._live.add_history(history, [record.plan for record in records])
                 self._live.set_drafting(drafting_kwh(records))
                 self._latest = (latest.cycle, latest.started_ns)
-            self._live.set_orders(self._reader.orders(ended_since_ns=self._oldest_ns()))
-            self._live.set_has_database(self._reader.exists())
+            oldest_ns = time.time_ns() - round(ENDED_ORDERS_FOR_S * 1e9)
+            orders = tuple(self._reader.orders(ended_since_ns=oldest_ns))
+            self._live.tell(orders=orders, has_database=self._reader.exists())
             if is_new or time.monotonic() - self._read_more_at >= MORE_PERIOD_S:
                 self._read_more_at = time.monotonic()
                 self._read_more(time.time_ns())
-            self._live.set_history_problem(None)
+            self._live.tell(history_problem=None)
         except (storage.StorageError, ValueError) as error:
-            self._live.set_history_problem(f"No stored history: {error}")
+            self._live.tell(history_problem=f"No stored history: {error}")
             if self._limiter.allow("history"):
                 log.warning("no stored history: %s", error)
-
-    @staticmethod
-    def _oldest_ns() -> int:
-        return time.time_ns() - round(ENDED_ORDERS_FOR_S * 1e9)
 
     def _cycles_to_read(self, latest: CycleReport) -> int:
         """Number of cycles to read: those since the last read, or all if numbers start again."""
         if self._latest is None:
-            return self._cycles
+            return HISTORY_CYCLES
         number, started_ns = self._latest
         if latest.cycle <= number or latest.started_ns <= started_ns:
-            return self._cycles
-        return min(latest.cycle - number, self._cycles)
+            return HISTORY_CYCLES
+        return min(latest.cycle - number, HISTORY_CYCLES)
 
     def stop(self) -> None:
         """Stop reading; does not wait for a read in progress."""

@@ -5,9 +5,8 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Final, TypeVar
-from urllib.parse import unquote
+from dataclasses import dataclass, field, replace
+from typing import Any, Final, TypeVar
 
 from slipstream.errors import InputError
 from slipstream.freshness import FUTURE_TOLERANCE_S, is_ahead
@@ -23,11 +22,9 @@ from slipstream.messages import (
     StoppedVehicles,
     VehiclePlan,
     VehiclePosition,
-    capture_time_ns,
     decode,
     plan_key,
     position_key,
-    preview_key,
     rsu_health_key,
     state_key,
     stopped_key,
@@ -35,10 +32,10 @@ from slipstream.messages import (
 from slipstream.orders import OrderRecord
 from slipstream.roads.admission import Refusal
 
+HISTORY_CYCLES: Final = 200
+"""Cycles that are kept."""
 MAX_ENTRIES: Final = 20_000
 """Maximum number of segment states, RSUs and vehicles kept, each; the oldest are dropped first."""
-MAX_PREVIEWS: Final = 16
-MAX_PREVIEW_BYTES: Final = 512 * 1024
 
 _K = TypeVar("_K")
 _V = TypeVar("_V")
@@ -50,26 +47,14 @@ class Snapshot:
     """The latest messages at one moment.
 
     Attributes:
-        states: latest SegmentState by segment and RSU.
-        stopped: latest StoppedVehicles by segment and RSU.
-        rsus: latest RsuHealth by RSU.
-        plans: latest VehiclePlan by vehicle.
-        positions: latest VehiclePosition by vehicle.
         followed: the plan that each vehicle last reported to follow; it may be older than its
             latest one.
         cycles: reports in ascending order of their numbers; only the last one has its solvers
             and gates.
-        dispatcher: latest DispatcherHealth.
         cycle_failed_ns: UTC of the last increase of its count of failed cycles.
         flag_since: UTC since when each state's flag is what it is, by segment and RSU.
-        orders: open ones, and those that ended lately.
-        alarms: that the dispatcher published last.
-        connected: whether the bus answers.
         has_database: whether there is one; True until it was looked for.
         drafting_kwh: what platoons save of a plan, by vehicle and cycle, as far as it is stored.
-        previews: latest JPEG and UTC ns at which it was taken, of its arrival where the RSU does
-            not say it, by RSU.
-        history_problem: why the stored history cannot be read; None if it can.
     """
 
     states: Mapping[tuple[str, str], SegmentState] = field(default_factory=dict)
@@ -81,7 +66,6 @@ class Snapshot:
     cycles: Sequence[CycleReport] = ()
     dispatcher: DispatcherHealth | None = None
     cycle_failed_ns: int | None = None
-    previews: Mapping[str, tuple[bytes, int]] = field(default_factory=dict)
     history_problem: str | None = None
     flag_since: Mapping[tuple[str, str], int] = field(default_factory=dict)
     orders: Sequence[OrderRecord] = ()
@@ -95,21 +79,18 @@ class LiveData:
     """Stores messages from any thread and returns consistent snapshots of the latest.
 
     Args:
-        history_cycles: number of cycle reports to keep.
-        clock_ns: UTC in ns. It is the time of pictures that carry none. A message dated ahead of
-            it is replaced by any other, so that a clock that was set back does not block the page.
+        clock_ns: UTC in ns. A message dated ahead of it is replaced by any other, so that a clock
+            that was set back does not block the page.
         refusal: why a SegmentState or StoppedVehicles is not admitted; None: it is.
     """
 
     def __init__(
         self,
-        history_cycles: int,
         clock_ns: Callable[[], int],
         refusal: Callable[[SegmentState | StoppedVehicles], Refusal | None] = lambda _: None,
     ) -> None:
         self._refusal = refusal
         self._clock_ns = clock_ns
-        self._history_cycles = history_cycles
         self._lock = threading.Lock()
         self._states: OrderedDict[tuple[str, str], SegmentState] = OrderedDict()
         self._stopped: OrderedDict[tuple[str, str], StoppedVehicles] = OrderedDict()
@@ -118,16 +99,10 @@ class LiveData:
         self._positions: OrderedDict[str, VehiclePosition] = OrderedDict()
         self._followed: OrderedDict[str, VehiclePlan] = OrderedDict()
         self._cycles: dict[int, CycleReport] = {}
-        self._previews: OrderedDict[str, tuple[bytes, int]] = OrderedDict()
-        self._dispatcher: DispatcherHealth | None = None
-        self._cycle_failed_ns: int | None = None
-        self._history_problem: str | None = None
+        # What is no table; its tables stay empty.
+        self._told = Snapshot()
         self._flag_since: dict[tuple[str, str], int] = {}
-        self._orders: tuple[OrderRecord, ...] = ()
-        self._alarms: Alarms | None = None
-        self._connected = True
-        self._has_database = True
-        self._drafting: tuple[dict[tuple[str, int], float], dict[tuple[str, int], float]] = {}, {}
+        self._drafting: dict[tuple[str, int], float] = {}
 
     def on_state(self, key: str, payload: bytes) -> None:
         """Store a SegmentState.
@@ -182,36 +157,20 @@ class LiveData:
         health = decode(DispatcherHealth, payload, key)
         _check_key(key, DISPATCHER_HEALTH_KEY)
         with self._lock:
-            previous = self._dispatcher
+            previous, failed_ns = self._told.dispatcher, self._told.cycle_failed_ns
             if (
                 previous is not None
                 and previous.started_ns == health.started_ns
                 and previous.cycles_failed < health.cycles_failed
             ):
-                self._cycle_failed_ns = self._clock_ns()
-            self._dispatcher = health
+                failed_ns = self._clock_ns()
+            self._told = replace(self._told, dispatcher=health, cycle_failed_ns=failed_ns)
 
     def on_alarms(self, key: str, payload: bytes) -> None:
         """Store the dispatcher's Alarms."""
         alarms = decode(Alarms, payload, key)
         _check_key(key, ALARMS_KEY)
-        with self._lock:
-            self._alarms = alarms
-
-    def on_preview(self, key: str, payload: bytes) -> None:
-        """Store an RSU's picture: a JPEG of at most `MAX_PREVIEW_BYTES`."""
-        rsu = unquote(key.split("/")[3]) if key.count("/") == 4 else ""
-        _check_key(key, preview_key(rsu))
-        if not (payload.startswith(b"\xff\xd8\xff") and payload.endswith(b"\xff\xd9")):
-            raise InputError(key, "not a JPEG picture", "check the sender's version")
-        if len(payload) > MAX_PREVIEW_BYTES:
-            raise InputError(key, f"picture of {len(payload)} bytes", "send smaller previews")
-        with self._lock:
-            # A unit whose camera has stopped sends its last picture again.
-            self._previews[rsu] = (payload, capture_time_ns(payload) or self._clock_ns())
-            self._previews.move_to_end(rsu)
-            if len(self._previews) > MAX_PREVIEWS:
-                self._previews.popitem(last=False)
+        self.tell(alarms=alarms)
 
     def add_history(self, cycles: Sequence[CycleReport], plans: Sequence[VehiclePlan]) -> None:
         """Add cycles and plans from the bus or the database; newer ones are kept."""
@@ -221,7 +180,7 @@ class LiveData:
         with self._lock:
             for report in cycles:
                 self._add_cycle(report)
-            for number in sorted(self._cycles)[: -self._history_cycles]:
+            for number in sorted(self._cycles)[:-HISTORY_CYCLES]:
                 del self._cycles[number]
             # In a city each report has hundreds of gates; only those of the last one are shown.
             for number in sorted(self._cycles)[:-1]:
@@ -231,18 +190,19 @@ class LiveData:
         """Set what platoons save of the latest stored plans, by vehicle and cycle; those before
         are kept once, as a vehicle follows its older plan for a while.
         """
-        with self._lock:
-            self._drafting = saved_kwh, self._drafting[0] | saved_kwh
+        self.tell(drafting_kwh=self._drafting | saved_kwh)
+        self._drafting = saved_kwh
 
-    def set_history_problem(self, problem: str | None) -> None:
-        """Set why the stored history cannot be read; None if it can."""
+    def tell(self, **facts: Any) -> None:
+        """Set fields of the snapshot that are no table of messages."""
         with self._lock:
-            self._history_problem = problem
+            self._told = replace(self._told, **facts)
 
     def snapshot(self) -> Snapshot:
         """A copy of the latest messages."""
         with self._lock:
-            return Snapshot(
+            return replace(
+                self._told,
                 states=dict(self._states),
                 stopped=dict(self._stopped),
                 rsus=dict(self._rsus),
@@ -250,37 +210,13 @@ class LiveData:
                 positions=dict(self._positions),
                 followed=dict(self._followed),
                 cycles=tuple(report for _, report in sorted(self._cycles.items())),
-                dispatcher=self._dispatcher,
-                cycle_failed_ns=self._cycle_failed_ns,
-                previews=dict(self._previews),
-                history_problem=self._history_problem,
                 flag_since=dict(self._flag_since),
-                orders=self._orders,
-                alarms=self._alarms,
-                connected=self._connected,
-                has_database=self._has_database,
-                drafting_kwh=self._drafting[1],
             )
 
     def watched(self) -> dict[str, tuple[str, ...]]:
         """The roads of each RSU, as it told last."""
         with self._lock:
             return {name: health.segments for name, health in self._rsus.items()}
-
-    def set_orders(self, orders: Sequence[OrderRecord]) -> None:
-        """Set the orders that are shown."""
-        with self._lock:
-            self._orders = tuple(orders)
-
-    def set_connected(self, connected: bool) -> None:
-        """Set whether the bus answers."""
-        with self._lock:
-            self._connected = connected
-
-    def set_has_database(self, has_database: bool) -> None:
-        """Set whether there is a database."""
-        with self._lock:
-            self._has_database = has_database
 
     def _add_cycle(self, report: CycleReport) -> None:
         if self._cycles.get(report.cycle) in (report, _without_details(report)):
@@ -310,7 +246,7 @@ class LiveData:
         self, entries: OrderedDict[tuple[str, str], _Roadside], message: _Roadside
     ) -> None:
         name = (message.segment, message.rsu)
-        tolerance_s = published_tolerance_s(self._dispatcher)
+        tolerance_s = published_tolerance_s(self._told.dispatcher)
         self._put(entries, name, message, message.time_ns, lambda old: old.time_ns, tolerance_s)
 
     def _put(

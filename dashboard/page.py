@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Collection
+from contextlib import ExitStack
 from typing import Final
 
 import viser
@@ -12,14 +13,17 @@ import viser
 from dashboard import metrics, selection
 from dashboard.browser import PLACES, Browser
 from dashboard.live import LiveData
-from dashboard.panels import PanelLayout, frame_html
-from dashboard.panels.layout import VIEW_ORDER
+from dashboard.panels.layout import VIEW_ORDER, PanelLayout, frame_html
 from dashboard.scene import RoadMap
 from dashboard.scene.canvas import Canvas
 from dashboard.server import start_server, stop_server
 from dashboard.settings import DashboardSettings
-from dashboard.view import build_view
+from dashboard.view.build import build_view
+from dashboard.view.model import PreviewView
+from dashboard.web.pictures import Pictures
+from slipstream import freshness
 from slipstream.errors import InputError
+from slipstream.messages import preview_key
 from slipstream.roads import RoadNetwork
 from slipstream.service import LogLimiter
 
@@ -34,14 +38,6 @@ RETRY_AFTER_S: Final = (0.5, 1.0, 2.0, 4.0, 8.0, 15.0)
 class Page:
     """One viser server with the map and the panels on it.
 
-    Args:
-        settings: address and age limits.
-        network: the road network to draw.
-        stopping: set when the service is to stop; ends the wait for an address.
-        operator_url: base of the operator's page, for links to it; None: there are none.
-        trucks: vehicles that are drawn as trucks, the others as vans.
-        depots: junctions to mark; None: the settings'.
-
     Raises:
         InputError: the address cannot be served on.
     """
@@ -51,17 +47,18 @@ class Page:
         settings: DashboardSettings,
         network: RoadNetwork,
         stopping: threading.Event,
+        pictures: Pictures,
         operator_url: str | None = None,
-        trucks: Collection[str] = (),
-        depots: Collection[str] | None = None,
+        depots: Collection[str] = (),
     ) -> None:
         self._settings = settings
-        self._depots = settings.depots if depots is None else tuple(depots)
+        self._depots = tuple(depots)
+        self._pictures = pictures
+        self._looks: dict[str, ExitStack] = {}
         self._port = settings.scene_port or 0
         self._network = network
         self._stopping = stopping
         self._operator_url = operator_url
-        self._trucks = trucks
         self._limiter = LogLimiter()
         self._browsers: dict[int, Browser] = {}
         self._server: viser.ViserServer
@@ -74,11 +71,6 @@ class Page:
         """Number of connected browsers."""
         return len(self._server.get_clients())
 
-    def pictured_rsus(self) -> frozenset[str]:
-        """The RSUs whose picture a browser shows."""
-        shown = (browser.picture_of() for browser in list(self._browsers.values()))
-        return frozenset(rsu for rsu in shown if rsu is not None)
-
     def show(self, live: LiveData, now_ns: int) -> None:
         """Update the page to the latest messages.
 
@@ -87,17 +79,14 @@ class Page:
         """
         if not self._restart_server_if_due():
             return
-        view = build_view(
-            live.snapshot(),
-            now_ns,
-            stale_after_s=self._settings.stale_after_s,
-            silent_after_s=self._settings.silent_after_s,
-        )
+        view = build_view(live.snapshot(), now_ns, self._settings.stale_after_s)
         drawn = self._map.update(view)
         self._panels.update(view)
-        for browser in list(self._browsers.values()):
+        browsers = list(self._browsers.values())
+        self._look_at({rsu for browser in browsers if (rsu := browser.picture_of()) is not None})
+        for browser in browsers:
             try:
-                browser.show(drawn)
+                browser.show(drawn, self._picture(browser.picture_of(), now_ns))
             except (ValueError, ArithmeticError, AssertionError, RuntimeError) as error:
                 # What a browser sent of its camera is no fault of the others.
                 if self._limiter.allow("browser"):
@@ -105,6 +94,22 @@ class Page:
         self._updates += 1
         metrics.UPDATES.inc()
         metrics.CLIENTS.set(self.clients())
+
+    def _look_at(self, rsus: set[str]) -> None:
+        """Have the pictures of these units come, and no others."""
+        for rsu in self._looks.keys() - rsus:
+            self._looks.pop(rsu).close()
+        for rsu in rsus - self._looks.keys():
+            self._looks[rsu] = ExitStack()
+            self._looks[rsu].enter_context(self._pictures.looking(preview_key(rsu)))
+
+    def _picture(self, rsu: str | None, now_ns: int) -> PreviewView | None:
+        found = None if rsu is None else self._pictures.latest(preview_key(rsu))
+        if found is None:
+            return None
+        limit_s = self._settings.stale_after_s
+        stale = freshness.fault(found.taken_ns, now_ns, stale_after_s=limit_s) is not None
+        return PreviewView(found.jpeg, freshness.age_s(found.taken_ns, now_ns), stale)
 
     def close(self) -> None:
         """Stop serving."""
@@ -119,7 +124,7 @@ class Page:
         head = frame_html(Canvas(self._network).scale)
         self._server = start_server(settings.host, self._port, settings.allowed_hosts, head)
         try:
-            self._map = RoadMap(self._server, self._network, self._depots, self._trucks)
+            self._map = RoadMap(self._server, self._network, self._depots)
             self._panels = PanelLayout(self._server)
             places = self._server.gui.add_button_group("View", PLACES, order=VIEW_ORDER)
             places.on_click(self._on_place)

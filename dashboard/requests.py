@@ -16,7 +16,6 @@ from typing import Any, Final
 import viser
 import websockets.asyncio.server
 from websockets.asyncio.server import ServerConnection
-from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
 from dashboard import selection
@@ -45,28 +44,6 @@ class Refused:
     value: str
 
 
-def check_headers(
-    headers: Headers, served: str, allowed: frozenset[str], local_address: str
-) -> Refused | None:
-    """Check that a request is addressed to the page, and not sent by another site's page.
-
-    A site whose name resolves to this address (DNS rebinding) is found by the Host, one whose
-    scripts open a connection to this address by the Origin.
-
-    Args:
-        headers: of the request.
-        served: address or name that is served on, in lower case.
-        allowed: further names of the page, in lower case.
-        local_address: IP address that the request came in on.
-
-    Returns:
-        None for a request of the page's own.
-    """
-    return check_names(
-        headers.get_all("Host"), headers.get_all("Origin"), served, allowed, local_address
-    )
-
-
 def check_names(
     hosts: Sequence[str],
     origins: Sequence[str],
@@ -74,7 +51,21 @@ def check_names(
     allowed: frozenset[str],
     local_address: str,
 ) -> Refused | None:
-    """The same by the values of the headers Host and Origin, each as often as it was sent."""
+    """Check that a request is addressed to the page, and not sent by another site's page.
+
+    A site whose name resolves to this address (DNS rebinding) is found by the Host, one whose
+    scripts open a connection to this address by the Origin.
+
+    Args:
+        hosts: values of the header Host, as often as it was sent.
+        origins: likewise of Origin.
+        served: address or name that is served on, in lower case.
+        allowed: further names of the page, in lower case.
+        local_address: IP address that the request came in on.
+
+    Returns:
+        None for a request of the page's own.
+    """
     host = AUTHORITY.fullmatch(hosts[0]) if len(hosts) == 1 else None
     if host is None or not _is_own(_name(host), allowed | {served}, local_address):
         return Refused("Host", ", ".join(hosts))
@@ -89,6 +80,18 @@ def check_names(
     if _name(origin) in allowed or (_name(origin) == _name(host) and same_port):
         return None
     return Refused("Origin", origins[0])
+
+
+def warn_refused(refused: Refused, limiter: LogLimiter) -> None:
+    """Log which setting allows what was refused."""
+    if limiter.allow(refused.header):
+        log.warning(
+            "refused a request for %s %.100a (and %d before): if this is where your proxy "
+            "serves the page, add the name to allowed_hosts in the dashboard's settings",
+            refused.header,
+            refused.value,
+            limiter.suppressed(refused.header),
+        )
 
 
 def _name(authority: re.Match[str]) -> str:
@@ -156,18 +159,12 @@ class Guard:
             websockets.asyncio.server.serve = serve  # type: ignore[misc]
 
     def _refuse(self, connection: ServerConnection, request: Request) -> Response | None:
+        hosts, origins = (request.headers.get_all(name) for name in ("Host", "Origin"))
         local_address = connection.local_address[0]
-        refused = check_headers(request.headers, self._served, self._allowed, local_address)
+        refused = check_names(hosts, origins, self._served, self._allowed, local_address)
         if refused is None:
             return None
-        if self._limiter.allow(refused.header):
-            log.warning(
-                "refused a request for %s %.100a (and %d before): if this is where your proxy "
-                "serves the page, add the name to allowed_hosts in the dashboard's settings",
-                refused.header,
-                refused.value,
-                self._limiter.suppressed(refused.header),
-            )
+        warn_refused(refused, self._limiter)
         return connection.respond(HTTPStatus.FORBIDDEN, _REFUSAL)
 
     async def _reject_other_version(self, connection: ServerConnection) -> bool:

@@ -21,12 +21,7 @@ _PREFIX: Final = "/select/"
 
 @dataclass(frozen=True)
 class Selection:
-    """A vehicle, a road or an RSU.
-
-    Attributes:
-        kind: which of them.
-        id: its name; that there is such a one is for the caller to look at.
-    """
+    """A vehicle, a road or an RSU."""
 
     kind: Kind
     id: str

@@ -8,6 +8,7 @@ import io
 import logging
 import socket
 import threading
+import warnings
 from collections.abc import Iterable
 from typing import Final
 
@@ -29,12 +30,6 @@ def start_server(
 
     A request whose Host is not a name of the page, or that another site's page sent, gets HTTP 403.
 
-    Args:
-        host: address or name to serve on.
-        port: TCP port.
-        allowed_hosts: names of the page beside the served address and the loopback names.
-        head: HTML to add to the page's head.
-
     Raises:
         InputError: the address cannot be bound, as when the port is taken.
     """
@@ -44,6 +39,8 @@ def start_server(
     connections.setLevel(logging.WARNING)
     for logger in (connections, logging.getLogger("asyncio")):
         logger.addFilter(ONE_LINE)
+    # A browser may go while it is sent to.
+    warnings.filterwarnings("ignore", "Queued a .* on a closed connection", UserWarning)
     guard = Guard(host.lower(), frozenset(map(str.lower, allowed_hosts)), connections, head)
     # viser prints a banner to standard output, which is the caller's.
     with contextlib.redirect_stdout(io.StringIO()), guard.installed():

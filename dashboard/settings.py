@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, Literal, NamedTuple, Self
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from pydantic import Field, field_validator, model_validator
@@ -18,15 +18,15 @@ HOST_NAME = r"^([A-Za-z0-9._-]+|[0-9A-Fa-f:.]+)$"
 """A DNS name or an IP address."""
 
 
+class Factors(NamedTuple):
+    """What a kilowatt hour is worth: CO2 that is emitted for it, and its price in the currency."""
+
+    co2_kg_per_kwh: float
+    price_per_kwh: float
+
+
 class DashboardSettings(Settings):
     """The dashboard's bus, database, network and address."""
-
-    constants: ClassVar[frozenset[str]] = frozenset(
-        (
-            "silent_after_s",
-            "history_cycles",
-        )
-    )
 
     bus: BusSettings = Field(default=BusSettings(), description="How to reach the other daemons.")
     service: ServiceSettings = Field(default=ServiceSettings(), description="Metrics and logs.")
@@ -119,21 +119,11 @@ class DashboardSettings(Settings):
         description="Age limit of RSU health and pictures, s. Road data has the limit that the "
         "dispatcher publishes, and this one before its first health message.",
     )
-    silent_after_s: float = Field(
-        default=4.0,
-        gt=0,
-        allow_inf_nan=False,
-        description="A dispatcher without health for longer is shown as silent, s; it sends one "
-        "each second.",
-    )
-    history_cycles: int = Field(
-        default=200, ge=2, le=5000, description="Cycles shown in the energy history."
-    )
 
     @property
-    def energy_factors(self) -> dict[str, float]:
-        """What a kilowatt hour saved is worth, as `rows.energy_sum` takes it."""
-        return {"co2_kg_per_kwh": self.co2_kg_per_kwh, "price_per_kwh": self.price_per_kwh}
+    def factors(self) -> Factors:
+        """What a kilowatt hour saved is worth."""
+        return Factors(self.co2_kg_per_kwh, self.price_per_kwh)
 
     @model_validator(mode="after")
     def _ports_differ(self) -> Self:

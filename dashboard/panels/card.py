@@ -6,7 +6,8 @@ from typing import Final
 
 from dashboard.panels.environment import render
 from dashboard.selection import Selection
-from dashboard.view import DashboardView
+from dashboard.view.build import DashboardView
+from dashboard.view.model import PreviewView
 
 _MAX_STOPS: Final = 8
 _MISSING: Final = {
@@ -17,18 +18,18 @@ _MISSING: Final = {
 
 
 def card_html(
-    view: DashboardView | None, selection: Selection | None, operator_url: str | None
+    view: DashboardView | None,
+    selection: Selection | None,
+    operator_url: str | None,
+    picture: PreviewView | None = None,
 ) -> str:
     """The card's HTML.
 
     Args:
-        view: what is shown now; None before the first update.
-        selection: None shows how to select.
         operator_url: base of the operator's page, for a link to it or to the same there; None: no
             link.
     """
     data: object = None
-    picture = None
     if view is not None and selection is not None:
         name = selection.id
         if selection.kind == "van":
@@ -37,7 +38,6 @@ def card_html(
             data = next((road for road in view.roads if road.segment == name), None)
         else:
             data = next((rsu for rsu in view.rsus if rsu.rsu == name), None)
-            picture = next((shot for shot in view.previews if shot.rsu == name), None)
     link = None
     if operator_url is not None:
         fragment = "" if selection is None else f"#{selection.fragment()}"

@@ -9,14 +9,13 @@ import base64
 from pathlib import Path
 from typing import Final
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from dashboard.html import templates
+from dashboard.view import labels
+from dashboard.view.labels import Rgb
+from dashboard.view.model import platoon_km
 
-from dashboard.view import Rgb, execution_summary, labels
-
-MAX_ROWS: Final = 20
-"""Rows that a table shows."""
-MAX_UNSERVED: Final = 5
-"""Unserved stops that the cycle's panel names."""
+MAX_ROWS: Final = 6
+"""Troubles that the summary shows."""
 
 
 def render(template: str, **context: object) -> str:
@@ -28,21 +27,9 @@ def render(template: str, **context: object) -> str:
     return _ENVIRONMENT.get_template(template).render(context)
 
 
-def shorten(text: str, max_length: int = 80) -> str:
-    """A text cut to a length in characters, with an ellipsis at the cut."""
-    return text if len(text) <= max_length else text[: max_length - 1] + "…"
-
-
 def number(value: float | None, spec: str) -> str:
     """A number by a format specification; a dash for None."""
     return "–" if value is None else format(value, spec)
-
-
-def percent(share: float | None) -> str:
-    """A share in per cent, below 10 % with two significant digits; a dash for None."""
-    if share is None:
-        return "–"
-    return f"{share:.0%}" if share in (0.0, 1.0) or share >= 0.1 else f"{share * 100:.2g}%"
 
 
 def css(rgb: Rgb) -> str:
@@ -54,36 +41,20 @@ def _base64(data: bytes) -> str:
     return base64.b64encode(data).decode("ascii")
 
 
-def _environment() -> Environment:
-    environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent / "templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        auto_reload=False,
-    )
-    environment.filters |= {
-        "base64": _base64,
-        "css": css,
-        "duration": labels.duration,
-        "execution": execution_summary,
-        "number": number,
-        "percent": percent,
-        "plural": labels.plural,
-        "reason": labels.reason,
-        "shorten": shorten,
-    }
-    environment.globals |= {
-        "LEVEL_RGB": labels.LEVEL_RGB,
-        "LEVEL_SIGN": labels.LEVEL_SIGN,
-        "MAX_ROWS": MAX_ROWS,
-        "MAX_UNSERVED": MAX_UNSERVED,
-        "TRAFFIC_DASHES": labels.TRAFFIC_DASHES,
-        "TRAFFIC_RGB": labels.TRAFFIC_RGB,
-        "TRAFFIC_SIGN": labels.TRAFFIC_SIGN,
-    }
-    return environment
-
-
-_ENVIRONMENT: Final = _environment()
+_ENVIRONMENT: Final = templates(
+    Path(__file__).parent / "templates",
+    base64=_base64,
+    css=css,
+    duration=labels.duration,
+    number=number,
+    platoon_km=platoon_km,
+    plural=labels.plural,
+)
+_ENVIRONMENT.globals |= {
+    "LEVEL_RGB": labels.LEVEL_RGB,
+    "LEVEL_SIGN": labels.LEVEL_SIGN,
+    "MAX_ROWS": MAX_ROWS,
+    "TRAFFIC_DASHES": labels.TRAFFIC_DASHES,
+    "TRAFFIC_RGB": labels.TRAFFIC_RGB,
+    "TRAFFIC_SIGN": labels.TRAFFIC_SIGN,
+}

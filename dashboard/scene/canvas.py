@@ -13,7 +13,7 @@ import viser
 from dashboard.scene import geometry
 from dashboard.scene.geometry import Array
 from dashboard.scene.shapes import Shape
-from dashboard.view import Rgb
+from dashboard.view.labels import Rgb
 from slipstream.roads import RoadNetwork
 
 Colours = npt.NDArray[np.integer[Any]] | Rgb
@@ -131,13 +131,7 @@ class Canvas:
         )
 
     def fit(self, width_px: int, height_px: int, tilt: float = TILT_RAD) -> tuple[Array, Array]:
-        """Camera position and the point it looks at, for the network to fill a browser's canvas.
-
-        Args:
-            width_px: of the canvas.
-            height_px: of the canvas.
-            tilt: angle of the view above the ground, rad; π/2 looks straight down.
-        """
+        """Camera position and the point it looks at, for the network to fill a browser's canvas."""
         half = np.array(self.size_m) * self.scale / 2 * _MARGIN + 2 * self.unit
         return fit_box(half, width_px / max(height_px, 1), tilt)
 
@@ -184,15 +178,7 @@ class Instances:
 
 
 class Batch:
-    """One node of a scene that draws a shape many times; sends only the arrays that changed.
-
-    Args:
-        scene: the scene of all browsers, or of one.
-        name: of the node.
-        shape: what to draw.
-        material: how it is lit.
-        opacity: of all; None: it hides what is behind.
-    """
+    """One node of a scene that draws a shape many times; sends only the arrays that changed."""
 
     def __init__(
         self,

@@ -17,7 +17,9 @@ from dashboard.scene.canvas import Batch, Canvas
 from dashboard.scene.geometry import Array
 from dashboard.scene.lanes import Lanes
 from dashboard.scene.marks import Mark
-from dashboard.view import Rgb, VehicleView, labels
+from dashboard.view import labels
+from dashboard.view.labels import Rgb
+from dashboard.view.model import VehicleView
 
 MAX_VEHICLES: Final = 2000
 MAX_ROUTE_STRIPS: Final = 6000
@@ -40,7 +42,6 @@ _MAX_LINK_VEHICLES: Final = 12.0
 _LINK_RGB: Final[Rgb] = (0, 120, 90)
 _ALL_ROUTES_RGB: Final[Rgb] = (120, 140, 170)
 _STOP_RGB: Final[Rgb] = (60, 72, 88)
-_DARK: Final[Rgb] = (38, 46, 58)
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,6 @@ class Placed:
 
     Attributes:
         vehicles: in the order of the arrays.
-        trucks: which of them are trucks, (N,).
         reported: which of them report where they are, (N,); the others are where their plans put
             them.
         places_m: (N, 2).
@@ -57,33 +57,23 @@ class Placed:
     """
 
     vehicles: tuple[VehicleView, ...]
-    trucks: npt.NDArray[np.bool_]
     reported: npt.NDArray[np.bool_]
     places_m: Array
     headings: Array
 
 
 class FleetLayer:
-    """Draws vehicles, routes and stops, and updates them.
-
-    Args:
-        scene: the scene of all browsers.
-        canvas: the scale.
-        depots: junctions with a depot's marker, which get no stop's marker.
-        trucks: vehicles that are drawn as trucks; the others as vans.
-    """
+    """Draws vehicles, routes and stops, and updates them."""
 
     def __init__(
         self,
         scene: viser.SceneApi,
         canvas: Canvas,
         depots: Collection[str] = (),
-        trucks: Collection[str] = (),
     ) -> None:
         self._scene = scene
         self._canvas = canvas
         self._depots = frozenset(depots)
-        self._trucks = frozenset(trucks)
         self.lanes = Lanes(canvas.network, 14 * canvas.unit_m, 0.5 * canvas.unit_m)
         self._routes: object = None
         self._platoons: object = None
@@ -93,24 +83,17 @@ class FleetLayer:
         self._platoon_batch = Batch(scene, "/platoons", shapes.QUAD, "toon3")
         self._link_batch = Batch(scene, "/platoon_links", shapes.QUAD, "toon3")
         self._stop_batch = Batch(scene, "/stops", shapes.STOP)
-        # By whether they are trucks, and whether they report where they are.
+        # By whether they report where they are.
         self._body_batches = {
-            (False, True): Batch(scene, "/vans", shapes.VAN),
-            (True, True): Batch(scene, "/trucks", shapes.TRUCK),
-            (False, False): Batch(scene, "/planned_vans", shapes.VAN, opacity=PLANNED_OPACITY),
-            (True, False): Batch(scene, "/planned_trucks", shapes.TRUCK, opacity=PLANNED_OPACITY),
+            True: Batch(scene, "/vans", shapes.VAN),
+            False: Batch(scene, "/planned_vans", shapes.VAN, opacity=PLANNED_OPACITY),
         }
         self._line = cache(lambda name: canvas.offset_line(name, LANE_UNITS))
 
     def update(
         self, vehicles: Sequence[VehicleView], open_roads: Collection[str]
     ) -> tuple[Placed, list[Mark]]:
-        """Show the vehicles whose routes run on this network.
-
-        Args:
-            vehicles: all of them.
-            open_roads: roads on which traffic is calm now: only there a platoon's way is drawn.
-        """
+        """Show the vehicles whose routes run on this network."""
         indices = self.lanes.index
         known = [
             van
@@ -139,9 +122,9 @@ class FleetLayer:
         junctions = self._canvas.network.junctions
         names: dict[str, set[str]] = {}
         for van in vehicles:
-            for stop, node in van.stops:
-                if node in junctions and node not in self._depots:
-                    names.setdefault(node, set()).add(stop)
+            for stop in van.plan.stops:
+                if stop.node in junctions and stop.node not in self._depots:
+                    names.setdefault(stop.node, set()).add(stop.stop)
         # Stops at one junction share a label; separate ones would overlap.
         stops = tuple(sorted((_joint_label(sorted(names[node])), node) for node in names))
         if stops == self._stops:
@@ -251,7 +234,6 @@ class FleetLayer:
         self._link_batch.show(self._canvas.strips(strokes, _LINK_RGB, 0.34, 0.5))
         return Placed(
             tuple(vehicles),
-            np.array([van.vehicle in self._trucks for van in vehicles], dtype=np.bool_),
             np.array([van.progress.reported for van in vehicles], dtype=np.bool_),
             places,
             np.arctan2(ahead[:, 1], ahead[:, 0]),
@@ -259,8 +241,8 @@ class FleetLayer:
 
     def _update_bodies(self, placed: Placed) -> None:
         rgb = np.array([_body_rgb(van) for van in placed.vehicles]).reshape(-1, 3)
-        for (trucks, reported), batch in self._body_batches.items():
-            mine = (placed.trucks == trucks) & (placed.reported == reported)
+        for reported, batch in self._body_batches.items():
+            mine = placed.reported == reported
             bodies = self._canvas.bodies(
                 placed.places_m[mine], placed.headings[mine], rgb[mine], VEHICLE_UNITS
             )
@@ -291,7 +273,7 @@ def _label(van: VehicleView) -> str:
     """Its name, and what it is where nobody hears it."""
     name = van.vehicle[:40]
     if van.silence is not None:
-        return f"{name}, {van.activity.partition(';')[0]}"
+        return f"{name}, silent"
     return f"{name}, by plan" if van.progress.state == "planned" else name
 
 

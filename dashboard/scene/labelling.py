@@ -50,9 +50,6 @@ def fitting(
     """The marks whose labels are shown: none overlaps another or leaves the canvas.
 
     Args:
-        eye: the browser's camera.
-        marks: all of them.
-        first: the one that is selected.
         kept: (kind, id) of those labelled until now, preferred among equals, so that labels do not
             jump from one vehicle to the next.
     """

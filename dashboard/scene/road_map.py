@@ -6,7 +6,7 @@ Each layer is one scene node; of an update only the arrays that changed are sent
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Final
@@ -20,7 +20,10 @@ from dashboard.scene.canvas import FOV_RAD, Batch, Canvas
 from dashboard.scene.fleet import LANE_UNITS, FleetLayer, Placed
 from dashboard.scene.geometry import Array
 from dashboard.scene.marks import Mark
-from dashboard.view import DashboardView, Rgb, RoadView, RsuView, Traffic, labels
+from dashboard.view import labels
+from dashboard.view.build import DashboardView
+from dashboard.view.labels import Rgb, Traffic
+from dashboard.view.model import RoadView, RsuView
 from slipstream.roads import RoadNetwork
 
 MAX_DASHES: Final = 3600
@@ -40,13 +43,7 @@ _DARK: Final[Rgb] = (29, 39, 51)
 
 @dataclass(frozen=True)
 class Drawn:
-    """What the map shows at one moment, for labels and clicks.
-
-    Attributes:
-        marks: what can be labelled.
-        placed: the vehicles that are drawn.
-        view: what it was made of.
-    """
+    """What the map shows at one moment, for labels and clicks."""
 
     marks: tuple[Mark, ...]
     placed: Placed
@@ -54,27 +51,19 @@ class Drawn:
 
 
 class RoadMap:
-    """Draws a network, its traffic and its fleet, and updates them.
-
-    Args:
-        server: the viser server to draw on.
-        network: the road network.
-        depots: junctions of the depots; unknown ones are not marked.
-        trucks: vehicles that are drawn as trucks.
-    """
+    """Draws a network, its traffic and its fleet, and updates them."""
 
     def __init__(
         self,
         server: viser.ViserServer,
         network: RoadNetwork,
         depots: Sequence[str],
-        trucks: Collection[str] = (),
     ) -> None:
         self._server = server
         self._network = network
         self._names = tuple(network.segments)
         self.canvas = Canvas(network)
-        self.fleet = FleetLayer(server.scene, self.canvas, depots, trucks)
+        self.fleet = FleetLayer(server.scene, self.canvas, depots)
         self._watched: tuple[str, ...] = ()
         self._traffic: tuple[Traffic, ...] = ()
         self._dashes = Batch(server.scene, "/watched", shapes.QUAD, "toon3")
@@ -202,7 +191,8 @@ class RoadMap:
         self._road_of_dash = np.repeat(np.arange(len(parts)), [len(dash) for _, dash in parts])
 
     def _update_rsus(self, rsus: Sequence[RsuView]) -> list[Mark]:
-        here = [(rsu, stand) for rsu in rsus if (stand := self.stand(rsu.segments)) is not None]
+        stands = ((rsu, self.stand(rsu.health.segments)) for rsu in rsus)
+        here = [(rsu, stand) for rsu, stand in stands if stand is not None]
         places = np.array([place for _, (place, _) in here]).reshape(-1, 2)
         headings = np.array([heading for _, (_, heading) in here])
         rgb = [_DARK if rsu.level == "ok" else labels.LEVEL_RGB[rsu.level] for rsu, _ in here]

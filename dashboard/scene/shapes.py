@@ -82,40 +82,11 @@ def _side_view(outline: Sequence[tuple[float, float]], half_width: float) -> Sha
     return prism(outline, -half_width, half_width, axis=1)
 
 
-def _wheels(places: Sequence[float], radius: float, half_width: float) -> list[Shape]:
-    return [
-        box(
-            (x - radius, x + radius),
-            (side * half_width - 0.03, side * half_width + 0.03),
-            (0, 0.17),
-        )
-        for x in places
-        for side in (-1, 1)
-    ]
-
-
 VAN: Final = _side_view(
     ((0.07, -0.5), (0.5, -0.5), (0.52, -0.46), (0.52, 0.2), (0.3, 0.36), (0.24, 0.5), (0.07, 0.5)),
     0.2,
 )
-"""A delivery van 1 long with a sloped windscreen."""
-VAN_DETAILS: Final = joined(
-    _side_view(((0.5, 0.2), (0.52, 0.22), (0.33, 0.36), (0.31, 0.34)), 0.17),
-    box((0.08, 0.2), (-0.206, 0.206), (0.32, 0.46)),
-    *_wheels((-0.3, 0.32), 0.09, 0.19),
-)
-"""Its windows and wheels."""
-TRUCK: Final = joined(
-    box((-0.5, 0.22), (-0.18, 0.18), (0.12, 0.6)),
-    _side_view(((0.08, 0.26), (0.46, 0.26), (0.46, 0.4), (0.3, 0.5), (0.08, 0.5)), 0.165),
-)
-"""A truck 1 long: cab and box body."""
-TRUCK_DETAILS: Final = joined(
-    _side_view(((0.45, 0.4), (0.46, 0.42), (0.32, 0.505), (0.3, 0.49)), 0.14),
-    box((0.29, 0.39), (-0.171, 0.171), (0.28, 0.4)),
-    *_wheels((-0.36, -0.2, 0.36), 0.07, 0.17),
-)
-"""Its windows and wheels."""
+"""A vehicle, 1 long: a van with a sloped windscreen."""
 POLE: Final = joined(disc(0.09, 0.0, 1.0, 6), box((-0.14, 0.4), (-0.17, 0.17), (0.92, 1.22)))
 """A camera on a pole 1 high, which looks ahead."""
 DEPOT: Final = joined(
@@ -125,27 +96,10 @@ DEPOT: Final = joined(
 """A house 1 long with a saddle roof."""
 STOP: Final = disc(0.5, 0.0, 0.5)
 """A low cylinder 1 wide."""
-RING: Final = joined(
-    *(
-        _shape(
-            [
-                (0.8 * a[0], 0.8 * a[1], 0),
-                (a[0], a[1], 0),
-                (b[0], b[1], 0),
-                (0.8 * a[0], 0.8 * a[1], 0),
-                (b[0], b[1], 0),
-                (0.8 * b[0], 0.8 * b[1], 0),
-            ]
-        )
-        for a, b in (
-            (
-                (np.cos(np.pi * part / 14), np.sin(np.pi * part / 14)),
-                (np.cos(np.pi * (part + 1) / 14), np.sin(np.pi * (part + 1) / 14)),
-            )
-            for part in range(28)
-        )
-    )
-)
+_ARC = 2 * np.pi * np.arange(29) / 28
+_RIM = np.column_stack((np.cos(_ARC), np.sin(_ARC), np.zeros(29)))
+_OUT, _NEXT = _RIM[:-1], _RIM[1:]
+RING: Final = _shape(np.stack((0.8 * _OUT, _OUT, _NEXT, 0.8 * _OUT, _NEXT, 0.8 * _NEXT), axis=1))
 """A flat ring of radius 1, around what is selected."""
 QUAD: Final = Shape(
     np.array([(0, -0.5, 0), (1, -0.5, 0), (1, 0.5, 0), (0, 0.5, 0)], dtype=np.float32),

@@ -1,4 +1,4 @@
-"""What one browser alone sees of the scene: labels that fit, details near by, its selection."""
+"""What one browser alone sees of the scene: labels that fit, and its selection."""
 
 from __future__ import annotations
 
@@ -12,33 +12,25 @@ import viser.transforms
 
 from dashboard.scene import geometry, labelling, shapes
 from dashboard.scene.canvas import FOV_RAD, TILT_RAD, Batch
-from dashboard.scene.fleet import LANE_UNITS, VEHICLE_UNITS, Placed
+from dashboard.scene.fleet import LANE_UNITS, VEHICLE_UNITS
 from dashboard.scene.geometry import Array
 from dashboard.scene.marks import Eye, Mark, at_pixel
 from dashboard.scene.road_map import POLE_UNITS, Drawn, RoadMap
 from dashboard.selection import Selection
-from dashboard.view import Rgb
+from dashboard.view.labels import Rgb
 
 MAX_CANVAS_PX: Final = 65536
 """Sides of a canvas that a camera is fitted to, px; larger ones are no browser's."""
 LABEL_PERIOD_S: Final = 0.2
 """Shortest time between two choices of labels while the camera moves, s."""
-DETAIL_PX: Final = 26.0
-"""Length of a drawn vehicle from which its windows and wheels are drawn, px."""
 ROAD_PICK_PX: Final = 10.0
 """How far beside a road a click still selects it, px."""
 _CAMERA_PITCH_RAD: Final = 0.35
-_DETAIL_RGB: Final[Rgb] = (32, 38, 48)
 _SELECTED_RGB: Final[Rgb] = (255, 196, 0)
 
 
 class Viewer:
-    """The labels, details and selection of one browser.
-
-    Args:
-        client: the browser.
-        road_map: what all browsers see.
-    """
+    """The labels and the selection of one browser."""
 
     def __init__(self, client: viser.ClientHandle, road_map: RoadMap) -> None:
         self._client = client
@@ -51,10 +43,6 @@ class Viewer:
         self._labels_made = 0
         self._labelled_s = 0.0
         scene = client.scene
-        self._details = {
-            False: Batch(scene, "/van_details", shapes.VAN_DETAILS),
-            True: Batch(scene, "/truck_details", shapes.TRUCK_DETAILS),
-        }
         self._ring = Batch(scene, "/selected", shapes.RING, "toon3")
         self._cone: tuple[tuple[str, ...], viser.CameraFrustumHandle] | None = None
         self._route = Batch(scene, "/selected_route", shapes.QUAD, "toon3")
@@ -77,7 +65,7 @@ class Viewer:
             self._follow()
 
     def camera_moved(self) -> None:
-        """Choose labels and details anew, at a limited rate."""
+        """Choose labels anew, at a limited rate."""
         if time.monotonic() - self._labelled_s < LABEL_PERIOD_S:
             # The next update of the map does it.
             return
@@ -149,7 +137,6 @@ class Viewer:
         self._labelled_s = time.monotonic()
         with self._client.atomic():
             self._show_labels(eye, drawn)
-            self._show_details(eye, drawn.placed)
             self._show_selection(drawn)
 
     def _show_labels(self, eye: Eye, drawn: Drawn) -> None:
@@ -181,22 +168,6 @@ class Viewer:
             f"/labels/{self._labels_made}", "", anchor="bottom-center"
         )
 
-    def _show_details(self, eye: Eye, placed: Placed) -> None:
-        canvas = self._map.canvas
-        positions = canvas.positions(placed.places_m, 0.0)
-        pixels, depth = eye.pixels(positions)
-        size = np.array([eye.width_px, eye.height_px])
-        near = (depth > 0) & np.all((pixels > -0.1 * size) & (pixels < 1.1 * size), axis=1)
-        near &= VEHICLE_UNITS * canvas.unit * eye.focal_px > DETAIL_PX * depth
-        for trucks, batch in self._details.items():
-            # One that is only planned has neither windows nor wheels.
-            mine = near & placed.reported & (placed.trucks == trucks)
-            batch.show(
-                canvas.bodies(
-                    placed.places_m[mine], placed.headings[mine], _DETAIL_RGB, VEHICLE_UNITS
-                )
-            )
-
     def _show_selection(self, drawn: Drawn) -> None:
         canvas, selected, mark = self._map.canvas, self.selection, self._selected_mark()
         places, strokes, rgb = np.empty((0, 2)), np.empty((0, 2, 2)), np.empty((0, 3), int)
@@ -214,7 +185,7 @@ class Viewer:
         rsu = None
         if selected is not None and selected.kind == "rsu":
             rsu = next((rsu for rsu in drawn.view.rsus if rsu.rsu == selected.id), None)
-        self._show_cone(rsu.segments if rsu is not None else ())
+        self._show_cone(rsu.health.segments if rsu is not None else ())
         self._ring.show(
             canvas.bodies(places, np.zeros(len(places)), _SELECTED_RGB, 0.9 * VEHICLE_UNITS, 0.25)
         )

@@ -1,4 +1,4 @@
-"""Status lines of the dispatcher and of its quantum device; pure."""
+"""What is wrong with the dispatcher's cycles, and the state of its quantum device; pure."""
 
 from __future__ import annotations
 
@@ -12,56 +12,14 @@ from dashboard.view import labels
 from dashboard.view.labels import Level
 from slipstream import freshness
 from slipstream.freshness import age_s
-from slipstream.messages import CycleReport, DispatcherHealth, HardwareHealth, SolverReport
+from slipstream.messages import CycleReport, DispatcherHealth, HardwareHealth
 
-BACKEND_KIND: Final[dict[str, str]] = {
-    "simulated": "simulated",
-    "noise-model": "simulated with a device's noise",
-    "hardware": "hardware",
-}
+SILENT_AFTER_S: Final = 4.0
+"""A dispatcher without health for longer is silent, s; it sends one each second."""
 OVERDUE_AFTER_INTERVALS: Final = 3.0
 """Intervals without a successful cycle after which cycles count as overdue."""
 DEFAULT_INTERVAL_S: Final = 30.0
 """The dispatcher's default interval, s; used where too few cycles are known."""
-
-
-def dispatcher_status(snapshot: Snapshot, now_ns: int, silent_after_s: float) -> tuple[str, Level]:
-    """Status line of the dispatcher, and its level.
-
-    Args:
-        snapshot: the latest messages.
-        now_ns: UTC.
-        silent_after_s: age above which the dispatcher counts as silent, s.
-    """
-    health = snapshot.dispatcher
-    shown = "; showing the stored history" if snapshot.cycles else ""
-    if health is None:
-        return f"Dispatcher silent{shown}", "bad"
-    off = labels.duration(age_s(health.time_ns, now_ns))
-    fault = freshness.fault(health.time_ns, now_ns, stale_after_s=silent_after_s)
-    if fault is not None:
-        silent = f"Dispatcher silent for {off}"
-        return (silent if fault == "stale" else f"Dispatcher's clock is {off} ahead") + shown, "bad"
-    problem = _problem(snapshot, health, now_ns)
-    lines = [problem] if problem else []
-    if health.next_cycle_ns is None:
-        lines.append("Dispatcher running")
-    else:
-        wait_s = -age_s(health.next_cycle_ns, now_ns)
-        lines.append(
-            f"Next cycle in {labels.duration(wait_s)}" if wait_s > 0 else "Cycle running now"
-        )
-    if health.cycles_failed:
-        lines.append(f"{labels.plural(health.cycles_failed, 'cycle')} failed since it started")
-    if health.states_refused:
-        lines.append(f"{labels.plural(health.states_refused, 'state')} refused")
-    if health.messages_lost:
-        lines.append(f"{labels.plural(health.messages_lost, 'message')} lost")
-    if health.database_set_aside is not None:
-        lines.append(f"A damaged database was set aside as {health.database_set_aside}")
-    warn = health.states_refused or health.messages_lost or health.database_set_aside
-    told: Level = "warn" if warn else "ok"
-    return " · ".join(lines), "bad" if problem else told
 
 
 def cycle_problem(snapshot: Snapshot, health: DispatcherHealth, now_ns: int) -> str | None:
@@ -74,15 +32,6 @@ def cycle_problem(snapshot: Snapshot, health: DispatcherHealth, now_ns: int) -> 
     if age_s(since_ns, now_ns) > OVERDUE_AFTER_INTERVALS * _interval_s(snapshot.cycles):
         return "Cycles are overdue: none was good of late"
     return None
-
-
-def _problem(snapshot: Snapshot, health: DispatcherHealth, now_ns: int) -> str | None:
-    """The same, with the age."""
-    problem = cycle_problem(snapshot, health, now_ns)
-    if problem is not None and problem.startswith("Cycles are overdue"):
-        since_s = age_s(_good_since_ns(snapshot, health, now_ns) or now_ns, now_ns)
-        return f"No good cycle for {labels.duration(since_s)}"
-    return problem
 
 
 def _good_since_ns(snapshot: Snapshot, health: DispatcherHealth, now_ns: int) -> int | None:
@@ -134,16 +83,3 @@ def hardware_status(health: HardwareHealth) -> tuple[str, Level]:
     if health.line is not None:
         parts.append(f"no new jobs: {health.line}")
     return " · ".join(parts), "ok" if health.line is None else "warn"
-
-
-def execution_summary(run: SolverReport) -> str:
-    """Where a solver's circuit ran, and why not on the device; empty without a circuit."""
-    parts = []
-    if run.backend is not None:
-        kind = BACKEND_KIND.get(run.backend_kind or "", "")
-        parts.append(f"on {run.backend}" + (f", {kind}" if kind else ""))
-        if run.two_qubit_depth is not None:
-            parts.append(f"two-qubit depth {run.two_qubit_depth}")
-    if run.fallback is not None:
-        parts.append(f"instead of the device: {run.fallback}")
-    return " · ".join(parts)

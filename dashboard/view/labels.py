@@ -107,9 +107,7 @@ def gate_reason(flag: Literal[0, 1] | None, code: str | None) -> str:
     """Label of why a gate is closed, from its flag and reason code."""
     if flag == 0:
         return "turbulent traffic"
-    # Gates of version 0.1 have "unknown: " before the code; they are in databases, and dispatchers
-    # of that version still send them.
-    return reason((code or "").removeprefix("unknown: ")) or "no data"
+    return reason(code) or "no data"
 
 
 def duration(seconds: float) -> str:
@@ -124,11 +122,6 @@ def duration(seconds: float) -> str:
     if seconds < 47.5 * 3600:
         return f"{seconds / 3600:.0f} h"
     return f"{seconds / 86400:.0f} days"
-
-
-def relative_time(seconds: float) -> str:
-    """A time relative to now: ``in 12 s`` or ``3 min ago``."""
-    return f"in {duration(seconds)}" if seconds > 0 else f"{duration(seconds)} ago"
 
 
 def plural(count: int, one: str) -> str:

@@ -16,12 +16,7 @@ _MIDDLES = 10_000
 
 
 class Places:
-    """The places of one network.
-
-    Attributes:
-        network: the network.
-        index: number of each segment, in the order that browsers get them.
-    """
+    """The places of one network."""
 
     def __init__(self, network: RoadNetwork) -> None:
         self.network = network

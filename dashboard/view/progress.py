@@ -96,12 +96,7 @@ def not_taken(plan: VehiclePlan, position: VehiclePosition, now_ns: int) -> Prog
 
 
 def silent(plan: VehiclePlan, position: VehiclePosition) -> Progress:
-    """Of a vehicle that is not heard any more: what it told last.
-
-    Args:
-        plan: that it followed; one without stops and segments if that is not known.
-        position: that it told last.
-    """
+    """Of a vehicle that is not heard any more: what it told last."""
     if position.cycle is None:
         text = "has not taken its plan" if plan.stops or plan.segments else "had no plan"
         place = position.segment, position.share

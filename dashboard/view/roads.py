@@ -11,11 +11,9 @@ from dashboard.live import Snapshot, published_tolerance_s
 from dashboard.view import labels
 from dashboard.view.model import LIST_FOR_S, RoadView
 from slipstream import freshness
-from slipstream.freshness import age_s
 from slipstream.messages import DispatcherHealth, Gate, SegmentState, StoppedVehicles
 
 KMH_PER_MPS: Final = 3.6
-MAX_STOPPED_LINES: Final = 5
 
 
 @dataclass(frozen=True)
@@ -49,11 +47,7 @@ class RoadData:
     """The latest messages of one watched road.
 
     Attributes:
-        segment: the road.
         watched_by: RSU that says that it watches it; empty: none.
-        states: of each RSU.
-        stopped: of each RSU.
-        gate: of the last cycle; None: it had none.
         flag_since: UTC ns since when the flag of each state is what it is; None: not known.
     """
 
@@ -67,12 +61,7 @@ class RoadData:
     def with_states(
         self, states: Sequence[SegmentState], flag_since: Mapping[tuple[str, str], int]
     ) -> RoadData:
-        """The same road with other states.
-
-        Args:
-            states: of each RSU.
-            flag_since: UTC ns since when flags are what they are, by road and RSU.
-        """
+        """The same road with other states."""
         since = tuple(flag_since.get((self.segment, state.rsu)) for state in states)
         return replace(self, states=tuple(states), flag_since=since)
 
@@ -80,13 +69,7 @@ class RoadData:
 def road_data(
     snapshot: Snapshot, now_ns: int, watching: Mapping[str, str] = MappingProxyType({})
 ) -> dict[str, RoadData]:
-    """The messages by road, of all that are watched, by name.
-
-    Args:
-        snapshot: the latest messages.
-        now_ns: UTC.
-        watching: RSUs by road, where the settings have them; what units tell goes before it.
-    """
+    """The messages by road, of all that are watched, by name."""
     last = snapshot.cycles[-1] if snapshot.cycles else None
     gates = {gate.segment: gate for gate in last.gates} if last else {}
     oldest_ns = now_ns - round(LIST_FOR_S * 1e9)
@@ -115,14 +98,7 @@ def road_data(
 
 
 def road_view(road: RoadData, cycle: int | None, now_ns: int, limits: RoadLimits) -> RoadView:
-    """The view of one road.
-
-    Args:
-        road: its messages.
-        cycle: number of the last cycle.
-        now_ns: UTC.
-        limits: within which its states count.
-    """
+    """The view of one road."""
     decisive = freshness.decisive(
         road.states,
         now_ns,
@@ -141,9 +117,9 @@ def road_view(road: RoadData, cycle: int | None, now_ns: int, limits: RoadLimits
         traffic, code = labels.traffic(state.y_e), state.reason
         pairs = zip(road.states, road.flag_since, strict=False)
         since_ns = next((since for other, since in pairs if other is state), None)
-    speed = cv = variance = vehicles = None
+    speed = cv = vehicles = None
     if state is not None and traffic != "unknown":
-        speed, cv, variance, vehicles = measured(state)
+        speed, cv, vehicles = measured(state)
     gate = road.gate
     return RoadView(
         segment=road.segment,
@@ -152,8 +128,6 @@ def road_view(road: RoadData, cycle: int | None, now_ns: int, limits: RoadLimits
         reason=labels.reason(code),
         speed_kmh=speed,
         cv=cv,
-        acceleration_variance=variance,
-        age_s=None if decisive is None else decisive.age_s,
         gate_cycle=cycle if gate else None,
         gate_open=gate is not None and gate.open,
         gate_reason="" if gate is None or gate.open else labels.gate_reason(gate.y_e, gate.reason),
@@ -166,20 +140,17 @@ def road_view(road: RoadData, cycle: int | None, now_ns: int, limits: RoadLimits
     )
 
 
-def measured(
-    state: SegmentState,
-) -> tuple[float | None, float | None, float | None, int | None]:
-    """Mean speed, km/h, its coefficient of variation, the variance of acceleration, m²/s⁴, and the
-    number of vehicles; None where the state does not tell them, or has no flag.
+def measured(state: SegmentState) -> tuple[float | None, float | None, int | None]:
+    """Mean speed, km/h, its coefficient of variation, and the number of vehicles; None where the
+    state does not tell them, or has no flag.
     """
     if state.y_e is None:
-        return None, None, None, None
+        return None, None, None
     if state.features is None:
-        return None, None, None, state.vehicles
+        return None, None, state.vehicles
     mean_mps, spread_mps = state.features.mean_speed_mps.value, state.features.speed_std_mps.value
     cv = spread_mps / mean_mps if mean_mps > 0 else None
-    variance = state.features.acceleration_variance_m2ps4.value
-    return mean_mps * KMH_PER_MPS, cv, variance, state.vehicles
+    return mean_mps * KMH_PER_MPS, cv, state.vehicles
 
 
 def road_views(snapshot: Snapshot, now_ns: int, limits: RoadLimits) -> tuple[RoadView, ...]:
@@ -193,25 +164,3 @@ def road_views(snapshot: Snapshot, now_ns: int, limits: RoadLimits) -> tuple[Roa
 def open_roads(roads: Collection[RoadView]) -> frozenset[str]:
     """Roads on which platoons may drive close now: an open gate, and traffic still stable."""
     return frozenset(road.segment for road in roads if road.platoons_allowed)
-
-
-def stopped_lines(snapshot: Snapshot, now_ns: int, limits: RoadLimits) -> list[str]:
-    """A line for each segment on which vehicles stand as in no queue, the longest first."""
-    lines = []
-    for _, stopped in sorted(snapshot.stopped.items()):
-        unusual = stopped.unusual
-        if not unusual or limits.fault(stopped.time_ns, now_ns) is not None:
-            continue
-        first, more = unusual[0], len(unusual) - 1
-        lines.append(
-            (
-                first.since_ns,
-                f"A vehicle stands on {stopped.segment}, lane {first.lane + 1} from the right, "
-                f"{first.along_m:.0f} m along, for {age_s(first.since_ns, now_ns):.0f} s"
-                + (f", and {more} more" if more else "")
-                + f"; traffic is {labels.traffic(stopped.y_e)}",
-            )
-        )
-    told = [line for _, line in sorted(lines)]
-    more = len(told) - MAX_STOPPED_LINES
-    return told[:MAX_STOPPED_LINES] + ([f"Vehicles stand on {more} more roads"] if more > 0 else [])

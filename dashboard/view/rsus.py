@@ -26,14 +26,7 @@ def rsu_views(
     *,
     keep: Container[str] = (),
 ) -> tuple[RsuView, ...]:
-    """The units that were heard less than `LIST_FOR_S` ago, by name.
-
-    Args:
-        healths: the latest of each unit.
-        now_ns: UTC.
-        stale_after_s: age above which a unit is silent, s.
-        keep: units that stay listed for as long as they are silent.
-    """
+    """The units that were heard less than `LIST_FOR_S` ago, by name."""
     views = []
     for name, health in sorted(healths.items()):
         age_s = _age_s(health.time_ns, now_ns)
@@ -53,13 +46,9 @@ def rsu_views(
                 status=status,
                 level=level,
                 fps=health.fps if fresh else None,
-                latency_ms_p50=health.latency_ms_p50 if fresh else None,
-                latency_ms_p95=health.latency_ms_p95 if fresh else None,
-                frames_skipped=health.frames_skipped,
+                latency_ms=health.latency_ms_p50 if fresh else None,
                 skipped_share=health.frames_skipped / seen if seen else 0.0,
                 age_s=age_s,
-                segments=health.segments,
-                vehicles_in_view=health.vehicles_in_view,
                 health=health,
             )
         )

@@ -8,7 +8,7 @@ from typing import Final, Literal
 
 from dashboard.live import Snapshot
 from dashboard.view import labels
-from dashboard.view.dispatcher import cycle_problem
+from dashboard.view.dispatcher import SILENT_AFTER_S, cycle_problem
 from dashboard.view.labels import Level
 from dashboard.view.model import RoadView, RsuView, VehicleView
 from slipstream import freshness
@@ -51,7 +51,6 @@ def troubles(
     rsus: Collection[RsuView],
     vans: Collection[VehicleView],
     now_ns: int,
-    silent_after_s: float,
     *,
     settling: bool = False,
     unheard: Iterable[str] = (),
@@ -59,24 +58,14 @@ def troubles(
     """All that is wrong, the worst first.
 
     Where the bus does not answer, silence of all others is no trouble of theirs.
-
-    Args:
-        snapshot: the latest messages.
-        roads: views of the watched roads.
-        rsus: of the roadside units.
-        vans: of the vehicles.
-        now_ns: UTC.
-        silent_after_s: age above which the dispatcher counts as silent, s.
-        settling: the bus has just come back, so that silence still tells nothing.
-        unheard: RSUs of the settings that should have been heard by now and were not.
     """
     found: list[Trouble] = []
-    down = bus_trouble(snapshot, now_ns, silent_after_s)
+    down = bus_trouble(snapshot, now_ns)
     answers = down is None and not settling
     if down is not None:
         found.append(down)
     elif answers:
-        found += _of_dispatcher(snapshot, now_ns, silent_after_s)
+        found += _of_dispatcher(snapshot, now_ns)
     found += _of_database(snapshot)
     for rsu in rsus:
         if rsu.level != "ok" and (answers or rsu.fps is not None):
@@ -103,19 +92,19 @@ def troubles(
     return tuple(sorted(found, key=_rank))
 
 
-def bus_trouble(snapshot: Snapshot, now_ns: int, silent_after_s: float) -> Trouble | None:
+def bus_trouble(snapshot: Snapshot, now_ns: int) -> Trouble | None:
     """That of the bus, or of the network that it runs over; None: it answers.
 
     A router that hangs keeps its links, and zenoh takes 10 s to notice: so silence tells, too.
     """
-    quiet_ns = silent_since_ns(snapshot, now_ns, silent_after_s)
+    quiet_ns = silent_since_ns(snapshot, now_ns)
     if snapshot.connected and quiet_ns is None:
         return None
     mend = "start the router, or mend the network; the page goes on by itself"
     return Trouble("bus", "bad", _BUS, quiet_ns, mend)
 
 
-def silent_since_ns(snapshot: Snapshot, now_ns: int, silent_after_s: float) -> int | None:
+def silent_since_ns(snapshot: Snapshot, now_ns: int) -> int | None:
     """UTC since when none of several senders is heard that were heard until then; None: one is.
 
     Each box may fail by itself, so that the dispatcher, an RSU or the fleet alone is told as such.
@@ -129,9 +118,9 @@ def silent_since_ns(snapshot: Snapshot, now_ns: int, silent_after_s: float) -> i
     )
     heard = [time_ns for time_ns in senders if not freshness.is_ahead(time_ns, now_ns)]
     last_ns = max(heard, default=0)
-    until_then = [at for at in heard if last_ns - at <= silent_after_s * 1e9]
+    until_then = [at for at in heard if last_ns - at <= SILENT_AFTER_S * 1e9]
     quiet_s = freshness.age_s(last_ns, now_ns)
-    return last_ns if len(until_then) > 1 and quiet_s > QUIET_SHARE * silent_after_s else None
+    return last_ns if len(until_then) > 1 and quiet_s > QUIET_SHARE * SILENT_AFTER_S else None
 
 
 def of_alarms(alarms: Iterable[Alarm]) -> Iterator[Trouble]:
@@ -157,14 +146,14 @@ def _rank(trouble: Trouble) -> tuple[int, int, str]:
     return _RANK[trouble.level], place, trouble.subject
 
 
-def _of_dispatcher(snapshot: Snapshot, now_ns: int, silent_after_s: float) -> Iterator[Trouble]:
+def _of_dispatcher(snapshot: Snapshot, now_ns: int) -> Iterator[Trouble]:
     health = snapshot.dispatcher
     mend = "look at its service and its log; vehicles go on by the plans that they have"
     if health is None:
         text = "The dispatcher has not been heard: no plans are made"
         yield Trouble("dispatcher", "bad", text, mend=mend)
         return
-    fault = freshness.fault(health.time_ns, now_ns, stale_after_s=silent_after_s)
+    fault = freshness.fault(health.time_ns, now_ns, stale_after_s=SILENT_AFTER_S)
     if fault == "stale":
         text = "The dispatcher is silent: no plans are made"
         yield Trouble("dispatcher", "bad", text, health.time_ns, mend)

@@ -12,17 +12,8 @@ from dashboard.view.model import LIST_FOR_S, VehicleView
 from dashboard.view.progress import Progress
 from slipstream import freshness
 from slipstream.freshness import age_s
-from slipstream.messages import (
-    CycleReport,
-    PlannedStop,
-    SilentVehicle,
-    VehiclePlan,
-    VehiclePosition,
-)
+from slipstream.messages import CycleReport, SilentVehicle, VehiclePlan, VehiclePosition
 
-COLOURS: Final = 12
-"""Of vehicles on the operator's page."""
-_NAMED: Final = 5
 SILENT_AFTER_S: Final = 15.0
 """Beyond this age of its last position the dispatcher plans nothing for a vehicle, s."""
 
@@ -39,10 +30,7 @@ def vehicle_views(
     ago, and those with open orders, by name, idle ones last.
 
     Args:
-        snapshot: the latest messages.
-        now_ns: UTC in ns.
         open_roads: roads on which platoons may drive close now; on others no plan's platoon is one.
-        fleet: names of all vehicles.
         live: False of a past moment: positions are not stored, and plans that were no longer in
             force have been left out.
     """
@@ -60,31 +48,17 @@ def vehicle_views(
     views = []
     for index, name in enumerate(sorted({*plans, *heard, *fleet})):
         plan = plans.get(name) or _no_plan(name)
-        has_orders = name in loaded
+        has_orders, gone = name in loaded, missed.get(name)
         views.append(
             vehicle_view(
-                snapshot,
-                plan,
-                index,
-                last,
-                now_ns,
-                open_roads,
+                *(snapshot, plan, index, last, now_ns, open_roads),
                 live=live,
                 has_orders=has_orders,
-                missed=missed.get(name),
+                missed=gone,
             )
         )
     # Colours follow the names, so that none changes when a vehicle becomes idle.
     return tuple(sorted(views, key=lambda van: van.idle))
-
-
-def silent_lines(vans: Sequence[VehicleView]) -> list[str]:
-    """What is said of vehicles that have work to do and are silent: nothing where none is."""
-    silent = [van.vehicle for van in vans if van.silence in ("warn", "bad")]
-    if not silent:
-        return []
-    names = ", ".join(silent[:_NAMED]) + (", …" if len(silent) > _NAMED else "")
-    return [f"{labels.plural(len(silent), 'vehicle')} silent, with work to do: {names}"]
 
 
 def _no_plan(vehicle: str) -> VehiclePlan:
@@ -113,38 +87,41 @@ def vehicle_view(
     has_orders: bool = False,
     missed: SilentVehicle | None = None,
 ) -> VehicleView:
-    """The view of one vehicle.
-
-    Args:
-        snapshot: the latest messages.
-        plan: its latest plan.
-        index: of its colour.
-        last: see `last_good`.
-        now_ns: UTC.
-        open_roads: see `vehicle_views`.
-        live: likewise.
-        has_orders: it has orders that have not ended.
-        missed: what the dispatcher tells of it if it is silent: it may have heard it before the
-            page was there.
-    """
+    """The view of one vehicle."""
     position = snapshot.positions.get(plan.vehicle)
+    stale = position is not None and freshness.fault(position.time_ns, now_ns) is not None
+    silent_ns = None
     if position is None and missed is not None:
-        done = progress.missed(plan, missed)
-        return _silent(plan, done, missed.heard_ns, index, now_ns, open_roads, has_orders)
-    if position is None:
-        return _planned(plan, None, index, last, now_ns, open_roads, live=live)
-    followed = plan
-    if position.cycle is not None and position.cycle != plan.cycle:
-        known = snapshot.followed.get(plan.vehicle)
-        same = known is not None and known.cycle == position.cycle
-        followed = known if known is not None and same else _without_route(plan)
-    if freshness.fault(position.time_ns, now_ns) is not None:
-        done = progress.silent(followed, position)
-        view = _silent(followed, done, position.time_ns, index, now_ns, open_roads, has_orders)
-        return replace(view, charge_kwh=position.charge_kwh)
-    if position.cycle is None:
-        return _planned(plan, position, index, last, now_ns, open_roads)
-    return _driving(followed, position, index, now_ns, open_roads)
+        done, silent_ns = progress.missed(plan, missed), missed.heard_ns
+    elif position is None or (position.cycle is None and not stale):
+        plan, done = _of_latest(plan, position, last, now_ns, live)
+    else:
+        if position.cycle is not None and position.cycle != plan.cycle:
+            followed = snapshot.followed.get(plan.vehicle)
+            same = followed is not None and followed.cycle == position.cycle
+            plan = followed if followed is not None and same else _without_route(plan)
+        if stale:
+            done, silent_ns = progress.silent(plan, position), position.time_ns
+        else:
+            done = progress.reported(plan, position, now_ns)
+    silence: Literal["idle", "warn", "bad"] | None = None
+    if silent_ns is not None:
+        silence = "idle"
+        if has_orders or (plan.stops and now_ns <= plan.valid_until_ns):
+            silence = "bad" if abs(age_s(silent_ns, now_ns)) > SILENT_AFTER_S else "warn"
+        if freshness.is_ahead(silent_ns, now_ns):
+            done = replace(done, text=f"its clock is ahead of this one's; {done.text}")
+    follows = position is not None and position.cycle is not None and not stale
+    return VehicleView(
+        colour=index % len(labels.VEHICLE_RGB),
+        plan=plan,
+        open_roads=open_roads,
+        progress=done,
+        expired=now_ns > plan.valid_until_ns and not follows,
+        charge_kwh=None if position is None else position.charge_kwh,
+        silent_ns=silent_ns,
+        silence=silence,
+    )
 
 
 def last_good(cycles: Sequence[CycleReport], now_ns: int) -> CycleReport | None:
@@ -155,152 +132,26 @@ def last_good(cycles: Sequence[CycleReport], now_ns: int) -> CycleReport | None:
     return None
 
 
-def _planned(
+def _of_latest(
     plan: VehiclePlan,
     position: VehiclePosition | None,
-    index: int,
     last: CycleReport | None,
     now_ns: int,
-    open_roads: Container[str],
-    *,
-    live: bool = True,
-) -> VehicleView:
-    """The view of a vehicle that reports to follow no plan, or was never heard: by its latest."""
+    live: bool,
+) -> tuple[VehiclePlan, Progress]:
+    """Plan and progress of a vehicle that reports to follow no plan, or was never heard."""
     left_out = last is not None and plan.cycle != last.cycle and plan.issued_ns < last.started_ns
     unheard = ", never heard" if live and position is None else ""
     if left_out or not (plan.segments or plan.stops):
         since_cycle = left_out and last is not None and plan.issued_ns > 0
-        text = f"no plan in cycle #{last.cycle}" if since_cycle and last else ""
-        activity = f"idle, {text}" if text else "idle"
-        done = progress.idle((text or "has no plan") + unheard, position)
-        plan = _without_route(plan)
-    elif position is not None:
-        done = progress.not_taken(plan, position, now_ns)
-        activity = done.text
-    else:
-        done = progress.planned(plan, now_ns)
-        activity = _activity(plan, now_ns)
-        if done.state == "planned":
-            activity = f"by plan: {activity}"
-        done, activity = replace(done, text=done.text + unheard), activity + unheard
-    return _view(
-        plan,
-        index,
-        activity=activity,
-        done=done,
-        expired=now_ns > plan.valid_until_ns,
-        open_roads=open_roads,
-        charge_kwh=None if position is None else position.charge_kwh,
-    )
-
-
-def _silent(
-    plan: VehiclePlan,
-    done: Progress,
-    heard_ns: int,
-    index: int,
-    now_ns: int,
-    open_roads: Container[str],
-    has_orders: bool,
-) -> VehicleView:
-    """The view of a vehicle that was heard, and is not now: where it was then."""
-    silence: Literal["idle", "warn", "bad"] = "idle"
-    if has_orders or (plan.stops and now_ns <= plan.valid_until_ns):
-        overdue = abs(age_s(heard_ns, now_ns)) > SILENT_AFTER_S
-        silence = "bad" if overdue else "warn"
-    told = f"silent for {labels.duration(age_s(heard_ns, now_ns))}"
-    if freshness.is_ahead(heard_ns, now_ns):
-        told = "its clock is ahead of this one's"
-        done = replace(done, text=f"{told}; {done.text}")
-    return _view(
-        plan,
-        index,
-        activity=f"{told}; {done.text}",
-        done=done,
-        expired=now_ns > plan.valid_until_ns,
-        open_roads=open_roads,
-        silent_ns=heard_ns,
-        silence=silence,
-    )
-
-
-def _driving(
-    plan: VehiclePlan,
-    position: VehiclePosition,
-    index: int,
-    now_ns: int,
-    open_roads: Container[str],
-) -> VehicleView:
-    """The view of a vehicle that reports its position on a plan, which may be an older one."""
-    kmh = 3.6 * position.speed_mps
-    leg = position.leg or 0
-    stops = [stop.stop for stop in plan.stops]
-    if position.on_road:
-        to = "back" if leg + 2 >= len(stops) else f"to {stops[leg + 1]}"
-        activity = f"{to}, {kmh:.0f} km/h" if stops else f"{kmh:.0f} km/h"
-    elif leg > 0 and leg < len(stops):
-        activity = _standing(plan.stops[leg], now_ns)
-    else:
-        wait_s = max(0.0, -age_s(plan.depart_ns, now_ns))
-        activity = f"leaves {labels.relative_time(wait_s)}" if wait_s > 0 else "leaves now"
-    return _view(
-        plan,
-        index,
-        activity=activity,
-        done=progress.reported(plan, position, now_ns),
-        expired=False,
-        open_roads=open_roads,
-        charge_kwh=position.charge_kwh,
-    )
+        text = f"no plan in cycle #{last.cycle}" if since_cycle and last else "has no plan"
+        return _without_route(plan), progress.idle(text + unheard, position)
+    if position is not None:
+        return plan, progress.not_taken(plan, position, now_ns)
+    done = progress.planned(plan, now_ns)
+    return plan, replace(done, text=done.text + unheard)
 
 
 def _without_route(plan: VehiclePlan) -> VehiclePlan:
     nothing = {"stops": (), "segments": (), "distance_m": 0.0, "energy_kwh": 0.0}
     return plan.model_copy(update=nothing)
-
-
-def _view(
-    plan: VehiclePlan,
-    index: int,
-    *,
-    activity: str,
-    done: Progress,
-    expired: bool,
-    open_roads: Container[str],
-    silent_ns: int | None = None,
-    silence: Literal["idle", "warn", "bad"] | None = None,
-    charge_kwh: float | None = None,
-) -> VehicleView:
-    return VehicleView(
-        vehicle=plan.vehicle,
-        rgb=labels.VEHICLE_RGB[index % len(labels.VEHICLE_RGB)],
-        colour=index % COLOURS,
-        plan=plan,
-        open_roads=open_roads,
-        progress=done,
-        activity=activity,
-        expired=expired,
-        charge_kwh=charge_kwh,
-        silent_ns=silent_ns,
-        silence=silence,
-    )
-
-
-def _standing(stop: PlannedStop, now_ns: int) -> str:
-    waits = stop.departure_ns - round(stop.wait_s * 1e9) <= now_ns < stop.departure_ns
-    return f"waits at {stop.stop}" if waits else f"at {stop.stop}"
-
-
-def _activity(plan: VehiclePlan, now_ns: int) -> str:
-    if now_ns > plan.valid_until_ns:
-        return f"plan ran out {labels.relative_time(-age_s(plan.valid_until_ns, now_ns))}"
-    if now_ns < plan.depart_ns:
-        return f"leaves {labels.relative_time(-age_s(plan.depart_ns, now_ns))}"
-    for stop in plan.stops:
-        if now_ns < stop.arrival_ns:
-            return f"{stop.stop} {labels.relative_time(-age_s(stop.arrival_ns, now_ns))}"
-        if now_ns < stop.departure_ns:
-            return _standing(stop, now_ns)
-    if plan.segments and now_ns < plan.segments[-1].exit_ns:
-        return f"back {labels.relative_time(-age_s(plan.segments[-1].exit_ns, now_ns))}"
-    return "done"

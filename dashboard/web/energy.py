@@ -6,13 +6,14 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import fields, replace
 from datetime import datetime, timedelta
 from math import fsum
 from typing import Any, Final, Literal
 from zoneinfo import ZoneInfo
 
-from dashboard.web.tables import rows
+from dashboard.settings import Factors
+from dashboard.web.tables.rows import cycle_energy, sum_row
 from slipstream.energy.ledger import HOUR_NS, EnergySum
 from storage import Reader
 
@@ -26,44 +27,6 @@ _FIGURES: Final = tuple(field.name for field in fields(EnergySum))[1:]
 def zone_of(name: str | None) -> Zone:
     """The zone of a name; None: the machine's."""
     return None if name is None else ZoneInfo(name)
-
-
-@dataclass(frozen=True)
-class Factors:
-    """What a kilowatt hour is worth.
-
-    Attributes:
-        co2_kg_per_kwh: emitted for it.
-        price_per_kwh: in the page's currency.
-    """
-
-    co2_kg_per_kwh: float
-    price_per_kwh: float
-
-
-def sum_row(driven: EnergySum, factors: Factors, baseline: str | None) -> dict[str, Any]:
-    """What was driven in some time, as the page shows it.
-
-    Args:
-        driven: from the ledger.
-        factors: for CO2 and money.
-        baseline: name of the plan that it is held against; None: not known.
-    """
-    saved = driven.baseline_kwh - driven.plan_kwh
-    return {
-        "baseline": baseline,
-        "baseline_kwh": round(driven.baseline_kwh, 3),
-        "plan_kwh": round(driven.plan_kwh, 3),
-        "saved_kwh": round(saved, 3),
-        "saved_share": round(saved / driven.baseline_kwh, 4) if driven.baseline_kwh > 0 else 0.0,
-        "distance_kwh": round(driven.saved_distance_kwh, 3),
-        "drag_kwh": round(driven.saved_drag_kwh, 3),
-        "acceleration_kwh": round(driven.saved_acceleration_kwh, 3),
-        "km": round(driven.distance_m / 1000, 1),
-        "platoon_km": round(driven.platooned_m / 1000, 1),
-        "co2_kg": round(saved * factors.co2_kg_per_kwh, 3),
-        "money": round(saved * factors.price_per_kwh, 2),
-    }
 
 
 def total(parts: Iterable[EnergySum], begin_ns: int) -> EnergySum:
@@ -104,13 +67,7 @@ def by_day(hours: Iterable[EnergySum], zone: Zone) -> list[EnergySum]:
 
 
 class EnergyBook:
-    """Reads the ledger; from any thread. Days that are long over are read once.
-
-    Args:
-        reader: of the database.
-        zone: of days and weeks.
-        factors: for CO2 and money.
-    """
+    """Reads the ledger; from any thread. Days that are long over are read once."""
 
     def __init__(self, reader: Reader, zone: Zone, factors: Factors) -> None:
         self._reader = reader
@@ -150,7 +107,7 @@ class EnergyBook:
             "since": None,
             "last_cycle": None
             if last is None or last.energy is None
-            else rows.energy_sum(last.energy, **asdict(self._factors)),
+            else cycle_energy(last.energy, self._factors),
         }
         whole, since_ns = self._whole(time_ns)
         if since_ns is None:

@@ -9,7 +9,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from dashboard import metrics
-from dashboard.requests import check_names
+from dashboard.requests import check_names, warn_refused
 from slipstream.http.bodies import WITH_BODY, received
 from slipstream.http.guard import answer
 from slipstream.http.problems import Problem
@@ -35,13 +35,7 @@ HEADERS: Final = {
 
 
 class PageGuard:
-    """ASGI middleware around the whole application.
-
-    Args:
-        app: behind it.
-        served: address or name that is served on, in lower case.
-        allowed: further names of the page, in lower case.
-    """
+    """ASGI middleware around the whole application."""
 
     def __init__(self, app: ASGIApp, served: str, allowed: frozenset[str]) -> None:
         self._app, self._served, self._allowed = app, served, allowed
@@ -77,14 +71,7 @@ class PageGuard:
             headers.getlist("host"), headers.getlist("origin"), self._served, self._allowed, local
         )
         if refused is not None:
-            if self._limiter.allow(refused.header):
-                log.warning(
-                    "refused a request for %s %.100a (and %d before): if this is where your proxy "
-                    "serves the page, add the name to allowed_hosts in the dashboard's settings",
-                    refused.header,
-                    refused.value,
-                    self._limiter.suppressed(refused.header),
-                )
+            warn_refused(refused, self._limiter)
             raise Problem(
                 403,
                 f"not served for this {refused.header}",

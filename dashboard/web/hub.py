@@ -101,10 +101,6 @@ class PageHub:
     def publish(self, moment: dict[str, Any], delta: dict[str, Any] | None) -> int:
         """Tell all that follow.
 
-        Args:
-            moment: the whole; it must not be changed any more.
-            delta: what is new in it; None: nothing.
-
         Returns:
             The bytes of the compressed delta.
         """

@@ -9,9 +9,10 @@ import time
 from collections import Counter, OrderedDict
 from collections.abc import AsyncIterator, Callable, Iterator
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Final
 from urllib.parse import unquote
 
+from slipstream.bus.subscriptions import Listener
 from slipstream.errors import InputError
 from slipstream.messages import bare_preview_key, capture_time_ns, preview_key
 
@@ -24,14 +25,6 @@ KEPT_S: Final = 3.0
 """A picture is the latest for so long after it came."""
 GLANCE_S: Final = 5.0
 """Whoever asks for single pictures is taken to look on for so long after each."""
-
-
-class PictureListener(Protocol):
-    """Subscriptions that change; see `slipstream.bus.subscriptions.Listener`."""
-
-    def listen(self, key_expressions: frozenset[str]) -> None:
-        """Receive these keys, and no others."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -53,10 +46,6 @@ class Pictures:
 
     Units draw and send pictures only while somebody subscribes to theirs, so each one is subscribed
     to on its own, and for as long as it is looked at.
-
-    Args:
-        clock_s: a monotonic clock.
-        clock_ns: UTC.
     """
 
     def __init__(
@@ -70,10 +59,10 @@ class Pictures:
         self._latest: OrderedDict[str, tuple[Picture, float]] = OrderedDict()
         self._waiting: dict[str, set[tuple[asyncio.AbstractEventLoop, asyncio.Event]]] = {}
         self._glances: dict[str, tuple[asyncio.TimerHandle, contextlib.ExitStack]] = {}
-        self._listener: PictureListener | None = None
+        self._listener: Listener | None = None
         self._change = threading.Lock()
 
-    def listen_by(self, listener: PictureListener | None) -> None:
+    def listen_by(self, listener: Listener | None) -> None:
         """Set what receives them; None: nothing does any more."""
         with self._change:
             self._listener = listener
@@ -142,12 +131,7 @@ class Pictures:
         self._glances[key] = asyncio.get_running_loop().call_later(GLANCE_S, end), look
 
     async def following(self, key: str, within_s: float) -> AsyncIterator[Picture]:
-        """The pictures of a key as they come; one that is not taken in time is left out.
-
-        Args:
-            key: see `picture_key`.
-            within_s: ends where none comes for so long.
-        """
+        """The pictures of a key as they come; one that is not taken in time is left out."""
         loop, event = asyncio.get_running_loop(), asyncio.Event()
         with self._lock:
             self._waiting.setdefault(key, set()).add((loop, event))

@@ -12,9 +12,10 @@ from datetime import date, datetime, timedelta
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-from dashboard.web.energy import Factors, Zone, by_day, local, midnight_ns, sum_row, total
+from dashboard.html import templates
+from dashboard.settings import Factors
+from dashboard.web.energy import Zone, by_day, local, midnight_ns, total
+from dashboard.web.tables.rows import sum_row
 from slipstream.energy.ledger import HOUR_NS, EnergySum
 from storage import CycleSums, Event, OrderEnd, Reader
 
@@ -40,18 +41,9 @@ class Day:
     """What is stored of a day.
 
     Attributes:
-        day: in the page's zone.
-        begin_ns: UTC of its begin.
-        end_ns: UTC of its end.
         until_ns: UTC up to which it is told of, its end or now.
-        hours: driven, by hour.
         baseline: name of the plan that it is held against; None: nothing was driven.
-        span: first and last moment that is kept; None: nothing is.
-        ends: of orders.
-        cycles: of the dispatcher.
-        alarms: that began in it, worst first.
         more_alarms: whether there were more than are told of.
-        rsus: availability, the worst first; of all that are known.
     """
 
     day: date
@@ -72,13 +64,6 @@ def read_day(
     reader: Reader, day: date, zone: Zone, now_ns: int, watched: Mapping[str, Sequence[str]]
 ) -> Day:
     """Read a day from the database.
-
-    Args:
-        reader: of it.
-        day: in the zone.
-        zone: of the page.
-        now_ns: UTC.
-        watched: roads by RSU.
 
     Raises:
         StorageError: the database cannot be read.
@@ -119,9 +104,7 @@ def availability(
     each counts with its part.
 
     Args:
-        watched: roads by RSU.
         counted: states that came of each road, and those with features.
-        time_s: that they could have come in, s.
     """
     watchers = Counter(road for roads in watched.values() for road in roads)
     found = []
@@ -205,16 +188,7 @@ def _nice(step: float) -> float:
 def report_html(
     day: Day, *, title: str, zone: Zone, factors: Factors, currency: str, now_ns: int
 ) -> str:
-    """The page.
-
-    Args:
-        day: what is stored of it.
-        title: of the operator's page.
-        zone: of its times.
-        factors: for CO2 and money.
-        currency: of the money.
-        now_ns: UTC.
-    """
+    """The page."""
     bars, ticks = chart(day, zone)
     states = Counter(end.state for end in day.ends)
     late = sum(
@@ -279,21 +253,4 @@ def _percent(share: float | None, digits: int = 1) -> str:
     return "–" if share is None else f"{100 * share:.{digits}f}\u202f%"
 
 
-def _shorten(text: str, length: int = 90) -> str:
-    return text if len(text) <= length else text[: length - 1] + "…"
-
-
-def _templates() -> Environment:
-    environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent / "templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        auto_reload=False,
-    )
-    environment.filters |= {"number": _number, "percent": _percent, "shorten": _shorten}
-    return environment
-
-
-_TEMPLATES: Final = _templates()
+_TEMPLATES: Final = templates(Path(__file__).parent / "templates", number=_number, percent=_percent)

@@ -2,55 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Protocol
+from typing import Annotated, Any, Final
 
 from fastapi import Depends, Request
+from fastapi.responses import Response
 
-from dashboard.live import Snapshot
 from dashboard.settings import DashboardSettings
-from dashboard.web.energy import EnergyBook
-from dashboard.web.hub import PageHub
+from dashboard.web.hub import PageHub, encoded
+from dashboard.web.network import network_document
+from dashboard.web.past.stored import StoredPast
 from dashboard.web.pictures import Pictures
-from dashboard.web.tables.rows import Moment, Scene
+from dashboard.web.static_files import StaticFile
+from dashboard.web.tables.rows import Known, Scene
 from dashboard.web.words import Words
 from slipstream.http.problems import Problem
 from storage import Reader
 
-
-@dataclass(frozen=True)
-class Known:
-    """All that is known at one moment.
-
-    Attributes:
-        snapshot: the messages.
-        moment: the page's tables of them.
-        now_ns: UTC.
-    """
-
-    snapshot: Snapshot
-    moment: Moment
-    now_ns: int
-
-
-class Past(Protocol):
-    """Moments that the database keeps."""
-
-    energy: EnergyBook
-
-    def span(self) -> tuple[int, int] | None:
-        """First and last moment that is kept, UTC ns; None: nothing is."""
-        ...
-
-    def watched(self) -> Mapping[str, Sequence[str]]:
-        """Roads by RSU, as far as they are known."""
-        ...
-
-    def at(self, time_ns: int) -> Known:
-        """What was known then. Raises Problem 404 outside of what is kept."""
-        ...
+_NO_PAST: Final = ("no past is kept", "give database_url in the dashboard's settings")
 
 
 @dataclass(frozen=True)
@@ -58,13 +29,8 @@ class PageServices:
     """The page as its routes see it; all of it may be called from any thread.
 
     Attributes:
-        settings: of the dashboard.
-        scene: roads and fleet.
         now: what is known now; of a finished run, at its end.
         hub: what happens, for browsers that follow it; None: a finished run is shown.
-        pictures: of the cameras; None likewise.
-        past: None: there is no database.
-        reader: of the database; None: there is none.
     """
 
     settings: DashboardSettings
@@ -72,7 +38,7 @@ class PageServices:
     now: Callable[[], Known]
     hub: PageHub | None = None
     pictures: Pictures | None = None
-    past: Past | None = None
+    past: StoredPast | None = None
     reader: Reader | None = None
 
     @cached_property
@@ -83,17 +49,32 @@ class PageServices:
     def known(self, t: int | None) -> Known:
         """What is known now, or was at a moment.
 
-        Args:
-            t: UTC of the moment, ms; None: now.
-
         Raises:
             Problem: nothing is kept of that moment.
         """
         if t is None:
             return self.now()
+        return self.stored_past.at(t * 1_000_000)
+
+    @property
+    def stored_past(self) -> StoredPast:
+        """The kept past. Raises Problem 404 where there is none."""
         if self.past is None:
-            raise Problem(404, "no past is kept", "give database_url in the dashboard's settings")
-        return self.past.at(t * 1_000_000)
+            raise Problem(404, *_NO_PAST)
+        return self.past
+
+    @property
+    def stored(self) -> Reader:
+        """The database. Raises Problem 404 where there is none."""
+        if self.reader is None:
+            raise Problem(404, *_NO_PAST)
+        return self.reader
+
+    @cached_property
+    def network(self) -> StaticFile:
+        """The roads as a browser gets them."""
+        document = encoded(network_document(self.scene))
+        return StaticFile.of(document, "application/json")
 
 
 def _services(request: Request) -> PageServices:
@@ -103,3 +84,8 @@ def _services(request: Request) -> PageServices:
 
 Page = Annotated[PageServices, Depends(_services)]
 """A route's parameter of this type is the services."""
+
+
+def as_json(data: Any) -> Response:
+    """An answer of compact JSON."""
+    return Response(encoded(data), media_type="application/json")

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import logging
-import threading
-from collections import OrderedDict
+from functools import lru_cache
 from typing import Final
 
 from slipstream.explain import Explanation, explanation
@@ -17,19 +16,14 @@ KEPT: Final = 16
 
 
 class Words:
-    """The words of stored cycles; from any thread.
-
-    Args:
-        reader: of the database; None: there is none.
-    """
+    """The words of stored cycles; from any thread."""
 
     def __init__(self, reader: Reader | None) -> None:
         self._reader = reader
-        self._lock = threading.Lock()
-        self._kept: OrderedDict[tuple[int, int], Explanation] = OrderedDict()
+        self._kept = lru_cache(KEPT)(self._read)
 
     def of_cycle(self, cycle: int, told_ns: int) -> Explanation | None:
-        """A cycle in words; None: it is not stored, or by a version that this one cannot read.
+        """A cycle in words; None: it is not stored, or not as this version reads it.
 
         Args:
             cycle: its number.
@@ -39,25 +33,17 @@ class Words:
         Raises:
             StorageError: the database cannot be read.
         """
-        key = cycle, told_ns
-        with self._lock:
-            if key in self._kept:
-                self._kept.move_to_end(key)
-                return self._kept[key]
-            found = self._read(cycle)
-            if found is not None:
-                self._kept[key] = found
-            if len(self._kept) > KEPT:
-                self._kept.popitem(last=False)
-            return found
-
-    def _read(self, cycle: int) -> Explanation | None:
-        report = None if self._reader is None else self._reader.cycle(cycle)
-        if self._reader is None or report is None:
-            return None
         try:
-            record = self._reader.cycle_record(cycle)
-            return explanation(report, self._reader.plans(cycle), record)
+            return self._kept(cycle, told_ns)
+        except LookupError:
+            return None
         except ValueError as error:
             log.warning("cycle %d cannot be told in words: %s", cycle, error)
             return None
+
+    def _read(self, cycle: int, told_ns: int) -> Explanation:
+        report = None if self._reader is None else self._reader.cycle(cycle)
+        if self._reader is None or report is None:
+            # Raised, as it is not kept: the cycle may be stored in a moment.
+            raise LookupError(cycle)
+        return explanation(report, self._reader.plans(cycle), self._reader.cycle_record(cycle))

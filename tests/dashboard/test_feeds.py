@@ -6,7 +6,7 @@ import pytest
 
 import storage
 from dashboard.feeds import HistoryFeed
-from dashboard.live import LiveData
+from dashboard.live import HISTORY_CYCLES, LiveData
 from slipstream.errors import InputError
 from slipstream.service import LogLimiter
 
@@ -15,14 +15,15 @@ S = 1_000_000_000
 
 @pytest.fixture
 def live(now_ns) -> LiveData:
-    """Live data that keeps a hundred cycles."""
-    return LiveData(100, lambda: now_ns)
+    """Empty live data."""
+    return LiveData(lambda: now_ns)
 
 
+@pytest.mark.slow
 def test_history_appears_with_the_database(tmp_path, live, world, now_ns):
     """A missing database is no problem; once the dispatcher writes, its cycles and plans show."""
     url = f"sqlite:///{tmp_path}/state/x.db"
-    feed = HistoryFeed(url, live, 100, LogLimiter())
+    feed = HistoryFeed(url, live, LogLimiter())
     feed.refresh()
     assert live.snapshot().cycles == ()
     assert live.snapshot().history_problem is None
@@ -37,9 +38,10 @@ def test_history_appears_with_the_database(tmp_path, live, world, now_ns):
     assert [report.cycle for report in live.snapshot().cycles] == [1, 2]
 
 
+@pytest.mark.slow
 def test_only_new_cycles_are_read(tmp_path, live, world, now_ns, monkeypatch):
     """After the first time only cycles since the last are read; all, where they count anew."""
-    limits = []
+    limits, whole = [], HISTORY_CYCLES
     cycles = storage.Reader.cycles
 
     def spied(self, limit, **options):
@@ -48,9 +50,9 @@ def test_only_new_cycles_are_read(tmp_path, live, world, now_ns, monkeypatch):
 
     monkeypatch.setattr(storage.Reader, "cycles", spied)
     path = tmp_path / "x.db"
-    feed = HistoryFeed(f"sqlite:///{path}", live, 100, LogLimiter())
+    feed = HistoryFeed(f"sqlite:///{path}", live, LogLimiter())
     with storage.open_database(f"sqlite:///{path}") as database:
-        for number, read in ((5, [1, 100]), (6, [1, 1]), (None, [1]), (9, [1, 3])):
+        for number, read in ((5, [1, whole]), (6, [1, 1]), (None, [1]), (9, [1, 3])):
             if number is not None:
                 database.record_cycle(world.cycle(number, now_ns + number * S), [], [])
             feed.refresh()
@@ -61,14 +63,14 @@ def test_only_new_cycles_are_read(tmp_path, live, world, now_ns, monkeypatch):
     with storage.open_database(f"sqlite:///{path}") as database:
         database.record_cycle(world.cycle(1, now_ns + 20 * S), [], [])
     feed.refresh()
-    assert limits == [1, 100]
+    assert limits == [1, whole]
 
 
 def test_an_unreadable_database_is_shown_and_retried(tmp_path, live, world, now_ns):
     """A file that is no database is named on the page until it is mended."""
     path = tmp_path / "x.db"
     path.write_bytes(b"no database" * 1000)
-    feed = HistoryFeed(f"sqlite:///{path}", live, 100, LogLimiter())
+    feed = HistoryFeed(f"sqlite:///{path}", live, LogLimiter())
     feed.refresh()
     assert "not a database" in live.snapshot().history_problem
     path.unlink()
@@ -82,4 +84,4 @@ def test_an_unreadable_database_is_shown_and_retried(tmp_path, live, world, now_
 def test_a_bad_url_is_refused_at_the_start(live):
     """What is no database URL is a user's mistake."""
     with pytest.raises(InputError, match="not a database URL"):
-        HistoryFeed("somewhere.db", live, 100, LogLimiter())
+        HistoryFeed("somewhere.db", live, LogLimiter())

@@ -15,11 +15,9 @@ from slipstream.messages import (
     StoppedVehicles,
     Unserved,
     plan_key,
-    preview_key,
     rsu_health_key,
     state_key,
     stopped_key,
-    with_capture_time,
 )
 from slipstream.roads.admission import refusal
 from slipstream.roads.sumo_net import load_network
@@ -28,9 +26,10 @@ S = 1_000_000_000
 
 
 @pytest.fixture
-def live(now_ns) -> LiveData:
+def live(now_ns, monkeypatch) -> LiveData:
     """Live data that keeps three cycles."""
-    return LiveData(3, lambda: now_ns)
+    monkeypatch.setattr(live_module, "HISTORY_CYCLES", 3)
+    return LiveData(lambda: now_ns)
 
 
 def test_each_kind_arrives(live, world, now_ns):
@@ -42,17 +41,12 @@ def test_each_kind_arrives(live, world, now_ns):
     live.on_plan(plan_key("van-a"), plan.to_bytes())
     live.on_cycle(CYCLE_KEY, cycle.to_bytes())
     live.on_dispatcher_health(DISPATCHER_HEALTH_KEY, dispatcher.to_bytes())
-    live.on_preview(preview_key("rsu/1 ü"), world.jpeg())
     snapshot = live.snapshot()
     assert snapshot.states == {("avenue_east", state.rsu): state}
     assert snapshot.rsus == {health.rsu: health}
     assert snapshot.plans == {"van-a": plan}
     assert snapshot.cycles == (cycle,)
     assert snapshot.dispatcher == dispatcher
-    assert snapshot.previews == {"rsu/1 ü": (world.jpeg(), now_ns)}
-    again = with_capture_time(world.jpeg(), now_ns - 210 * 10**9)
-    live.on_preview(preview_key("rsu/1 ü"), again)
-    assert live.snapshot().previews == {"rsu/1 ü": (again, now_ns - 210 * 10**9)}
 
 
 def test_stopped_vehicles_arrive_in_order(live, now_ns):
@@ -75,7 +69,7 @@ def test_a_state_that_no_gate_would_count_is_not_drawn(world, now_ns):
     """The page admits what the dispatcher admits: a listed RSU's possible figures."""
     rsus = {"rsu-1": ("avenue_east",)}
     network = load_network("demo")
-    live = LiveData(3, lambda: now_ns, lambda state: refusal(state, network, rsus))
+    live = LiveData(lambda: now_ns, lambda state: refusal(state, network, rsus))
     state = world.state("avenue_east")
     for rsu, segment, vehicles in (
         ("rsu-2", "avenue_east", 5),
@@ -99,7 +93,7 @@ def test_stopped_vehicles_are_admitted_as_states_are(now_ns):
     """Not those of an unlisted RSU or segment, nor impossible times, places and speeds."""
     network = load_network("demo")
     rsus = {"rsu-1": ("avenue_east",)}
-    live = LiveData(3, lambda: now_ns, lambda message: refusal(message, network, rsus))
+    live = LiveData(lambda: now_ns, lambda message: refusal(message, network, rsus))
     since_ns = now_ns - 9 * S
     vehicle = StoppedVehicle(lane=1, along_m=40.0, since_ns=since_ns, seen_ns=now_ns - S)
     honest = StoppedVehicles(
@@ -224,10 +218,8 @@ def test_memory_is_bounded(live, world, now_ns, monkeypatch):
     for number in range(20):
         state = world.state("avenue_east", now_ns, rsu=f"rsu-{number}")
         live.on_state(state_key(state.rsu, state.segment), state.to_bytes())
-        live.on_preview(preview_key(f"rsu-{number}"), world.jpeg())
     snapshot = live.snapshot()
     assert [rsu for _, rsu in snapshot.states] == [f"rsu-{number}" for number in range(15, 20)]
-    assert len(snapshot.previews) == live_module.MAX_PREVIEWS
 
 
 def test_messages_under_a_wrong_key_are_refused(live, world):
@@ -240,26 +232,3 @@ def test_messages_under_a_wrong_key_are_refused(live, world):
     with pytest.raises(InputError, match="not a VehiclePlan"):
         live.on_plan(plan_key("van-a"), b"\xff\xfe")
     assert live.snapshot().states == {}
-
-
-@pytest.mark.parametrize(
-    "payload", [b"", b"<svg onload=alert(1)>", b"\xff\xd8\xff truncated", b"\x89PNG\r\n"]
-)
-def test_only_jpegs_are_pictures(live, payload):
-    """Bytes that are no whole JPEG are refused."""
-    with pytest.raises(InputError, match="not a JPEG"):
-        live.on_preview(preview_key("rsu"), payload)
-
-
-def test_huge_pictures_are_refused(live):
-    """A picture beyond the limit is refused."""
-    payload = b"\xff\xd8\xff" + bytes(live_module.MAX_PREVIEW_BYTES) + b"\xff\xd9"
-    with pytest.raises(InputError, match="picture of"):
-        live.on_preview(preview_key("rsu"), payload)
-
-
-@pytest.mark.parametrize("key", ["slipstream/v1/rsu", "slipstream/v1/rsu/a/b/preview", "x"])
-def test_odd_preview_keys_are_refused(live, world, key):
-    """A picture under a key that is no preview key is refused."""
-    with pytest.raises(InputError, match="belongs under"):
-        live.on_preview(key, world.jpeg())

@@ -10,11 +10,12 @@ import viser
 
 from dashboard.live import LiveData, Snapshot
 from dashboard.page import Page
-from dashboard.panels import PanelLayout
+from dashboard.panels.layout import PanelLayout
 from dashboard.scene import RoadMap
 from dashboard.server import start_server, stop_server
 from dashboard.settings import DashboardSettings
-from dashboard.view import build_view
+from dashboard.view.build import build_view
+from dashboard.web.pictures import Pictures
 from slipstream.bus import free_port
 from slipstream.errors import InputError
 
@@ -73,7 +74,7 @@ def _no_tunnel(*_: object) -> None:
     raise AssertionError("a tunnel was opened")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_is_kept_for_new_browsers_does_not_grow(server, world, now_ns):
     """After hundreds of updates, roads and vans coming and going, no more is kept than before."""
     road_map, panels = RoadMap(server, world.network, ("depot",)), PanelLayout(server)
@@ -89,9 +90,8 @@ def test_what_is_kept_for_new_browsers_does_not_grow(server, world, now_ns):
             rsus={name: world.health(name, time_ns) for name in names},
             plans={van: world.plan(van, tick, now_ns + tick // 7 * S) for van in vans},
             cycles=tuple(world.cycle(n, now_ns + n * S) for n in range(max(0, tick - 20), tick)),
-            previews={name: (world.jpeg(tick % 200), time_ns) for name in names},
         )
-        view = build_view(snapshot, time_ns, stale_after_s=5.0, silent_after_s=30.0)
+        view = build_view(snapshot, time_ns, 5.0)
         road_map.update(view)
         panels.update(view)
 
@@ -113,8 +113,8 @@ def test_stops_at_one_junction_share_a_label_and_every_depot_is_marked(server, w
     plan = world.plan("van-a", 1, now_ns)
     stops = tuple(stop.model_copy(update={"node": "c1"}) for stop in plan.stops)
     plan = plan.model_copy(update={"stops": stops})
-    snapshot = Snapshot(states={}, rsus={}, plans={"van-a": plan}, cycles=(), previews={})
-    drawn = road_map.update(build_view(snapshot, now_ns, stale_after_s=5.0, silent_after_s=30.0))
+    snapshot = Snapshot(states={}, rsus={}, plans={"van-a": plan}, cycles=())
+    drawn = road_map.update(build_view(snapshot, now_ns, 5.0))
     names = sorted(stop.stop for stop in stops)
     assert len(names) == 2
     assert [mark.text for mark in drawn.marks if mark.kind == "stop"] == [" + ".join(names)]
@@ -127,11 +127,11 @@ def test_the_server_is_replaced_after_its_updates(world, now_ns, monkeypatch):
     """After so many updates the page goes on being served at its address by a new server."""
     monkeypatch.setattr("dashboard.page.RESTART_AFTER_UPDATES", 8)
     settings = DashboardSettings(scene_port=free_port(), database_url=None)
-    page = Page(settings, world.network, threading.Event())
+    page = Page(settings, world.network, threading.Event(), Pictures())
     try:
         servers = []
         for _ in range(10):
-            page.show(LiveData(2, lambda: now_ns), now_ns)
+            page.show(LiveData(lambda: now_ns), now_ns)
             servers.append(page._server)
             with socket.create_connection((settings.host, settings.scene_port), timeout=60):
                 pass
@@ -147,7 +147,7 @@ def page_due_for_restart(world, monkeypatch):
     monkeypatch.setattr("dashboard.page.RETRY_AFTER_S", (0.01, 0.01, 0.3))
     stopping = threading.Event()
     settings = DashboardSettings(scene_port=free_port(), database_url=None)
-    page = Page(settings, world.network, stopping)
+    page = Page(settings, world.network, stopping, Pictures())
     yield page, settings, stopping
     page.close()
 
@@ -173,7 +173,7 @@ def test_a_port_that_comes_free_late_is_waited_for(page_due_for_restart, now_ns,
     page, settings, _ = page_due_for_restart
     starts = _Refusals(2)
     monkeypatch.setattr("dashboard.page.start_server", starts)
-    page.show(LiveData(2, lambda: now_ns), now_ns)
+    page.show(LiveData(lambda: now_ns), now_ns)
     assert starts.tries == 3
     with socket.create_connection((settings.host, settings.scene_port), timeout=60):
         pass
@@ -186,7 +186,7 @@ def test_a_port_that_is_lost_in_service_is_no_input_error(
     page, _, _ = page_due_for_restart
     monkeypatch.setattr("dashboard.page.start_server", _Refusals(99))
     with pytest.raises(OSError, match="lost during a restart of the web server") as caught:
-        page.show(LiveData(2, lambda: now_ns), now_ns)
+        page.show(LiveData(lambda: now_ns), now_ns)
     assert not isinstance(caught.value, InputError)
 
 
@@ -196,6 +196,6 @@ def test_a_page_that_waits_for_its_port_can_be_stopped(page_due_for_restart, now
     starts = _Refusals(99)
     monkeypatch.setattr("dashboard.page.start_server", starts)
     stopping.set()
-    page.show(LiveData(2, lambda: now_ns), now_ns)
+    page.show(LiveData(lambda: now_ns), now_ns)
     assert (starts.tries, page.clients()) == (1, 0)
     page.close()

@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, Final, cast
+from typing import cast
 
 from dashboard.live import Snapshot
-from dashboard.view import VehicleView
+from dashboard.view.model import VehicleView
 from dashboard.view.roads import open_roads
-from dashboard.view.troubles import Trouble, of_alarms
+from dashboard.view.troubles import of_alarms
 from dashboard.view.vehicles import vehicle_views
 from dashboard.web.past import views
-from dashboard.web.past.facts import Facts
+from dashboard.web.past.views import Facts
 from dashboard.web.tables import rows
 from dashboard.web.tables.levels import raised, worst_by_row
 from dashboard.web.tables.orders import order_row, servings
 from dashboard.web.tables.rows import Moment, Row, Scene, TourRow, ms
+from dashboard.web.tables.tables import status
 from slipstream.messages import Alarm, Severity
 from slipstream.orders import drafting_kwh
 from storage import Event
-
-_RANK: Final = {"bad": 0, "warn": 1}
 
 
 def snapshot_at(facts: Facts) -> Snapshot:
@@ -34,19 +32,13 @@ def snapshot_at(facts: Facts) -> Snapshot:
 
 
 def moment_at(facts: Facts, snapshot: Snapshot, scene: Scene) -> Moment:
-    """The tables of a moment; vehicles are where their plans put them.
-
-    Args:
-        facts: that are stored of it.
-        snapshot: `snapshot_at` of them.
-        scene: roads and fleet.
-    """
+    """The tables of a moment; vehicles are where their plans put them."""
     roads = views.road_views(facts)
     names = {*scene.vehicles, *(record.plan.vehicle for record in facts.plans)}
     vans = vehicle_views(snapshot, facts.time_ns, open_roads(roads), names, live=False)
     partners = rows.platoons(van.plan for van in vans if not van.idle)
     alarms = {str(event.alarm): alarm_at(event, facts.time_ns) for event in facts.alarms}
-    wrong = list(of_alarms(alarms.values()))
+    wrong = sorted(of_alarms(alarms.values()), key=lambda one: one.level != "bad")
     worst = worst_by_row(wrong)
 
     serving = servings(vans, snapshot.plans)
@@ -77,7 +69,7 @@ def moment_at(facts: Facts, snapshot: Snapshot, scene: Scene) -> Moment:
             str(report.cycle): rows.cycle_row(report) for report in facts.cycles[-rows.MAX_CYCLES :]
         },
         "alarms": {name: rows.alarm_row(alarm) for name, alarm in alarms.items()},
-        "status": status(wrong),
+        "status": status(wrong, "No alarm was in force"),
         "energy": facts.energy,
         "next_cycle": None,
         "paused": facts.paused,
@@ -101,17 +93,3 @@ def alarm_at(event: Event, time_ns: int) -> Alarm:
         acknowledged_by=event.acknowledged_by if acknowledged else None,
         acknowledged_ns=acknowledged_ns if acknowledged else None,
     )
-
-
-def status(wrong: Sequence[Trouble]) -> dict[str, Any]:
-    """The banner of a moment: what its alarms told, the worst first."""
-    items = [
-        {"subject": one.subject, "level": one.level, "text": one.text, "since": ms(one.since_ns)}
-        for one in sorted(wrong, key=lambda one: _RANK[one.level])
-    ]
-    return {
-        "level": items[0]["level"] if items else "ok",
-        "text": items[0]["text"] if items else "No alarm was in force",
-        "count": len(items),
-        "items": items,
-    }

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import threading
-from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
-from typing import Final, Generic, TypeVar
+from functools import lru_cache
+from typing import Final
 
 from dashboard.web.energy import EnergyBook
-from dashboard.web.past.facts import ALARMS_BEGAN_S, Facts
 from dashboard.web.past.moment import moment_at, snapshot_at
-from dashboard.web.services import Known
+from dashboard.web.past.views import ALARMS_BEGAN_S, Facts
 from dashboard.web.tables import rows
-from dashboard.web.tables.rows import Scene
+from dashboard.web.tables.rows import Known, Scene
 from slipstream.http.problems import Problem
 from slipstream.messages import CycleReport
 from storage import Reader
@@ -22,17 +21,12 @@ KEPT_MOMENTS: Final = 32
 KEPT_CYCLES: Final = 8
 _STEP_NS: Final = 500_000_000
 """Moments that lie so near to each other are one."""
-_K = TypeVar("_K")
-_V = TypeVar("_V")
 
 
 class StoredPast:
     """Moments that the database keeps; from any thread, one is read at a time.
 
     Args:
-        reader: of the database.
-        scene: roads and fleet.
-        energy: driven and saved.
         rsus: roads by RSU as the settings have them; None: they do not.
         heard: roads by RSU as these tell now.
     """
@@ -49,8 +43,9 @@ class StoredPast:
         self._rsus, self._heard = rsus, heard
         self._seen: dict[str, list[str]] | None = None
         self._lock = threading.Lock()
-        self._moments: _Latest[int, Known] = _Latest(KEPT_MOMENTS)
-        self._cycles: _Latest[int, tuple[CycleReport, ...]] = _Latest(KEPT_CYCLES)
+        self._moment = lru_cache(KEPT_MOMENTS)(self._read)
+        # Whoever plays the past asks for a cycle's moments one after the other.
+        self._cycles = lru_cache(KEPT_CYCLES)(self._read_cycles)
 
     def span(self) -> tuple[int, int] | None:
         """First and last moment that is kept, UTC ns; None: nothing is.
@@ -86,7 +81,7 @@ class StoredPast:
         # The last moment itself must not become a later one.
         time_ns = time_ns // _STEP_NS * _STEP_NS + _STEP_NS - 1
         with self._lock:
-            return self._moments.get(time_ns, lambda: self._read(time_ns))
+            return self._moment(time_ns)
 
     def _read(self, time_ns: int) -> Known:
         span = self._reader.span()
@@ -98,18 +93,15 @@ class StoredPast:
         snapshot = snapshot_at(facts)
         return Known(snapshot, moment_at(facts, snapshot, self._scene), time_ns)
 
+    def _read_cycles(self, number: int) -> tuple[CycleReport, ...]:
+        return self._reader.cycles(rows.MAX_CYCLES, before=number + 1, gates=False)
+
     def _facts(self, time_ns: int) -> Facts:
         reader = self._reader
         number = reader.cycle_at(time_ns)
-        cycles: tuple[CycleReport, ...] = ()
-        if number is not None:
-            # Whoever plays the past asks for a cycle's moments one after the other.
-            cycles = self._cycles.get(
-                number, lambda: reader.cycles(rows.MAX_CYCLES, before=number + 1, gates=False)
-            )
         return Facts(
             time_ns,
-            cycles=cycles,
+            cycles=() if number is None else self._cycles(number),
             plans=reader.plans_at(time_ns),
             orders=reader.orders_at(time_ns, rows.MAX_ORDERS),
             segments=reader.segments_at(time_ns),
@@ -119,20 +111,3 @@ class StoredPast:
             energy=self.energy.at(time_ns),
             watched=self.watched(),
         )
-
-
-class _Latest(Generic[_K, _V]):
-    """The values that were asked for last; not safe between threads."""
-
-    def __init__(self, kept: int) -> None:
-        self._kept = kept
-        self._values: OrderedDict[_K, _V] = OrderedDict()
-
-    def get(self, key: _K, make: Callable[[], _V]) -> _V:
-        """The value of a key, made if it is not kept."""
-        if key not in self._values:
-            self._values[key] = make()
-        self._values.move_to_end(key)
-        if len(self._values) > self._kept:
-            self._values.popitem(last=False)
-        return self._values[key]

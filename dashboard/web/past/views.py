@@ -1,21 +1,70 @@
-"""Views of roads and roadside units at a moment, from gates and roll-ups; pure."""
+"""What the database tells of one moment, and views of roads and roadside units of it; pure."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 from dashboard.view import labels
 from dashboard.view.model import RoadView
 from dashboard.view.places import Places
-from dashboard.web.past.facts import Facts
-from slipstream.messages import KinematicFeatures
-from storage import RollUp, SegmentAt
+from dashboard.web.tables.rows import bare_rsu_row
+from slipstream.messages import CycleReport, VehiclePlan
+from slipstream.orders import IN_FORCE, OrderRecord, PlanRecord
+from storage import Event, RollUp, SegmentAt
 
 KMH_PER_MPS: Final = 3.6
-MAJORITY: Final = 0.5
-"""Share of a minute's states from which on their flag is the road's."""
-FEATURES: Final = KinematicFeatures.__struct_fields__
+ALARMS_BEGAN_S: Final = 14 * 86_400.0
+"""Alarms that began longer before a moment are not looked for, s."""
+ENDED_ALARMS_S: Final = 600.0
+"""For so long an alarm that has ended is listed, s: as the dispatcher does."""
+
+
+@dataclass(frozen=True)
+class Facts:
+    """All that is stored of a moment.
+
+    Attributes:
+        plans: of each vehicle, by vehicle; one may have ended.
+        events: that began before, latest first.
+        watched: roads by RSU, as far as is known now.
+    """
+
+    time_ns: int
+    cycles: Sequence[CycleReport] = ()
+    plans: Sequence[PlanRecord] = ()
+    orders: Sequence[OrderRecord] = ()
+    segments: Sequence[SegmentAt] = ()
+    events: Sequence[Event] = ()
+    energy: Mapping[str, Any] | None = None
+    watched: Mapping[str, Sequence[str]] = field(default_factory=dict)
+
+    @property
+    def plans_in_force(self) -> dict[str, VehiclePlan]:
+        """The plans that vehicles followed then, by vehicle."""
+        return {
+            record.plan.vehicle: record.plan for record in self.plans if record.status in IN_FORCE
+        }
+
+    @property
+    def alarms(self) -> list[Event]:
+        """Alarms in force then, or ended less than `ENDED_ALARMS_S` before."""
+        oldest_ns = self.time_ns - round(ENDED_ALARMS_S * 1e9)
+        return [
+            event
+            for event in self.events
+            if event.alarm is not None and (event.ended_ns is None or event.ended_ns > oldest_ns)
+        ]
+
+    @property
+    def paused(self) -> bool:
+        """Whether the dispatcher was paused, as its alarm told."""
+        return any(event.kind == "paused" and self.in_force(event) for event in self.alarms)
+
+    def in_force(self, alarm: Event) -> bool:
+        """Whether an alarm had not ended."""
+        return alarm.ended_ns is None or alarm.ended_ns > self.time_ns
 
 
 def road_views(facts: Facts) -> list[RoadView]:
@@ -32,7 +81,7 @@ def road_view(at: SegmentAt, rsu: str, cycle: int | None) -> RoadView:
     """A road: its flag is that of most states of the minute; without them that of its gate."""
     gate, rollup = at.gate, at.rollup
     traffic, code = labels.traffic(gate.y_e), gate.reason
-    speed = cv = variance = vehicles = None
+    speed = cv = vehicles = None
     if rollup is not None:
         # An hour says nothing of a moment's flag.
         if rollup.period_s == 60:
@@ -44,7 +93,6 @@ def road_view(at: SegmentAt, rsu: str, cycle: int | None) -> RoadView:
             if mean_mps is not None:
                 speed = mean_mps * KMH_PER_MPS
                 cv = mean["speed_std_mps"] / mean_mps if mean_mps > 0 else None
-            variance = mean.get("acceleration_variance_m2ps4")
     if traffic == "unknown" and code is None and rollup is None:
         code = "missing"
     return RoadView(
@@ -54,8 +102,6 @@ def road_view(at: SegmentAt, rsu: str, cycle: int | None) -> RoadView:
         reason=labels.reason(code) if traffic == "unknown" else "",
         speed_kmh=speed,
         cv=cv,
-        acceleration_variance=variance,
-        age_s=None,
         gate_cycle=cycle,
         gate_open=gate.open,
         gate_reason="" if gate.open else labels.gate_reason(gate.y_e, gate.reason),
@@ -65,10 +111,10 @@ def road_view(at: SegmentAt, rsu: str, cycle: int | None) -> RoadView:
 
 
 def majority(rollup: RollUp) -> labels.Traffic:
-    """The flag of most states; unknown where neither is."""
-    if rollup.stable_share >= MAJORITY:
+    """What most states of a minute said; one that most did not judge is unknown."""
+    if rollup.stable * 2 > rollup.count:
         return "stable"
-    return "turbulent" if rollup.turbulent_share >= MAJORITY else "unknown"
+    return "turbulent" if rollup.turbulent * 2 >= rollup.count else "unknown"
 
 
 def rsu_rows(facts: Facts, places: Places) -> dict[str, dict[str, Any]]:
@@ -87,19 +133,5 @@ def _rsu_row(roads: Sequence[str], came: Mapping[str, RollUp], places: Places) -
         status, level = "silent", "bad"
     elif not any(rollup.measured for rollup in heard):
         status, level = "measures nothing", "warn"
-    middle = places.middle(tuple(roads))
-    return {
-        "x": None if middle is None else round(middle[0], 1),
-        "y": None if middle is None else round(middle[1], 1),
-        "status": status,
-        "level": level,
-        "why": None if level == "ok" else status,
-        "fps": None,
-        "latency_ms": None,
-        "skipped_share": None,
-        "faults": None,
-        "segments": list(roads),
-        "vehicles": round(sum(rollup.vehicles_mean for rollup in heard)) if heard else None,
-        "seen": None,
-        "picture": False,
-    }
+    vehicles = round(sum(rollup.vehicles_mean for rollup in heard)) if heard else None
+    return bare_rsu_row(roads, places, status, level) | {"vehicles": vehicles}

@@ -20,10 +20,8 @@ class Action(Settings):
     """What somebody asks for.
 
     Attributes:
-        action: what.
         subject: `dispatcher`, `order/ID` or `alarm/ID`.
         vehicle: to pin an order to; None: the one whose plan has it.
-        reason: in words, handed on to the dispatcher; None: none was given.
     """
 
     action: Kind
@@ -61,39 +59,29 @@ class ActionCall:
 
 def call_of(action: Action) -> ActionCall:
     """The call that does what is asked for."""
-    name = quote(action.name, safe="")
-    told = {"vehicle": action.vehicle, "reason": action.reason}
-    body: dict[str, object] | None = {k: v for k, v in told.items() if v is not None} or None
-    match action.action:
-        case "pause" | "resume":
-            return ActionCall("POST", f"/v1/control/{action.action}", body)
-        case "solve":
-            return ActionCall("POST", "/v1/control/cycle", body)
-        case "pin":
-            return ActionCall("POST", f"/v1/orders/{name}/pin", body)
-        case "release":
-            return ActionCall("POST", f"/v1/orders/{name}/release", body)
-        case "cancel":
-            return ActionCall("DELETE", f"/v1/orders/{name}", body)
-        case "acknowledge":
-            return ActionCall("POST", f"/v1/alarms/{name}/acknowledge", body)
+    method, path, _ = _CALLS[action.action]
+    given = {"vehicle": action.vehicle, "reason": action.reason}
+    body: dict[str, object] = {k: v for k, v in given.items() if v is not None}
+    return ActionCall(method, path.format(quote(action.name, safe="")), body or None)
 
 
 def told(action: Action) -> str:
     """What has been done, for people."""
-    match action.action:
-        case "pause":
-            return "The dispatcher is paused: no new cycles until it is resumed."
-        case "resume":
-            return "The dispatcher goes on."
-        case "solve":
-            return "A cycle begins now."
-        case "pin":
-            to = f"to {action.vehicle}" if action.vehicle else "to the vehicle whose plan has it"
-            return f"Order {action.name} is locked {to}."
-        case "release":
-            return f"Order {action.name} may go to any vehicle."
-        case "cancel":
-            return f"Order {action.name} is cancelled."
-        case "acknowledge":
-            return "The alarm is acknowledged."
+    to = f"to {action.vehicle}" if action.vehicle else "to the vehicle whose plan has it"
+    return _CALLS[action.action][2].format(action.name, to)
+
+
+_CALLS: Final[dict[Kind, tuple[str, str, str]]] = {
+    "pause": (
+        "POST",
+        "/v1/control/pause",
+        "The dispatcher is paused: no new cycles until it is resumed.",
+    ),
+    "resume": ("POST", "/v1/control/resume", "The dispatcher goes on."),
+    "solve": ("POST", "/v1/control/cycle", "A cycle begins now."),
+    "pin": ("POST", "/v1/orders/{}/pin", "Order {} is locked {}."),
+    "release": ("POST", "/v1/orders/{}/release", "Order {} may go to any vehicle."),
+    "cancel": ("DELETE", "/v1/orders/{}", "Order {} is cancelled."),
+    "acknowledge": ("POST", "/v1/alarms/{}/acknowledge", "The alarm is acknowledged."),
+}
+"""Method and path of each call, and what it did: of which order, and to which vehicle."""

@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from dashboard.live import Snapshot
+from dashboard.settings import Factors
 from dashboard.view import labels
+from dashboard.web.past.views import majority
 from dashboard.web.routes.vehicle_parts import Part, sentence
-from dashboard.web.services import Known
 from dashboard.web.tables import rows
-from dashboard.web.tables.rows import ms
+from dashboard.web.tables.rows import Known, ms
 from slipstream import freshness
 from slipstream.explain import Explanation
 from slipstream.messages import CameraCalibration, CycleReport, SegmentState
@@ -80,12 +81,7 @@ def features(road: str, known: Known) -> list[Part]:
 
 
 def features_of_minute(minutes: Sequence[RollUp], time_ns: int) -> list[Part]:
-    """The same of a past moment: means of its minute. Errors and limits are not stored.
-
-    Args:
-        minutes: of the road, oldest first.
-        time_ns: UTC.
-    """
+    """The same of a past moment: means of its minute. Errors and limits are not stored."""
     minute = next(
         (one for one in minutes if one.began_ns <= time_ns < one.began_ns + one.period_s * 10**9),
         None,
@@ -134,7 +130,7 @@ def hour(minutes: Sequence[RollUp]) -> Part:
                 _rolled(minute, feature, which, factor, digits, share=name == "cv")
                 for minute in minutes
             ]
-    return told | {"flag": [_flag(minute) for minute in minutes]}
+    return told | {"flag": [majority(minute) for minute in minutes]}
 
 
 def _rolled(
@@ -146,13 +142,6 @@ def _rolled(
         return None
     value: float = getattr(spread, which)
     return round(value * factor / (speed.mean if share and speed is not None else 1.0), digits)
-
-
-def _flag(minute: RollUp) -> str:
-    """What most states of a minute said; one that most did not judge is unknown."""
-    if minute.stable * 2 > minute.count:
-        return "stable"
-    return "turbulent" if minute.turbulent * 2 >= minute.count else "unknown"
 
 
 def refused(road: str, known: Known) -> list[Part]:
@@ -202,15 +191,7 @@ def rsu_facts(rsu: str, snapshot: Snapshot) -> Part:
         "decode_errors": told.get("decode_errors"),
         "reconnects": told.get("reconnects"),
         "rss_mb": told.get("rss_mb"),
-        "reception": None
-        if reception is None
-        else {
-            "received": reception.received,
-            "missed": reception.missed,
-            "duplicates": reception.duplicates,
-            "out_of_order": reception.out_of_order,
-            "delay_s": reception.delay_s,
-        },
+        "reception": None if reception is None else reception.model_dump(exclude={"rsu"}),
         "calibration": None if health is None else _calibration(health.calibration),
     }
 
@@ -250,22 +231,14 @@ def order_facts(order: OrderRecord | None) -> Part:
     }
 
 
-def cycle_card(
-    report: CycleReport, factors: Mapping[str, float], words: Explanation | None
-) -> Part:
-    """All about a cycle.
-
-    Args:
-        report: of it.
-        factors: keyword arguments of `rows.energy_sum`.
-        words: of it; None: they are not stored.
-    """
-    energy = None if report.energy is None else rows.energy_sum(report.energy, **factors)
+def cycle_card(report: CycleReport, factors: Factors, words: Explanation | None) -> Part:
+    """All about a cycle."""
+    energy = None if report.energy is None else rows.cycle_energy(report.energy, factors)
     return {
         "n": report.cycle,
         **rows.cycle_row(report),
         "solvers": [run.model_dump(mode="json") for run in report.solvers],
-        "unserved": [{"stop": one.stop, "reason": one.reason} for one in report.unserved],
+        "unserved": [one.model_dump(mode="json") for one in report.unserved],
         "energy": energy,
         "explain": None
         if words is None

@@ -8,10 +8,10 @@ from typing import Annotated, Any, Final, TypeVar
 from fastapi import APIRouter, Query
 from fastapi.responses import Response
 
-from dashboard.web.hub import encoded
 from dashboard.web.routes import card_parts as parts
 from dashboard.web.routes import vehicle_parts
-from dashboard.web.services import Known, Page, PageServices
+from dashboard.web.services import Page, PageServices, as_json
+from dashboard.web.tables.rows import Known
 from slipstream.http.problems import Problem
 from storage import Reader
 
@@ -36,7 +36,7 @@ def vehicle_card(page: Page, vehicle: str, t: T = None) -> Response:
     reports = known.snapshot.cycles
     words = None if plan is None else page.words.of_cycle(plan.cycle, plan.issued_ns)
     told = None if words is None else words.of_vehicle(vehicle)
-    return _json(
+    return as_json(
         {
             "id": vehicle,
             **row,
@@ -62,7 +62,7 @@ def road_card(page: Page, road: str, t: T = None) -> Response:
         raise Problem(404, f"no road {road[:200]} is here", "ask for one of the network's")
     begin_ns, end_ns = known.now_ns - HOUR_NS, known.now_ns + 1
     minutes = _stored(page, lambda reader: reader.rollups(road, begin_ns, end_ns), ())
-    return _json(
+    return as_json(
         {
             "id": road,
             **(row or {}),
@@ -82,7 +82,7 @@ def rsu_card(page: Page, rsu: str, t: T = None) -> Response:
     """All about a roadside unit."""
     known = page.known(t)
     row = row_of(known, "rsus", rsu)
-    return _json({"id": rsu, **row, **parts.rsu_facts(rsu, known.snapshot)})
+    return as_json({"id": rsu, **row, **parts.rsu_facts(rsu, known.snapshot)})
 
 
 @router.get("/orders/{order:path}")
@@ -92,7 +92,7 @@ def order_card(page: Page, order: str, t: T = None) -> Response:
     row = row_of(known, "orders", order)
     changes = _stored(page, lambda reader: reader.order_changes(order), ())
     record = next((one for one in known.snapshot.orders if one.order == order), None)
-    return _json(
+    return as_json(
         {
             "id": order,
             **row,
@@ -115,7 +115,7 @@ def cycle_card(page: Page, number: int) -> Response:
     if report is None:
         raise Problem(404, f"cycle {number} is not kept", "ask for one of the table's")
     words = page.words.of_cycle(number, report.started_ns)
-    return _json(parts.cycle_card(report, page.settings.energy_factors, words))
+    return as_json(parts.cycle_card(report, page.settings.factors, words))
 
 
 def row_of(known: Known, table: str, name: str) -> dict[str, Any]:
@@ -129,7 +129,3 @@ def row_of(known: Known, table: str, name: str) -> dict[str, Any]:
 def _stored(page: PageServices, read: Callable[[Reader], _V | Sequence[Any]], nothing: Any) -> Any:
     """What the database has; nothing without one."""
     return nothing if page.reader is None else read(page.reader)
-
-
-def _json(data: object) -> Response:
-    return Response(encoded(data), media_type="application/json")

@@ -11,9 +11,8 @@ from fastapi import APIRouter, Header, Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import Response
 
-from dashboard.web.hub import encoded
 from dashboard.web.routes.actions import Action, ActionCall, call_of, told
-from dashboard.web.services import Page
+from dashboard.web.services import Page, as_json
 from slipstream.config import check, parse_json
 from slipstream.errors import InputError
 from slipstream.http.client import Answer, ApiClient
@@ -68,7 +67,7 @@ async def act(
     _log(action, remote, answer)
     if answer.status >= 400:
         raise _refusal(answer)
-    return Response(encoded({"text": text}), media_type="application/json")
+    return as_json({"text": text})
 
 
 def _call(client: ApiClient, call: ActionCall, token: str) -> Answer:

@@ -74,12 +74,7 @@ _ROWS_A_PART: Final = 500
 
 
 def csv_parts(table: str, rows: Iterable[tuple[str, Mapping[str, Any]]]) -> Iterator[bytes]:
-    """A table as CSV with a header, UTF-8, in parts.
-
-    Args:
-        table: one of `TABLES`.
-        rows: id and fields of each.
-    """
+    """A table as CSV with a header, UTF-8, in parts."""
     columns = TABLES[table]
     buffer = io.StringIO()
     writer = csv.writer(buffer)

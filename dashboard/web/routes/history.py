@@ -14,16 +14,14 @@ from fastapi.responses import HTMLResponse, Response, StreamingResponse
 from pydantic import Field
 
 from dashboard.web import report
-from dashboard.web.energy import DAY_NS, Factors, local, zone_of
-from dashboard.web.hub import encoded
+from dashboard.web.energy import DAY_NS, local, zone_of
 from dashboard.web.routes import export
 from dashboard.web.routes.cards import T
-from dashboard.web.services import Page, PageServices, Past
+from dashboard.web.services import Page, PageServices, as_json
 from dashboard.web.tables.rows import TABLES
 from slipstream.config import Settings, check, parse_json
 from slipstream.errors import InputError
 from slipstream.http.problems import Problem, from_input_error
-from storage import Reader
 
 HOURS_BACK_NS: Final = 7 * DAY_NS
 """Energy by hour goes so far back where no begin is asked for; by day it goes to the start."""
@@ -50,7 +48,7 @@ def past(page: Page) -> Response:
     span = None if page.past is None else page.past.span()
     first, last = span or (None, None)
     # Up to the full millisecond within the range.
-    return _json(
+    return as_json(
         {
             "first": None if first is None else -(-first // 10**6),
             "last": None if last is None else last // 10**6,
@@ -61,13 +59,13 @@ def past(page: Page) -> Response:
 @router.get("/api/at")
 def at(page: Page, t: Annotated[int, Query(ge=0, lt=2**53, description="UTC, ms.")]) -> Response:
     """A moment of the past."""
-    return _json(page.known(t).moment)
+    return as_json(page.known(t).moment)
 
 
 @router.get("/api/energy")
 def energy(page: Page, by: By = "hour", begin: From = None, until: Until = None) -> Response:
     """Energy by hour or day."""
-    return _json({"rows": _energy_rows(page, by, begin, until)})
+    return as_json({"rows": _energy_rows(page, by, begin, until)})
 
 
 @router.get("/report")
@@ -75,7 +73,7 @@ def day_report(
     page: Page, day: Annotated[date | None, Query(description="As 2026-11-23.")] = None
 ) -> HTMLResponse:
     """A day on one page, to be printed."""
-    reader, stored = _reader(page), _past(page)
+    reader, stored = page.stored, page.stored_past
     settings, zone = page.settings, zone_of(page.settings.time_zone)
     now_ns = time.time_ns()
     if day is None:
@@ -90,7 +88,7 @@ def day_report(
         found,
         title=settings.title,
         zone=zone,
-        factors=Factors(**settings.energy_factors),
+        factors=settings.factors,
         currency=settings.currency,
         now_ns=now_ns,
     )
@@ -149,7 +147,7 @@ def _csv(
 def _energy_rows(
     page: PageServices, by: Literal["hour", "day"], begin: int | None, until: int | None
 ) -> list[dict[str, Any]]:
-    stored = _past(page)
+    stored = page.stored_past
     end_ns = (stored.span() or (0, time.time_ns()))[1] + 1 if until is None else until * 10**6
     if begin is not None:
         begin_ns = begin * 10**6
@@ -158,19 +156,3 @@ def _energy_rows(
     if by == "hour" and end_ns - begin_ns > MAX_HOURS_NS:
         raise Problem(422, "more than 100 days by hour", "ask for them by day", field="by")
     return stored.energy.rows(begin_ns, end_ns, by)
-
-
-def _past(page: PageServices) -> Past:
-    if page.past is None:
-        raise Problem(404, "no past is kept", "give database_url in the dashboard's settings")
-    return page.past
-
-
-def _reader(page: PageServices) -> Reader:
-    if page.reader is None:
-        raise Problem(404, "no past is kept", "give database_url in the dashboard's settings")
-    return page.reader
-
-
-def _json(data: object) -> Response:
-    return Response(encoded(data), media_type="application/json")

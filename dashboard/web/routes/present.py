@@ -11,7 +11,7 @@ from typing import Any, Final
 from dashboard import metrics
 from dashboard.live import LiveData, Snapshot
 from dashboard.web.hub import PageHub
-from dashboard.web.services import Known
+from dashboard.web.tables.rows import Known
 from dashboard.web.tables.tables import PageTables
 from slipstream.service import LogLimiter
 
@@ -31,15 +31,7 @@ BEAT_S: Final = 2.0
 
 
 class Present(threading.Thread):
-    """Brings `tables` up to `live` until it is stopped.
-
-    Args:
-        live: the latest messages.
-        tables: of the page.
-        hub: told of changes.
-        connected: whether the bus answers.
-        energy: see `PageTables.update`; None: not known.
-    """
+    """Brings `tables` up to `live` until it is stopped."""
 
     def __init__(
         self,
@@ -79,7 +71,7 @@ class Present(threading.Thread):
 
     def update(self, now_ns: int) -> None:
         """Bring the tables up to the latest messages, and tell browsers."""
-        self._live.set_connected(self._connected())
+        self._live.tell(connected=self._connected())
         snapshot = self._live.snapshot()
         delta = self._tables.update(snapshot, now_ns, energy=self._energy())
         self._snapshot, self._now_ns = snapshot, now_ns

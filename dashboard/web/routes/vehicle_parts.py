@@ -8,8 +8,7 @@ from typing import Any, Final
 
 from dashboard.live import Snapshot
 from dashboard.view import labels
-from dashboard.web.services import Known
-from dashboard.web.tables.rows import Rows, Scene, ms
+from dashboard.web.tables.rows import Known, Rows, Scene, ms
 from slipstream.explain import Explanation
 from slipstream.messages import CycleReport, PlannedSegment, PlannedStop, VehiclePlan
 from slipstream.orders import PlanRecord, drafting_kwh
@@ -30,15 +29,7 @@ def plan_of(snapshot: Snapshot, vehicle: str, cycle: int) -> VehiclePlan | None:
 def plan_card(
     plan: VehiclePlan, row: Part, scene: Scene, orders: Rows, records: Sequence[PlanRecord]
 ) -> Part:
-    """A plan as a timeline.
-
-    Args:
-        plan: the plan.
-        row: of its vehicle.
-        scene: the roads.
-        orders: rows.
-        records: of the vehicle's stored plans.
-    """
+    """A plan as a timeline."""
     ahead = _ahead(plan, row)
     saved_kwh = drafting_kwh(records).get((plan.vehicle, plan.cycle))
     return {
@@ -101,13 +92,7 @@ def _segment(part: PlannedSegment) -> Part:
 def why_route(
     plan: VehiclePlan, reports: Sequence[CycleReport], told: Explanation | None
 ) -> list[str]:
-    """Why a vehicle has this route, as far as plan and cycle tell.
-
-    Args:
-        plan: of the vehicle.
-        reports: of cycles.
-        told: the vehicle in its cycle's words; None: nothing is stored of it.
-    """
+    """Why a vehicle has this route, as far as plan and cycle tell."""
     if told is not None and told.vehicles[0].account is not None:
         own = told.vehicles[0]
         return [sentence(line) for line in own.lines if line not in own.platoons]

@@ -9,12 +9,7 @@ export class Problem extends Error {
   }
 }
 
-/**
- * The JSON of an answer.
- * @param {string} url
- * @param {RequestInit} [options]
- * @returns {Promise<any>}
- */
+/** The JSON of an answer. @param {string} url @param {RequestInit} [options] @returns {Promise<any>} */
 export async function getJson(url, options = {}) {
   const answer = await fetch(url, options).catch((error) => {
     // A browser says it in its own words, as "Failed to fetch".

@@ -9,11 +9,7 @@ const BOTTOM = 18;
 /** Half the width of an interval that has no neighbour. */
 const ALONE_PX = 3;
 
-/**
- * Round values that span a range.
- * @param {number} low @param {number} high @param {number} [wanted] about how many
- * @returns {number[]}
- */
+/** Round values that span a range. @param {number} low @param {number} high @param {number} [wanted] about how many @returns {number[]} */
 export function ticks(low, high, wanted = 3) {
   if (!(high > low)) return [low];
   const rough = (high - low) / wanted;
@@ -24,10 +20,7 @@ export function ticks(low, high, wanted = 3) {
   return found;
 }
 
-/**
- * Texts of round values: as many digits as tell neighbours apart.
- * @param {number[]} values evenly spaced
- */
+/** Texts of round values: as many digits as tell neighbours apart. @param {number[]} values evenly spaced */
 export function tickTexts(values) {
   const step = values.length > 1 ? values[1] - values[0] : Math.abs(values[0] ?? 0) || 1;
   const digits = Math.min(12, Math.max(0, -Math.floor(Math.log10(step) + 1e-9)));

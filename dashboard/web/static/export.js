@@ -3,11 +3,7 @@
 import { Problem } from "./api.js";
 import { h } from "./dom.js";
 
-/**
- * Has the server write the rows, in their order, and saves the file.
- * @param {string} url of the whole table's CSV
- * @param {string[]} ids
- */
+/** Has the server write the rows, in their order, and saves the file. @param {string} url of the whole table's CSV @param {string[]} ids */
 export async function saveRows(url, ids) {
   const answer = await fetch(url, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ ids }) });
   if (!answer.ok) throw new Problem(answer.status, await answer.json().catch(() => ({})));

@@ -15,7 +15,6 @@ import { counts, drawGlance } from "./glance.js";
 import { Header } from "./header.js";
 import { MapPanel, onMap } from "./map_panel.js";
 import { showPictures } from "./pictures.js";
-import { makePrintable } from "./print.js";
 import { KINDS, Router, hashOf, parseSubject } from "./router.js";
 import { Search } from "./search.js";
 import { makeSplitter } from "./splitter.js";
@@ -73,7 +72,6 @@ class Page {
       onStay: () => this._address(false),
     });
     showPictures(format);
-    makePrintable(this);
     makeSplitter(byId("splitter"), byId("main"));
   }
 

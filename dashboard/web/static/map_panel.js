@@ -62,9 +62,6 @@ export class MapPanel {
     if (this.selection && onMap(this.selection)) this.map?.show(this.selection.kind, this.selection.id);
   }
 
-  /** Light colours for paper, or those of the page again. @param {boolean} light */
-  print(light) { if (light) this.map?.setTheme("light"); else this._theme(); }
-
   _theme() { this.map?.setTheme(document.documentElement.dataset.theme === "dark" ? "dark" : "light"); }
 
   async _export() {

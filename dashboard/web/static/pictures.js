@@ -16,10 +16,7 @@ export function pictureParts(id) {
   return [h("img", { alt: `Picture of ${id}`, hidden: true }), h("p.wait", {}, "Waiting for a picture…"), h("p.age", { hidden: true })];
 }
 
-/**
- * Keeps all figures with `data-picture` up that are in view.
- * @param {import("./format.js").Format} format
- */
+/** Keeps all figures with `data-picture` up that are in view. @param {import("./format.js").Format} format */
 export function showPictures(format) {
   let turn = 0;
   const work = async () => {

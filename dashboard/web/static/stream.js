@@ -37,26 +37,17 @@ export class LiveStream {
     this.url = url;
     this.handlers = handlers;
     this.failures = 0;
-    this.stopped = false;
     addEventListener("online", () => this._now?.());
     this._run();
   }
 
-  /** Ends it for good. */
-  stop() {
-    this.stopped = true;
-    this.abort?.abort();
-  }
-
   async _run() {
-    while (!this.stopped) {
-      this.abort = new AbortController();
+    for (;;) {
       try {
-        await this._read(this.abort);
+        await this._read(new AbortController());
       } catch (error) {
         if (!(error instanceof TypeError) && error?.name !== "AbortError") console.warn(`live stream: ${error}`);
       }
-      if (this.stopped) return;
       this.handlers.onState(false);
       const wait = RETRY_MS[Math.min(this.failures, RETRY_MS.length - 1)];
       this.failures += 1;

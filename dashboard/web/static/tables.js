@@ -5,8 +5,6 @@ import { RowOrder } from "./rows.js";
 
 export const ROW_PX = 28;
 const SPARE_ROWS = 6;
-/** Room of a table on paper: A4 or Letter, lying. */
-const PAPER_PX = 965;
 
 /** One table with sorting, filtering and a selection. */
 export class DataTable {
@@ -117,17 +115,9 @@ export class DataTable {
     else if (top + ROW_PX > this.scroller.scrollTop + room) this.scroller.scrollTop = top + ROW_PX - room;
   }
 
-  /** Draws all rows, for paper; or those in view again. @param {boolean} whole */
-  print(whole) {
-    if (Boolean(this.whole) === whole) return;
-    this.whole = whole;
-    this.room = undefined;
-    this._fit();
-  }
-
   /** Leaves to the card what there is no room for. */
   _fit() {
-    const room = this.whole ? PAPER_PX : this.scroller.clientWidth;
+    const room = this.scroller.clientWidth;
     if (!room || room === this.room) return this._draw();
     this.room = room;
     let used = 0;
@@ -168,9 +158,9 @@ export class DataTable {
     setText(this.none, this.rows.size ? "Nothing matches the filter." : this.options.empty);
     this.table.setAttribute("aria-rowcount", String(ids.length + 1));
     const height = this.scroller.clientHeight;
-    if (!(height || this.whole) || !this.columns.length) return;
-    const first = this.whole ? 0 : clamp(Math.floor(this.scroller.scrollTop / ROW_PX) - SPARE_ROWS, 0, Math.max(0, ids.length - 1));
-    const last = this.whole ? ids.length : Math.min(ids.length, first + Math.ceil(height / ROW_PX) + 2 * SPARE_ROWS);
+    if (!height || !this.columns.length) return;
+    const first = clamp(Math.floor(this.scroller.scrollTop / ROW_PX) - SPARE_ROWS, 0, Math.max(0, ids.length - 1));
+    const last = Math.min(ids.length, first + Math.ceil(height / ROW_PX) + 2 * SPARE_ROWS);
     space(this.above, first);
     space(this.below, ids.length - last);
     while (this.body.childElementCount > last - first) this.body.lastElementChild?.remove();

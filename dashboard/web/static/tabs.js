@@ -114,19 +114,6 @@ export class Tabs {
     this.tables.get(this.name)?.filter(trouble ? "" : text, trouble);
   }
 
-  /** What the open tab shows, as a heading on paper. */
-  inWords() {
-    const [, label] = TABS.find(([name]) => name === this.name) ?? TABS[0];
-    if (!this.tables.has(this.name)) return label;
-    const filter = this.field.value.trim();
-    return `${label}: ${byId("shown").textContent}${filter ? `, filtered by “${filter}”` : ""}`;
-  }
-
-  /** All rows of the open table, or those in view again. @param {boolean} whole */
-  print(whole) {
-    for (const [name, table] of this.tables) if (!whole || name === this.name) table.print(whole);
-  }
-
   _count(shown, all) {
     const rows = `${all.toLocaleString("en-GB")} ${all === 1 ? "row" : "rows"}`;
     setText(byId("shown"), shown === all ? rows : `${shown.toLocaleString("en-GB")} of ${rows}`);

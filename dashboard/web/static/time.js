@@ -108,11 +108,7 @@ export class TimeBar {
     return `${why}: the past is kept from ${f.moment(first)} to ${f.moment(last)} ${f.zone(last)}.`;
   }
 
-  /**
-   * Shows a past moment, or says why it cannot.
-   * @param {number} t
-   * @param {string|null} [note] what to say of it
-   */
+  /** Shows a past moment, or says why it cannot. @param {number} t @param {string|null} [note] what to say of it */
   async go(t, note = null) {
     const problem = await this._notKept(t);
     if (problem !== null) return this._refuse(problem);

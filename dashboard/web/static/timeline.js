@@ -16,10 +16,7 @@ const MAX_ROWS = 12;
 /** Numbers nearer to each other than this are written as one range. */
 const APART_PX = 12;
 
-/**
- * @param {any} plan of a vehicle's card
- * @param {{now: number, width: number, time: (ms: number) => string}} options
- */
+/** @param {any} plan of a vehicle's card @param {{now: number, width: number, time: (ms: number) => string}} options */
 export function timeline(plan, { now, width, time }) {
   const ends = [...plan.segments.map((part) => part.exit), ...plan.stops.map((stop) => stop.departure)];
   const from = Math.min(plan.depart ?? Infinity, ...plan.segments.map((part) => part.entry), ...plan.stops.map((stop) => stop.arrival));

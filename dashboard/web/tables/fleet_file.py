@@ -20,11 +20,6 @@ def make_scene(network: RoadNetwork, fleet: Path | None, depots: tuple[str, ...]
 
     The dispatcher checks the file wholly; here only what is shown of it has to be sound.
 
-    Args:
-        network: the roads.
-        fleet: the file; None: none is given.
-        depots: junctions to mark where there is none.
-
     Raises:
         InputError: the file is missing or no fleet.
     """
@@ -42,21 +37,7 @@ def make_scene(network: RoadNetwork, fleet: Path | None, depots: tuple[str, ...]
             marked[str(depot.get("id", "depot"))] = node
     rows = [row for row in _rows(data, "vehicles", fleet) if "id" in row]
     vehicles = {str(row["id"]): row.get("carrier") for row in rows}
-    kinds = {str(row.get("id")): row for row in _rows(data, "vehicle_types", fleet)}
-    trucks = frozenset(
-        str(row["id"])
-        for row in rows
-        if _is_truck(row.get("own_type") or kinds.get(str(row.get("type")), row.get("type")))
-    )
-    return Scene(Places(network), marked, vehicles, trucks)
-
-
-def _is_truck(kind: object) -> bool:
-    """Whether a vehicle type, or the preset of a name, is a truck's."""
-    own = kind if isinstance(kind, Mapping) else {"preset": kind}
-    preset = PRESETS.get(str(own.get("preset")))
-    known = None if preset is None else preset.vehicle_class
-    return own.get("vehicle_class", known) in ("truck", "trailer")
+    return Scene(Places(network), marked, vehicles)
 
 
 def _rows(data: Mapping[str, Any], table: str, fleet: Path) -> list[Mapping[str, Any]]:

@@ -29,12 +29,7 @@ def worst_by_row(told: Iterable[Trouble]) -> Worst:
 
 
 def raised(table: Rows, worst: dict[str, tuple[str, str]] | None) -> Rows:
-    """The rows of a table, those that something is told of at its level at least.
-
-    Args:
-        table: rows by name; left as they are.
-        worst: of this table, as of `worst_by_row`; None: nothing is told.
-    """
+    """The rows of a table, those that something is told of at its level at least."""
     found = {name: told for name, told in (worst or {}).items() if name in table}
     if not any(_RANK[level] < _RANK[table[name]["level"]] for name, (level, _) in found.items()):
         return table

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from dashboard.view import VehicleView
+from dashboard.view.model import VehicleView
 from dashboard.web.tables.rows import Row, Scene, ms
 from slipstream.messages import VehiclePlan
 from slipstream.orders import OrderRecord
@@ -21,8 +21,6 @@ class Serving:
 
     Attributes:
         plans: its latest, and the one that it follows.
-        silent_ns: UTC since when it is silent; None: it is not.
-        reported: whether it reports what it does.
         at: the stop that it reports to stand at; None: at none.
         delay_s: that it reports; 0 where it reports none.
     """
@@ -35,12 +33,7 @@ class Serving:
 
     @classmethod
     def of(cls, van: VehicleView, plan: VehiclePlan) -> Serving:
-        """That of a vehicle.
-
-        Args:
-            van: its view.
-            plan: its latest, which it need not follow yet.
-        """
+        """That of a vehicle."""
         done = van.progress
         at = None if done.at is None else van.plan.stops[done.at].stop
         return cls(
@@ -59,14 +52,7 @@ def servings(vans: Sequence[VehicleView], plans: Mapping[str, VehiclePlan]) -> d
 
 
 def order_row(order: OrderRecord, serving: Serving | None, scene: Scene, now_ns: int) -> Row:
-    """One order, judged by the clock: what is over is never taken for on its way.
-
-    Args:
-        order: as it is stored.
-        serving: the vehicle that has it; None: none has, or it has no plan.
-        scene: the roads.
-        now_ns: UTC.
-    """
+    """One order, judged by the clock: what is over is never taken for on its way."""
     place = scene.places.at_node(order.node)
     carried = None if order.ended else serving
     eta_ns = None if carried is None else carried.eta_ns(order.order)

@@ -59,7 +59,7 @@ class _TableFrame:
         return (
             self.last is other.last
             and self.limits == other.limits
-            and _identical(self.stopped, other.stopped)
+            and identical(self.stopped, other.stopped)
             and self.watching == other.watching
         )
 
@@ -92,13 +92,7 @@ class RoadTable:
         self._complete_until_ns = 0
 
     def update(self, snapshot: Snapshot, now_ns: int, limits: RoadLimits) -> None:
-        """Bring the roads up to a snapshot.
-
-        Args:
-            snapshot: the messages.
-            now_ns: UTC of the moment.
-            limits: within which states count.
-        """
+        """Bring the roads up to a snapshot."""
         frame = _TableFrame(
             limits,
             snapshot.cycles[-1] if snapshot.cycles else None,
@@ -170,7 +164,7 @@ class RoadTable:
                 and oldest_ns <= time_ns <= latest_ns
                 and now_ns < road.expires_ns
             ):
-                kmh, cv, _, vehicles = measured(state)
+                kmh, cv, vehicles = measured(state)
                 figures = rows.road_figures(kmh, cv, vehicles)
                 row = road.row
                 told = {key: value for key, value in figures.items() if row[key] != value}
@@ -218,12 +212,12 @@ def _same(a: RoadData, b: RoadData) -> bool:
     return (
         a.gate is b.gate
         and a.watched_by == b.watched_by
-        and _identical(a.states, b.states)
-        and _identical(a.stopped, b.stopped)
+        and identical(a.states, b.states)
+        and identical(a.stopped, b.stopped)
     )
 
 
-def _identical(a: Sequence[object], b: Sequence[object]) -> bool:
+def identical(a: Sequence[object], b: Sequence[object]) -> bool:
     """Whether both hold the same objects."""
     return len(a) == len(b) and all(map(is_, a, b))
 

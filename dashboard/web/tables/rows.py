@@ -11,10 +11,13 @@ from dataclasses import dataclass, field
 from itertools import accumulate
 from typing import Any, Final
 
-from dashboard.view import VehicleView, labels
-from dashboard.view.model import RoadView, RsuView, platoon_km
+from dashboard.live import Snapshot
+from dashboard.settings import Factors
+from dashboard.view import labels
+from dashboard.view.model import RoadView, RsuView, VehicleView, platoon_km
 from dashboard.view.places import Places
 from dashboard.view.troubles import Trouble
+from slipstream.energy.ledger import EnergySum
 from slipstream.messages import Alarm, CycleReport, EnergySummary, VehiclePlan
 
 Row = dict[str, Any]
@@ -25,6 +28,7 @@ TABLES: Final = ("vehicles", "roads", "rsus", "orders", "cycles", "alarms")
 ENDED_ORDERS_FOR_S: Final = 24 * 3600.0
 MAX_ORDERS: Final = 5000
 MAX_CYCLES: Final = 200
+NO_FACTORS: Final = Factors(0.0, 0.0)
 LATE_AFTER_S: Final = 300.0
 """Behind its plan, s: a vehicle beyond it is in trouble."""
 _HARMLESS: Final = frozenset({"too_few_vehicles", "window_not_covered"})
@@ -36,16 +40,22 @@ class Scene:
     """What is known of roads and fleet beforehand.
 
     Attributes:
-        places: of the network.
         depots: junctions by the name of their depot.
         vehicles: carriers by vehicle, of the whole fleet; None: it has none.
-        trucks: vehicles that are trucks.
     """
 
     places: Places
     depots: Mapping[str, str] = field(default_factory=dict)
     vehicles: Mapping[str, str | None] = field(default_factory=dict)
-    trucks: frozenset[str] = frozenset()
+
+
+@dataclass(frozen=True)
+class Known:
+    """All that is known at one moment."""
+
+    snapshot: Snapshot
+    moment: Moment
+    now_ns: int
 
 
 def ms(time_ns: int | None) -> int | None:
@@ -95,50 +105,35 @@ def road_figures(speed_kmh: float | None, cv: float | None, vehicles: int | None
 
 
 def rsu_row(rsu: RsuView, scene: Scene, pictured: bool) -> Row:
-    """One roadside unit.
-
-    Args:
-        rsu: its view.
-        scene: the roads.
-        pictured: whether it can be asked for pictures.
-    """
-    middle = scene.places.middle(rsu.segments)
-    fault = rsu.health.fault
-    faults = [] if fault is None else [labels.camera_fault(fault)]
-    return {
-        "x": None if middle is None else round(middle[0], 1),
-        "y": None if middle is None else round(middle[1], 1),
-        "status": rsu.status,
-        "level": rsu.level,
-        "why": None if rsu.level == "ok" else rsu.status,
+    """One roadside unit."""
+    fault, silent = rsu.health.fault, rsu.fps is None
+    return bare_rsu_row(rsu.health.segments, scene.places, rsu.status, rsu.level) | {
         "fps": None if rsu.fps is None else round(rsu.fps),
-        "latency_ms": None if rsu.latency_ms_p50 is None else round(rsu.latency_ms_p50),
+        "latency_ms": None if rsu.latency_ms is None else round(rsu.latency_ms),
         "skipped_share": round(rsu.skipped_share, 3),
-        "faults": faults,
-        "segments": list(rsu.segments),
-        "vehicles": rsu.vehicles_in_view if rsu.fps is not None else 0,
+        "faults": [] if fault is None else [labels.camera_fault(fault)],
+        "vehicles": 0 if silent else rsu.health.vehicles_in_view,
         # Of one that is heard each second the time tells nothing.
-        "seen": ms(rsu.health.time_ns) if rsu.fps is None else None,
+        "seen": ms(rsu.health.time_ns) if silent else None,
         "picture": pictured,
     }
 
 
 def unheard_rsu_row(segments: Sequence[str], scene: Scene, overdue: bool) -> Row:
-    """A roadside unit that only the settings tell of.
+    """A roadside unit that only the settings tell of; overdue: it should have been heard by now."""
+    told = ("never heard", "bad") if overdue else ("not heard yet", "idle")
+    return bare_rsu_row(segments, scene.places, *told)
 
-    Args:
-        segments: that it watches.
-        scene: the roads.
-        overdue: whether it should have been heard by now.
-    """
-    middle = scene.places.middle(tuple(segments))
-    status = "never heard" if overdue else "not heard yet"
+
+def bare_rsu_row(segments: Sequence[str], places: Places, status: str, level: str) -> Row:
+    """A roadside unit of which no figures are known, by the roads that it watches."""
+    middle = places.middle(tuple(segments))
     return {
         "x": None if middle is None else round(middle[0], 1),
         "y": None if middle is None else round(middle[1], 1),
         "status": status,
-        "level": "bad" if overdue else "idle",
-        "why": status,
+        "level": level,
+        "why": None if level == "ok" else status,
         "fps": None,
         "latency_ms": None,
         "skipped_share": None,
@@ -211,16 +206,7 @@ def vehicle_row(
     partners: Mapping[tuple[str, str], Sequence[str]],
     saved_kwh: float | None,
 ) -> Row:
-    """One vehicle.
-
-    Args:
-        van: its view.
-        tour: of its plan.
-        drawn: see `TourRow.drawn`.
-        scene: roads and fleet.
-        partners: vehicles by platoon and road, see `platoons`.
-        saved_kwh: by the platoons of its plan; None: not known.
-    """
+    """One vehicle."""
     done, plan = van.progress, van.plan
     place = None if done.position is None else scene.places.on_road(*done.position)
     part = None if done.part is None else plan.segments[done.part]
@@ -312,7 +298,7 @@ def own_alarm_row(trouble: Trouble, since_ms: int | None) -> Row:
 
 def cycle_row(report: CycleReport) -> Row:
     """One dispatch cycle."""
-    energy = None if report.energy is None else energy_sum(report.energy)
+    energy = None if report.energy is None else cycle_energy(report.energy, NO_FACTORS)
     status, level = labels.CYCLE_STATUS[report.status]
     shown: str = level
     if level == "ok":
@@ -334,33 +320,35 @@ def cycle_row(report: CycleReport) -> Row:
     }
 
 
-def energy_sum(
-    energy: EnergySummary,
-    *,
-    km: float | None = None,
-    co2_kg_per_kwh: float = 0.0,
-    price_per_kwh: float = 0.0,
-) -> Row:
-    """What a cycle's plans save against their baseline, split.
+def cycle_energy(energy: EnergySummary, factors: Factors) -> Row:
+    """What a cycle's plans save against their baseline; how far they lead is not known."""
+    driven = EnergySum(
+        0,
+        baseline_kwh=energy.baseline_kwh,
+        plan_kwh=energy.cooperative_kwh,
+        saved_distance_kwh=energy.saved_distance_kwh,
+        saved_drag_kwh=energy.saved_drag_kwh,
+        saved_acceleration_kwh=energy.saved_acceleration_kwh,
+        distance_m=0.0,
+        platooned_m=energy.platooned_distance_m,
+    )
+    return sum_row(driven, factors, energy.baseline) | {"km": None}
 
-    Args:
-        energy: of the cycle.
-        km: driven by its plans; None: not known.
-        co2_kg_per_kwh: emitted for a kilowatt hour.
-        price_per_kwh: in the page's currency.
-    """
-    saved = energy.baseline_kwh - energy.cooperative_kwh
+
+def sum_row(driven: EnergySum, factors: Factors, baseline: str | None) -> Row:
+    """What was driven in some time, and saved against the plan of this name, if it is known."""
+    saved = driven.baseline_kwh - driven.plan_kwh
     return {
-        "baseline": energy.baseline,
-        "baseline_kwh": round(energy.baseline_kwh, 3),
-        "plan_kwh": round(energy.cooperative_kwh, 3),
+        "baseline": baseline,
+        "baseline_kwh": round(driven.baseline_kwh, 3),
+        "plan_kwh": round(driven.plan_kwh, 3),
         "saved_kwh": round(saved, 3),
-        "saved_share": round(saved / energy.baseline_kwh, 4) if energy.baseline_kwh else 0.0,
-        "distance_kwh": round(energy.saved_distance_kwh, 3),
-        "drag_kwh": round(energy.saved_drag_kwh, 3),
-        "acceleration_kwh": round(energy.saved_acceleration_kwh, 3),
-        "km": None if km is None else round(km, 1),
-        "platoon_km": round(energy.platooned_distance_m / 1000, 1),
-        "co2_kg": round(saved * co2_kg_per_kwh, 3),
-        "money": round(saved * price_per_kwh, 2),
+        "saved_share": round(saved / driven.baseline_kwh, 4) if driven.baseline_kwh > 0 else 0.0,
+        "distance_kwh": round(driven.saved_distance_kwh, 3),
+        "drag_kwh": round(driven.saved_drag_kwh, 3),
+        "acceleration_kwh": round(driven.saved_acceleration_kwh, 3),
+        "km": round(driven.distance_m / 1000, 1),
+        "platoon_km": round(driven.platooned_m / 1000, 1),
+        "co2_kg": round(saved * factors.co2_kg_per_kwh, 3),
+        "money": round(saved * factors.price_per_kwh, 2),
     }

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from operator import is_
 from typing import Any, Final
 
 from dashboard.live import Snapshot
+from dashboard.settings import Factors
+from dashboard.view.dispatcher import SILENT_AFTER_S
 from dashboard.view.model import VehicleView
 from dashboard.view.roads import road_limits
 from dashboard.view.rsus import rsu_views
@@ -16,9 +16,9 @@ from dashboard.view.vehicles import vehicle_views
 from dashboard.web.tables import rows
 from dashboard.web.tables.levels import raised, raised_row, worst_by_row
 from dashboard.web.tables.orders import Serving, changes_ns, order_row, servings
-from dashboard.web.tables.road_table import RoadTable
+from dashboard.web.tables.road_table import RoadTable, identical
 from dashboard.web.tables.rows import TABLES, Moment, Row, Rows, Scene, TourRow, ms
-from slipstream.freshness import age_s, fault
+from slipstream.freshness import STALE_AFTER_S, age_s, fault
 from slipstream.messages import CycleReport, VehiclePlan
 from slipstream.orders import ENDED, OrderRecord
 
@@ -36,44 +36,25 @@ _KnownOrder = tuple[OrderRecord, Serving | None, int | None, Row]
 """An order, its vehicle, UTC at which the clock changes its row, and that."""
 
 
-@dataclass(frozen=True)
-class Limits:
-    """Ages above which messages count for nothing, s.
-
-    Attributes:
-        stale_after_s: RSU health, and road data where the dispatcher publishes no limit.
-        silent_after_s: the dispatcher's health.
-    """
-
-    stale_after_s: float
-    silent_after_s: float
-
-
 class PageTables:
     """The tables of the latest moment; of roads only what has changed is made anew.
 
     Args:
-        scene: roads and fleet.
-        limits: see there.
-        live: whether they are of the present.
-        energy_factors: keyword arguments of `rows.energy_sum`.
+        stale_after_s: age above which RSU health is stale, s, and road data where the dispatcher
+            publishes no limit.
         rsus: roads by RSU, as far as the settings have them: listed though they were never heard.
-
-    Attributes:
-        moment: the whole, with `seq` 0 before the first update.
     """
 
     def __init__(
         self,
         scene: Scene,
-        limits: Limits,
         *,
-        live: bool = True,
-        energy_factors: Mapping[str, float] | None = None,
+        stale_after_s: float = STALE_AFTER_S,
+        factors: Factors = rows.NO_FACTORS,
         rsus: Mapping[str, Sequence[str]] | None = None,
     ) -> None:
-        self._scene, self._limits = scene, limits
-        self._factors = dict(energy_factors or {})
+        self._scene, self._stale_after_s = scene, stale_after_s
+        self._factors = factors
         self._rsus = dict(rsus or {})
         self._roads = RoadTable(self._rsus)
         self._down_ns: int | None = None
@@ -87,7 +68,7 @@ class PageTables:
         self.moment: Moment = {
             "t": 0,
             "seq": 0,
-            "live": live,
+            "live": True,
             **{table: {} for table in TABLES},
             "status": None,
             "energy": None,
@@ -107,19 +88,16 @@ class PageTables:
         """Bring `moment` up to a snapshot.
 
         Args:
-            snapshot: the messages.
-            now_ns: UTC of the moment.
             energy: what is saved today, this week, in total, and since when; None: not known.
-            pictured: whether cameras can be asked for pictures.
 
         Returns:
             What has changed, as a browser gets it; None: nothing.
         """
-        roads, limits = self._roads, self._limits
-        roads.update(snapshot, now_ns, road_limits(snapshot.dispatcher, limits.stale_after_s))
-        rsus = rsu_views(snapshot.rsus, now_ns, limits.stale_after_s, keep=self._rsus)
+        roads, stale_after_s = self._roads, self._stale_after_s
+        roads.update(snapshot, now_ns, road_limits(snapshot.dispatcher, stale_after_s))
+        rsus = rsu_views(snapshot.rsus, now_ns, stale_after_s, keep=self._rsus)
         vans = vehicle_views(snapshot, now_ns, roads.open, self._scene.vehicles)
-        down = bus_trouble(snapshot, now_ns, limits.silent_after_s)
+        down = bus_trouble(snapshot, now_ns)
         unheard = self._unheard(snapshot, now_ns, down)
         wrong = troubles(
             snapshot,
@@ -127,7 +105,6 @@ class PageTables:
             rsus,
             vans,
             now_ns,
-            limits.silent_after_s,
             settling=self._down_ns is not None and age_s(self._down_ns, now_ns) < SETTLE_S,
             unheard=[name for name, overdue in unheard.items() if overdue],
         )
@@ -158,10 +135,10 @@ class PageTables:
         return self._take(new, ms(now_ns) or 0)
 
     def _is_heard(self, snapshot: Snapshot, now_ns: int) -> bool:
-        health, silent_after_s = snapshot.dispatcher, self._limits.silent_after_s
+        health = snapshot.dispatcher
         if health is None:
             return False
-        return fault(health.time_ns, now_ns, stale_after_s=silent_after_s) is None
+        return fault(health.time_ns, now_ns, stale_after_s=SILENT_AFTER_S) is None
 
     def _is_planning(self, snapshot: Snapshot, now_ns: int, wrong: Sequence[Trouble]) -> bool:
         """Whether the dispatcher is heard, and nothing keeps it from planning."""
@@ -270,7 +247,7 @@ class PageTables:
 
     def _cycle_rows(self, snapshot: Snapshot) -> Rows:
         shown = tuple(snapshot.cycles[-rows.MAX_CYCLES :])
-        if not _identical(self._cycles[0], shown):
+        if not identical(self._cycles[0], shown):
             self._cycles = shown, {str(report.cycle): rows.cycle_row(report) for report in shown}
         return self._cycles[1]
 
@@ -291,7 +268,7 @@ class PageTables:
         # A cycle without a vehicle to plan has no energy, and leaves the last figures standing.
         last = next((r for r in reports if r.energy and r.energy.baseline_kwh > 0), None)
         if last is not None and last.energy is not None:
-            self._last_energy = rows.energy_sum(last.energy, **self._factors)
+            self._last_energy = rows.cycle_energy(last.energy, self._factors)
         unknown = {"today": None, "week": None, "total": None, "since": None}
         return {**unknown, **(told or {}), "last_cycle": self._last_energy}
 
@@ -312,15 +289,15 @@ def _changes(before: Rows, after: Rows) -> Rows:
     return told
 
 
-def status(wrong: tuple[Trouble, ...]) -> Row:
-    """The banner: the worst first, with the number of things that are wrong."""
+def status(wrong: Sequence[Trouble], well: str = "All is well") -> Row:
+    """The banner: the worst first, with the number of things that are wrong; `well` of none."""
     items = [
         {"subject": t.subject, "level": t.level, "text": t.text, "since": ms(t.since_ns)}
         for t in wrong
     ]
     return {
         "level": wrong[0].level if wrong else "ok",
-        "text": wrong[0].text if wrong else "All is well",
+        "text": wrong[0].text if wrong else well,
         "count": len(items),
         "items": items,
     }
@@ -329,8 +306,3 @@ def status(wrong: tuple[Trouble, ...]) -> Row:
 def _next_cycle(snapshot: Snapshot, heard: bool) -> int | None:
     health = snapshot.dispatcher
     return None if health is None or not heard else ms(health.next_cycle_ns)
-
-
-def _identical(a: Sequence[object], b: Sequence[object]) -> bool:
-    """Whether both hold the same objects."""
-    return len(a) == len(b) and all(map(is_, a, b))

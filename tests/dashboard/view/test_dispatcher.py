@@ -5,21 +5,16 @@ from __future__ import annotations
 import pytest
 
 from dashboard.live import Snapshot
-from dashboard.panels import PANELS
-from dashboard.view import DashboardView, build_view
-from dashboard.view.dispatcher import execution_summary, hardware_status
-from slipstream.messages import HardwareHealth, SolverReport
+from dashboard.panels.environment import render
+from dashboard.view.build import DashboardView, build_view
+from dashboard.view.dispatcher import hardware_status
+from slipstream.messages import HardwareHealth
 
 S = 1_000_000_000
 WELL = HardwareHealth(
     backend="ibm:boston", pending=1, used_s=12.5, budget_s=60.0, breaker="closed", line=None
 )
 EVIL = "<script>alert(1)</script>"
-
-
-def _html(name: str, view: DashboardView) -> str:
-    """The HTML of one panel."""
-    return next(panel.html(view) for panel in PANELS if panel.name == name)
 
 
 @pytest.mark.parametrize(
@@ -49,65 +44,24 @@ def test_jobs_budget_and_breaker(changes: dict[str, object], line: str, level: s
     assert hardware_status(WELL.model_copy(update=changes)) == (line, level)
 
 
-def a_run(**changes: object) -> SolverReport:
-    """A solver's report, with changes."""
-    run = SolverReport(
-        solver="lc-qaoa", status="feasible", objective_kwh=1.0, repaired=False, wall_s=0.1
-    )
-    return run.model_copy(update=changes)
+def _summary(view: DashboardView) -> str:
+    return render("summary.html.j2", view=view)
 
 
-@pytest.mark.parametrize(
-    ("changes", "line"),
-    [
-        ({}, ""),
-        (
-            {"backend": "ibm_boston", "backend_kind": "hardware", "two_qubit_depth": 8},
-            "on ibm_boston, hardware · two-qubit depth 8",
-        ),
-        (
-            {"backend": "FakeBoston", "backend_kind": "noise-model"},
-            "on FakeBoston, simulated with a device's noise",
-        ),
-        (
-            {"backend": "aer", "backend_kind": "simulated", "fallback": "401: refused"},
-            "on aer, simulated · instead of the device: 401: refused",
-        ),
-    ],
-)
-def test_where_a_circuit_ran(changes: dict[str, object], line: str) -> None:
-    """Simulator, noise model and hardware have their own names; a fallback has its reason."""
-    assert execution_summary(a_run(**changes)) == line
-
-
-def test_the_page_shows_both(world, now_ns) -> None:
-    """The line is in the summary, the reason under the solver; neither without a device."""
+def test_the_3d_view_shows_it(world, now_ns) -> None:
+    """Under the headline; not without a device, and not once the dispatcher is silent."""
     health = world.dispatcher().model_copy(update={"hardware": WELL})
-    snapshot = Snapshot(dispatcher=health, cycles=(world.cycle(3),))
-    view = build_view(snapshot, now_ns, stale_after_s=5.0, silent_after_s=30.0)
-    assert "Quantum device ibm:boston: 1 job pending" in _html("summary", view)
-    page = _html("cycle", view)
-    assert "on aer, simulated · two-qubit depth 8" in page
-    assert "instead of the device: job c1 still queued after 8.0 s" in page
-    without = Snapshot(dispatcher=world.dispatcher(), cycles=(world.cycle(3),))
-    plain = build_view(without, now_ns, stale_after_s=5.0, silent_after_s=30.0)
-    assert "Quantum device" not in _html("summary", plain)
-    later = build_view(snapshot, now_ns + 60 * S, stale_after_s=5.0, silent_after_s=30.0)
-    assert later.device is None
+    view = build_view(Snapshot(dispatcher=health), now_ns, 5.0)
+    assert "Quantum device ibm:boston: 1 job pending" in _summary(view)
+    plain = build_view(Snapshot(dispatcher=world.dispatcher()), now_ns, 5.0)
+    assert "Quantum device" not in _summary(plain)
+    assert build_view(Snapshot(dispatcher=health), now_ns + 60 * S, 5.0).device is None
 
 
 def test_foreign_words_are_escaped(world, now_ns) -> None:
     """A service's words cannot become part of the page."""
     evil = WELL.model_copy(update={"backend": EVIL, "line": EVIL})
-    report = world.cycle(1)
-    runs = tuple(
-        run.model_copy(update={"fallback": EVIL, "backend": EVIL}) for run in report.solvers
-    )
-    snapshot = Snapshot(
-        dispatcher=world.dispatcher().model_copy(update={"hardware": evil}),
-        cycles=(report.model_copy(update={"solvers": runs}),),
-    )
-    view = build_view(snapshot, now_ns, stale_after_s=5.0, silent_after_s=30.0)
-    assert "<script>" not in _html("summary", view) + _html("cycle", view)
-    assert "&lt;script&gt;" in _html("summary", view)
-    assert "&lt;script&gt;" in _html("cycle", view)
+    health = world.dispatcher().model_copy(update={"hardware": evil})
+    summary = _summary(build_view(Snapshot(dispatcher=health), now_ns, 5.0))
+    assert "<script>" not in summary
+    assert "&lt;script&gt;" in summary

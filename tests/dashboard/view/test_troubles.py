@@ -16,7 +16,7 @@ def _troubles(snapshot, now_ns):
     roads = road_views(snapshot, now_ns, road_limits(snapshot.dispatcher, 5.0))
     vans = vehicle_views(snapshot, now_ns, open_roads(roads))
     rsus = rsu_views(snapshot.rsus, now_ns, 5.0)
-    return troubles(snapshot, roads, rsus, vans, now_ns, 4.0)
+    return troubles(snapshot, roads, rsus, vans, now_ns)
 
 
 def _well(world, now_ns, **changes):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from tests.dashboard.web import city
-from tests.dashboard.web.fake import FakePage
+from tests.dashboard.web.pages import city
+from tests.dashboard.web.pages.fake import FakePage
 
 SIZES = {1920: 1080, 1440: 900, 1024: 768, 390: 844}
 """Widths and heights of screens, px."""

@@ -23,7 +23,7 @@ from dashboard.web.pictures import Pictures
 from dashboard.web.routes.present import Present
 from dashboard.web.services import PageServices
 from dashboard.web.tables.rows import Scene
-from dashboard.web.tables.tables import Limits, PageTables
+from dashboard.web.tables.tables import PageTables
 from slipstream.http.server import HttpServer
 from slipstream.messages import DISPATCHER_HEALTH_KEY, rsu_health_key, state_key
 
@@ -137,9 +137,9 @@ def serve(world, now_ns) -> Iterator[Callable[..., Served]]:
 
     def start(**settings: Any) -> Served:
         chosen = DashboardSettings.model_validate({"database_url": None} | settings)
-        live = LiveData(chosen.history_cycles, lambda: now_ns)
+        live = LiveData(lambda: now_ns)
         scene = Scene(Places(world.network), {"depot": "depot"})
-        tables = PageTables(scene, Limits(chosen.stale_after_s, chosen.silent_after_s))
+        tables = PageTables(scene, stale_after_s=chosen.stale_after_s)
         hub, pictures = PageHub(), Pictures()
         present = Present(live, tables, hub, lambda: True)
         services = PageServices(chosen, scene, present.known, hub, pictures)

@@ -80,8 +80,8 @@ def page(serve, tell, world, now_ns):
         mend="look at it",
     )
     page.live.on_alarms(ALARMS_KEY, Alarms(time_ns=now_ns, alarms=(alarm,)).to_bytes())
-    page.live.set_orders(
-        (
+    page.live.tell(
+        orders=(
             OrderRecord(
                 order="mill/1",
                 node="mill",

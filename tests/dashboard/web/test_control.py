@@ -164,6 +164,7 @@ def test_actions_are_limited(
     assert len(asked) == 2
 
 
+@pytest.mark.slow
 def test_the_dispatchers_api_has_every_call() -> None:
     """Method and path of each action are operations of its description."""
     paths = create_app(None).openapi()["paths"]

@@ -59,8 +59,8 @@ def test_a_script_in_a_name_is_text(serve, tell, world, now_ns):
     page = serve()
     tell(page, now_ns)
     page.live.on_cycle(CYCLE_KEY, world.cycle(3, now_ns).to_bytes())
-    page.live.set_orders(
-        (OrderRecord(SCRIPT, SCRIPT, 60.0, 0, None, None, "open", now_ns, SCRIPT),)
+    page.live.tell(
+        orders=(OrderRecord(SCRIPT, SCRIPT, 60.0, 0, None, None, "open", now_ns, SCRIPT),)
     )
     page.present.update(now_ns)
     card = page.get("/api/orders/%3Cscript%3Ealert(1)%3C%2Fscript%3E")

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import gzip
+import re
 
 from dashboard.web.app import STATIC
+from tests.dashboard.web.browser import TABS
 
 
 def test_each_file_is_served_as_it_is(serve):
@@ -44,3 +46,12 @@ def test_a_file_that_is_known_is_not_sent_again(serve):
 
 def _unpacked(answer):
     return gzip.decompress(answer.body) if "content-encoding" in answer.headers else answer.body
+
+
+def test_the_page_names_all_its_modules_beforehand():
+    """Else a browser would find them one after the other, a round trip each."""
+    text = (STATIC / "index.html").read_text()
+    named = re.findall(r'<link rel="modulepreload" href="static/(.+?)"', text)
+    there = [str(path.relative_to(STATIC)) for path in STATIC.rglob("*.js")]
+    assert sorted(named) == sorted(set(there) - {"theme.js", "main.js"})
+    assert set(TABS) == set(re.findall(r'id="pane-(\w+)"', text))

@@ -14,7 +14,7 @@ import pytest
 
 from dashboard.scene.canvas import Canvas
 from dashboard.view.places import Places
-from dashboard.web.routes.network import network_document
+from dashboard.web.network import network_document
 from dashboard.web.tables.rows import Scene
 from slipstream.errors import InputError
 from slipstream.osm.extract import open_extract

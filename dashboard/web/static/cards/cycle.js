@@ -6,6 +6,8 @@ import { chip } from "../marks.js";
 import { energyParts } from "../energy_parts.js";
 import { facts, link, longTable, section, sentences, tile } from "./parts.js";
 
+const BACKENDS = { simulated: "simulated", "noise-model": "simulated with a device's noise", hardware: "hardware" };
+
 /** @param {string} id @param {any} row @param {any} detail @param {import("./parts.js").CardContext} ctx */
 export function cycleCard(id, row, detail, ctx) {
   const { f } = ctx;
@@ -25,10 +27,20 @@ export function cycleCard(id, row, detail, ctx) {
     detail?.energy ? section("Energy of its plans", energyParts(detail.energy, f, true)) : null,
     detail?.unserved?.length ? section("Not served", longTable(["Order", "Why"], detail.unserved.map((one) => [link("order", one.stop), words(one.reason)]), "Not served")) : null,
     detail ? section("Solvers", detail.solvers?.length ? longTable(["Solver", "Result", "#Cost kWh", "#Time s"], detail.solvers.map((one) => [
-      one.solver, words(one.status) + (one.reason ? `: ${words(one.reason)}` : ""), f.number(one.objective_kwh, 3), f.number(one.wall_s, 2),
+      [one.solver, circuit(one)], words(one.status) + (one.reason ? `: ${words(one.reason)}` : ""), f.number(one.objective_kwh, 3), f.number(one.wall_s, 2),
     ]), "Solvers", 12) : h("p.muted", {}, row.solver ? "No block solver was needed." : "No solver ran.")) : h("p.muted", {}, "Loading…"),
     detail ? inWords(detail.explain) : null,
   ];
+}
+
+/** Where a solver's circuit ran, and why not on the device; nothing without one. */
+function circuit(run) {
+  const parts = [
+    run.backend && `on ${[run.backend, BACKENDS[run.backend_kind]].filter(Boolean).join(", ")}`,
+    run.two_qubit_depth && `two-qubit depth ${run.two_qubit_depth}`,
+    run.fallback && `instead of the device: ${run.fallback}`,
+  ].filter(Boolean);
+  return parts.length ? h("div.muted", {}, parts.join(" · ")) : null;
 }
 
 /** Why its vehicles go where they go, and which platoons it does not have. */

@@ -1,8 +1,4 @@
-/**
- * Which part of the plane is seen, and how the map comes from one to another.
- *
- * @module
- */
+/** Which part of the plane is seen, and how the map comes from one to another. */
 
 import { View } from "./plane/view.js";
 
@@ -31,11 +27,7 @@ export class Camera {
     return now - this._movedAt < SETTLED_MS;
   }
 
-  /**
-   * A change by a gesture.
-   *
-   * @param {(view: View) => void} change
-   */
+  /** A change by a gesture. @param {(view: View) => void} change */
   change(change) {
     this._flight = null;
     this.isFitted = false;
@@ -57,10 +49,7 @@ export class Camera {
     if (this._reducedMotion || document.hidden) this.advance(Infinity);
   }
 
-  /**
-   * @param {[number, number, number, number]} bounds  of all that there is, m
-   * @param {{right: number, bottom: number}} [margin]  px
-   */
+  /** @param {[number, number, number, number]} bounds  of all that there is, m @param {{right: number, bottom: number}} [margin]  px */
   fit(bounds, margin) {
     const whole = this.view.fitted(bounds, margin);
     this.view.minScale = whole.minScale = whole.scale / 2;
@@ -70,7 +59,6 @@ export class Camera {
 
   /**
    * Take over the container's size, px.
-   *
    * @param {number} width
    * @param {number} height
    * @param {[number, number, number, number]} bounds  of all that there is, m
@@ -83,11 +71,7 @@ export class Camera {
     this.advance(Infinity);
   }
 
-  /**
-   * Come nearer to where a flight leads.
-   *
-   * @param {number} now  ms
-   */
+  /** Come nearer to where a flight leads. @param {number} now  ms */
   advance(now) {
     if (!this._flight) return;
     const { from, to, begin } = this._flight;

@@ -1,8 +1,4 @@
-/**
- * Vehicles whose signs would lie on each other, as one sign with their number.
- *
- * @module
- */
+/** Vehicles whose signs would lie on each other, as one sign with their number. */
 
 import { Grid } from "./plane/grid.js";
 
@@ -14,7 +10,6 @@ import { Grid } from "./plane/grid.js";
 
 /**
  * Groups of signs that overlap; grown until the groups' own signs overlap none either.
- *
  * @param {import("./motion.js").Mover[]} movers
  * @param {number} scale  px a metre
  * @param {number} apart  least distance of two vehicles that are shown singly, px
@@ -67,12 +62,7 @@ function radiusOf(count) {
   return 8 + 2 * Math.log2(count) ** 0.8;
 }
 
-/**
- * Middle of a cluster where its vehicles are now, m.
- *
- * @param {Cluster} cluster
- * @returns {[number, number]}
- */
+/** Middle of a cluster where its vehicles are now, m. @param {Cluster} cluster @returns {[number, number]} */
 export function middleOf(cluster) {
   let x = 0;
   let y = 0;

@@ -1,8 +1,4 @@
-/**
- * What lies over the map: buttons, scale bar, north arrow, legend, tooltip.
- *
- * @module
- */
+/** What lies over the map: buttons, scale bar, north arrow, legend, tooltip. */
 
 import { drawLegend, legendSize, legendText } from "./paint/legend.js";
 import { scaleBar } from "./plane/scalebar.js";
@@ -120,7 +116,6 @@ export class Controls {
   /**
    * Margins of the whole map at the right and below: clear of the buttons, and of the legend where it is open
    * and leaves room enough.
-   *
    * @returns {{right: number, bottom: number}} px
    */
   margin() {
@@ -156,7 +151,6 @@ export class Controls {
 
   /**
    * Show lines of text beside the pointer, or nothing.
-   *
    * @param {string[]|null} lines  the title first
    * @param {number} [x]  px
    * @param {number} [y]
@@ -173,9 +167,5 @@ export class Controls {
     const left = x + TOOLTIP_AWAY + width < this._root.clientWidth ? x + TOOLTIP_AWAY : x - TOOLTIP_AWAY - width;
     const top = y + TOOLTIP_AWAY + height < this._root.clientHeight ? y + TOOLTIP_AWAY : y - TOOLTIP_AWAY - height;
     this._tooltip.style.transform = `translate(${Math.max(2, left)}px, ${Math.max(2, top)}px)`;
-  }
-
-  remove() {
-    for (const element of [this._buttons, this._north, this._scale, this._legend, this._tooltip]) element.remove();
   }
 }

@@ -1,8 +1,4 @@
-/**
- * Pointers, wheel and keys of the map's canvas, told as pans, zooms and clicks.
- *
- * @module
- */
+/** Pointers, wheel and keys of the map's canvas, told as pans, zooms and clicks. */
 
 const DRAG_PX = 4;
 const KEY_PAN_PX = 80;
@@ -25,19 +21,15 @@ const LINE_PX = 16;
  */
 
 export class Gestures {
-  /**
-   * @param {HTMLElement} canvas
-   * @param {Handlers} handlers
-   */
+  /** @param {HTMLElement} canvas @param {Handlers} handlers */
   constructor(canvas, handlers) {
     this._canvas = canvas;
     this._on = handlers;
     /** @type {Map<number, {x: number, y: number}>} pointers that are down */
     this._down = new Map();
     this._start = null;
-    this._stop = new AbortController();
     const listen = (/** @type {string} */ name, /** @type {(event: any) => void} */ handle) =>
-      canvas.addEventListener(name, handle, { signal: this._stop.signal, passive: false });
+      canvas.addEventListener(name, handle, { passive: false });
     listen("pointerdown", (event) => this._press(event));
     listen("pointermove", (event) => this._move(event));
     listen("pointerup", (event) => this._release(event, true));
@@ -46,11 +38,6 @@ export class Gestures {
     listen("wheel", (event) => this._wheel(event));
     listen("dblclick", (event) => this._on.zoom(event.shiftKey ? 1 / DOUBLE_ZOOM : DOUBLE_ZOOM, ...this._place(event)));
     listen("keydown", (event) => this._key(event));
-  }
-
-  /** Whether something is being dragged or pinched. */
-  get isActive() {
-    return this._down.size > 0 && !this._start;
   }
 
   /** @returns {[number, number]} px from the canvas' corner */
@@ -127,9 +114,5 @@ export class Gestures {
     if (!actions[event.key]) return;
     event.preventDefault();
     actions[event.key]();
-  }
-
-  remove() {
-    this._stop.abort();
   }
 }

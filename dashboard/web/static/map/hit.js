@@ -1,8 +1,4 @@
-/**
- * What lies under a pixel.
- *
- * @module
- */
+/** What lies under a pixel. */
 
 import { RADII, showsOrder } from "./paint/markers.js";
 import { VEHICLE_RADIUS } from "./paint/vehicles.js";
@@ -19,7 +15,6 @@ const WATCHED_PX = 4;
 
 /**
  * The nearest thing within a distance; vehicles before signs, signs before roads.
- *
  * @param {import("./plane/view.js").View} view
  * @param {import("./scene.js").Scene} scene
  * @param {number} x  px

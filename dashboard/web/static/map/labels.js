@@ -1,8 +1,4 @@
-/**
- * Which names are written where: no two on each other, the more important first.
- *
- * @module
- */
+/** Which names are written where: no two on each other, the more important first. */
 
 import { lengthOf, pointAlong } from "./plane/geometry.js";
 import { isOutside, RADII, showsOrder } from "./paint/markers.js";
@@ -34,7 +30,6 @@ const BEND_PX = 3;
 
 /**
  * Names that stand still: of depots, RSUs, orders and streets.
- *
  * @param {import("./plane/view.js").View} view
  * @param {import("./scene.js").Scene} scene
  * @param {number} margin  px on each side that are drawn but not seen
@@ -119,7 +114,6 @@ const BESIDE = [[1, 0], [-1, 0], [0, -1], [0, 1], [1, -1], [1, 1], [-1, -1], [-1
 
 /**
  * Give a label the first free place beside a sign.
- *
  * @param {Placement} placement
  * @param {import("./paint/text.js").Label & {side?: number}} label
  * @param {number} x  of the sign, px
@@ -238,7 +232,6 @@ function alongLine(line, middle, share, model, beside, placement, view) {
 
 /**
  * Names of vehicles where they are now, clear of all that stands still.
- *
  * @param {import("./plane/view.js").View} view
  * @param {import("./scene.js").Scene} scene
  * @param {(import("./plane/placement.js").Box & {text?: string})[]} taken

@@ -1,8 +1,4 @@
-/**
- * What stands still, kept as pictures that are drawn anew only when they show something else.
- *
- * @module
- */
+/** What stands still, kept as pictures that are drawn anew only when they show something else. */
 
 import { placeStill } from "./labels.js";
 import { paintGround, paintState } from "./paint/painting.js";
@@ -44,7 +40,6 @@ export class Layers {
 
   /**
    * Have the pictures show a view.
-   *
    * @param {import("./plane/view.js").View} view
    * @param {import("./scene.js").Scene} scene
    * @param {number} ratio  device pixels a px

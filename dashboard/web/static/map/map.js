@@ -1,8 +1,4 @@
-/**
- * The city's map on a 2D canvas: roads by their flag, vehicles, roadside units, orders.
- *
- * @module
- */
+/** The city's map on a 2D canvas: roads by their flag, vehicles, roadside units, orders. */
 
 import { Camera, SETTLED_MS } from "./camera.js";
 import { Controls } from "./controls.js";
@@ -77,8 +73,7 @@ export class CityMap {
     this._hovered = "";
     this._request = 0;
     this._timer = 0;
-    this._sizes = new ResizeObserver(() => this._resize());
-    this._sizes.observe(container);
+    new ResizeObserver(() => this._resize()).observe(container);
     loadStyles().then(() => this.setTheme(this._root.dataset.theme === "dark" ? "dark" : "light"));
   }
 
@@ -92,7 +87,6 @@ export class CityMap {
 
   /**
    * Show rows. The maps may be changed in place between two calls.
-   *
    * @param {{vehicles: Map<string, any>, roads: Map<string, any>, rsus: Map<string, any>,
    *   orders: Map<string, any>}} tables
    * @param {Record<string, Set<string>>|null} changed  ids by table; null: all, at once
@@ -106,10 +100,7 @@ export class CityMap {
     this._draw();
   }
 
-  /**
-   * @param {string|null} kind  vehicle, road, rsu or order; null: nothing
-   * @param {string} [id]
-   */
+  /** @param {string|null} kind  vehicle, road, rsu or order; null: nothing @param {string} [id] */
   select(kind, id) {
     this._scene.select(kind, id ?? null);
     this._layers.outdate();
@@ -117,12 +108,7 @@ export class CityMap {
     this._draw();
   }
 
-  /**
-   * Move to where something is, if it has a place.
-   *
-   * @param {string} kind
-   * @param {string} id
-   */
+  /** Move to where something is, if it has a place. @param {string} kind @param {string} id */
   show(kind, id) {
     const bounds = this._scene.boundsOf(kind, id);
     if (!bounds) return;
@@ -139,7 +125,6 @@ export class CityMap {
 
   /**
    * The part that is seen as a picture, with legend, time and scale.
-   *
    * @param {{text?: string}} [options]  what stands over it; else the present time
    * @returns {Promise<Blob>}
    */
@@ -172,7 +157,6 @@ export class CityMap {
 
   /**
    * What a click at a place would find.
-   *
    * @param {number} x  px from the map's corner
    * @param {number} y
    * @param {number} [within]  px
@@ -184,7 +168,6 @@ export class CityMap {
 
   /**
    * Where something is on the screen now, px from the map's corner; null if it has no place.
-   *
    * @param {string} kind
    * @param {string} id
    * @returns {[number, number]|null}
@@ -196,17 +179,6 @@ export class CityMap {
     return box && [this._view.px((box[0] + box[2]) / 2), this._view.py((box[1] + box[3]) / 2)];
   }
 
-  destroy() {
-    cancelAnimationFrame(this._request);
-    clearTimeout(this._timer);
-    this._request = -1;
-    this._sizes.disconnect();
-    this._gestures.remove();
-    this._controls.remove();
-    this._canvas.remove();
-    this._root.classList.remove("city-map");
-  }
-
   _resize() {
     const { clientWidth: width, clientHeight: height } = this._root;
     if (!width || !height) return;
@@ -216,7 +188,7 @@ export class CityMap {
     this._controls.resize();
     this._camera.resize(width, height, this._scene.network.bounds, this._controls.margin());
     // A canvas of a new size is empty; without this the page would flicker.
-    if (this._request >= 0) this._frame();
+    this._frame();
   }
 
   /** Another part of the map is covered: all of it that was in view stays so, and names keep clear. */

@@ -1,8 +1,4 @@
-/**
- * Where vehicles are drawn between two messages: on their way from the last place to the next.
- *
- * @module
- */
+/** Where vehicles are drawn between two messages: on their way from the last place to the next. */
 
 const MIN_DURATION_MS = 200;
 const MAX_DURATION_MS = 2500;
@@ -11,7 +7,6 @@ const MAX_STEP_M = 250;
 
 /**
  * A vehicle with a place.
- *
  * @typedef {object} Mover
  * @property {string} id
  * @property {any} row  its row by the contract
@@ -35,7 +30,6 @@ export class Motion {
 
   /**
    * Take over what vehicles' rows say.
-   *
    * @param {Map<string, any>} vehicles  all rows by id
    * @param {Set<string>|null} changed  ids that may have changed; null: all, and at once
    * @param {number} now  ms
@@ -81,11 +75,7 @@ export class Motion {
     this._moving.add(mover);
   }
 
-  /**
-   * Move all vehicles to where they are at a time.
-   *
-   * @param {number} now  ms
-   */
+  /** Move all vehicles to where they are at a time. @param {number} now  ms */
   advance(now) {
     for (const mover of this._moving) {
       const step = mover.step;

@@ -1,8 +1,4 @@
-/**
- * The map as a picture, with legend, time and scale.
- *
- * @module
- */
+/** The map as a picture, with legend, time and scale. */
 
 import { placeMoving, placeStill } from "./labels.js";
 import { drawLegend, legendSize } from "./paint/legend.js";

@@ -1,8 +1,4 @@
-/**
- * What belongs to a selection: it is drawn in full, all else is dimmed.
- *
- * @module
- */
+/** What belongs to a selection: it is drawn in full, all else is dimmed. */
 
 /**
  * @typedef {object} Relation
@@ -56,7 +52,6 @@ export function relate(tables, network, kind, id) {
 
 /**
  * A vehicle's stops that lie ahead and have a place, in the order of their arrival.
- *
  * @param {Map<string, any>} orders
  * @param {string} vehicle
  * @returns {{id: string, row: any, number: number}[]}  numbered from 1

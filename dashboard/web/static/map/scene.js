@@ -1,8 +1,4 @@
-/**
- * What the map shows: the network, the rows, the selection, and what follows from them.
- *
- * @module
- */
+/** What the map shows: the network, the rows, the selection, and what follows from them. */
 
 import { chainsOf } from "./plane/chains.js";
 import { clusters, middleOf } from "./clusters.js";
@@ -56,7 +52,6 @@ export class Scene {
 
   /**
    * Take over rows.
-   *
    * @param {any} tables
    * @param {any} changed  sets of ids by table; null: all
    * @param {number} now  ms
@@ -74,10 +69,7 @@ export class Scene {
     return isNew("roads") || isNew("rsus") || isNew("orders") || before !== this._fingerprint();
   }
 
-  /**
-   * @param {string|null} kind
-   * @param {string|null} id
-   */
+  /** @param {string|null} kind @param {string|null} id */
   select(kind, id) {
     this.selection = kind && id != null ? { kind, id } : null;
     this._grouped = 0;
@@ -102,11 +94,7 @@ export class Scene {
     return parts.join("|");
   }
 
-  /**
-   * Have vehicles in clusters where their signs would lie on each other.
-   *
-   * @param {import("./plane/view.js").View} view
-   */
+  /** Have vehicles in clusters where their signs would lie on each other. @param {import("./plane/view.js").View} view */
   group(view) {
     if (this._grouped === view.scale) return;
     this._grouped = view.scale;
@@ -121,7 +109,6 @@ export class Scene {
 
   /**
    * Where clusters are on the screen, px: in the middle of their vehicles, or beside a depot that they would cover.
-   *
    * @param {import("./plane/view.js").View} view
    */
   circles(view) {
@@ -150,7 +137,6 @@ export class Scene {
 
   /**
    * The box around what is named, m; null if it has no place.
-   *
    * @param {string} kind
    * @param {string} id
    * @returns {[number, number, number, number]|null}

@@ -1,8 +1,4 @@
-/**
- * What the map says in words: tooltips, and the sum of what is shown.
- *
- * @module
- */
+/** What the map says in words: tooltips, and the sum of what is shown. */
 
 const MAX_NAMES = 8;
 
@@ -20,7 +16,6 @@ function speed(kmh, units) {
 
 /**
  * Lines of a tooltip, the title first.
- *
  * @param {import("./hit.js").Hit} hit
  * @param {import("./scene.js").Scene} scene
  * @param {string} units  metric or imperial
@@ -75,11 +70,7 @@ function names(ids) {
   return ids.slice(0, MAX_NAMES).join(", ") + (more > 0 ? ` and ${more} more` : "");
 }
 
-/**
- * The whole map in a sentence or two, for those who do not see it.
- *
- * @param {import("./scene.js").Scene} scene
- */
+/** The whole map in a sentence or two, for those who do not see it. @param {import("./scene.js").Scene} scene */
 export function summary({ network, tables, selection }) {
   const count = (number, word) => `${number} ${word}${number === 1 ? "" : "s"}`;
   const vehicles = [...tables.vehicles.values()];

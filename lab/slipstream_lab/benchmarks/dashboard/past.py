@@ -14,8 +14,9 @@ from statistics import median
 from typing import Any, Final
 
 import storage
+from dashboard.settings import Factors
 from dashboard.view.places import Places
-from dashboard.web.energy import EnergyBook, Factors
+from dashboard.web.energy import EnergyBook
 from dashboard.web.hub import encoded
 from dashboard.web.past import StoredPast
 from dashboard.web.tables.rows import Scene

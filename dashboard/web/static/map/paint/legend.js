@@ -1,8 +1,4 @@
-/**
- * What the map's signs and lines mean, drawn as they are.
- *
- * @module
- */
+/** What the map's signs and lines mean, drawn as they are. */
 
 import { drawDepots, drawOrders, drawRsus } from "./markers.js";
 import { PATTERNS, strokeBand } from "./roads.js";

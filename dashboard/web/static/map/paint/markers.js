@@ -1,8 +1,4 @@
-/**
- * Drawing of what has a place: depots, RSUs, orders and numbered stops.
- *
- * @module
- */
+/** Drawing of what has a place: depots, RSUs, orders and numbered stops. */
 
 /** From this scale on, px a metre, orders are shown that nothing is wrong with. */
 const ORDERS_FROM = 0.3;
@@ -11,12 +7,7 @@ const TROUBLE = new Set(["warn", "bad"]);
 /** Radii of signs, px. */
 export const RADII = { depot: 8, rsu: 7, order: 5, stop: 9 };
 
-/**
- * Whether an order has a sign at a scale.
- *
- * @param {any} row
- * @param {number} scale  px a metre
- */
+/** Whether an order has a sign at a scale. @param {any} row @param {number} scale  px a metre */
 export function showsOrder(row, scale) {
   if (row.x == null) return false;
   return scale >= ORDERS_FROM || (TROUBLE.has(row.level) && row.state !== "served");
@@ -42,7 +33,6 @@ export function drawDepots(context, view, palette, depots) {
 
 /**
  * A diamond each: filled where it is well, with a mark where it is not.
- *
  * @param {CanvasRenderingContext2D} context
  * @param {import("../plane/view.js").View} view
  * @param {any} palette
@@ -69,7 +59,6 @@ export function drawRsus(context, view, palette, rsus) {
 
 /**
  * A small square each, in the colour of its level; crossed out where it failed.
- *
  * @param {CanvasRenderingContext2D} context
  * @param {import("../plane/view.js").View} view
  * @param {any} palette
@@ -101,7 +90,6 @@ export function drawOrders(context, view, palette, orders) {
 
 /**
  * The stops of a selected vehicle, numbered.
- *
  * @param {CanvasRenderingContext2D} context
  * @param {import("../plane/view.js").View} view
  * @param {any} palette
@@ -124,7 +112,6 @@ export function drawStops(context, view, palette, stops, colour) {
 
 /**
  * The ring around what is selected.
- *
  * @param {CanvasRenderingContext2D} context
  * @param {any} palette
  * @param {number} x  px

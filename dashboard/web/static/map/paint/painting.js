@@ -1,8 +1,4 @@
-/**
- * The map's layers, one function each; the same for the screen and for a picture.
- *
- * @module
- */
+/** The map's layers, one function each; the same for the screen and for a picture. */
 
 import { drawDepots, drawHalo, drawOrders, drawRsus, drawStops, RADII } from "./markers.js";
 import { drawBands, drawFlags, drawStreets, lanes, trace } from "./roads.js";
@@ -23,7 +19,6 @@ export function paintGround(context, view, scene) {
 
 /**
  * Flags, routes, platoons' ways and signs of what stands still.
- *
  * @param {CanvasRenderingContext2D} context
  * @param {View} view
  * @param {Scene} scene
@@ -88,13 +83,7 @@ function veil(context, view, palette) {
   context.globalAlpha = 1;
 }
 
-/**
- * Vehicles where they are now.
- *
- * @param {CanvasRenderingContext2D} context
- * @param {View} view
- * @param {Scene} scene
- */
+/** Vehicles where they are now. @param {CanvasRenderingContext2D} context @param {View} view @param {Scene} scene */
 export function paintVehicles(context, view, scene) {
   const { palette, relation, selection, singles, style, motion } = scene;
   context.globalAlpha = relation ? DIMMED : 1;

@@ -1,8 +1,4 @@
-/**
- * Colours of the map: the CSS custom properties of map.css, read once for each theme.
- *
- * @module
- */
+/** Colours of the map: the CSS custom properties of map.css, read once for each theme. */
 
 const NAMES = [
   "land", "street-edge", "street", "street-far", "ink", "ink-soft", "halo", "panel", "panel-edge",
@@ -24,12 +20,7 @@ const STEP = 0.05;
  * @property {boolean} isDark
  */
 
-/**
- * Colours in force on an element.
- *
- * @param {HTMLElement} element  with the class `city-map`
- * @returns {Palette & Record<string, any>}
- */
+/** Colours in force on an element. @param {HTMLElement} element  with the class `city-map` @returns {Palette & Record<string, any>} */
 export function readPalette(element) {
   const style = getComputedStyle(element);
   const read = (/** @type {string} */ name) => style.getPropertyValue(name).trim();
@@ -66,11 +57,7 @@ function luminance(rgb) {
 /** @param {string} colour #rrggbb @returns {number[]} */
 export function channels(colour) { return [1, 3, 5].map((at) => parseInt(colour.slice(at, at + 2), 16)); }
 
-/**
- * Have map.css in the document, whether its page links it or not.
- *
- * @returns {Promise<void>} settled once it is there
- */
+/** Have map.css in the document, whether its page links it or not. @returns {Promise<void>} settled once it is there */
 export function loadStyles() {
   const address = new URL("../map.css", import.meta.url).href;
   const there = [.../** @type {NodeListOf<HTMLLinkElement>} */ (document.querySelectorAll("link[rel=stylesheet]"))].find((link) => link.href === address);

@@ -1,16 +1,8 @@
-/**
- * Drawing of streets, of watched roads by their flag, and of platoons' ways.
- *
- * @module
- */
+/** Drawing of streets, of watched roads by their flag, and of platoons' ways. */
 
 import { widthOf } from "../plane/network.js";
 
-/**
- * How a flag is drawn: colour by the palette, pattern in widths of its line.
- *
- * @type {Record<string, number[]>}
- */
+/** How a flag is drawn: colour by the palette, pattern in widths of its line. @type {Record<string, number[]>} */
 export const PATTERNS = { stable: [], turbulent: [3.2, 1.8], unknown: [0.01, 2.4] };
 
 /** Streets of rank 2 shorter than this, in px, are left out far away. */
@@ -18,7 +10,6 @@ const MIN_STREET_PX = 1.5;
 
 /**
  * Draw the land and all streets in view.
- *
  * @param {CanvasRenderingContext2D} context
  * @param {import("../plane/view.js").View} view
  * @param {import("../plane/network.js").Network} network
@@ -54,11 +45,7 @@ function isShort(line, length) {
   return Math.abs(line.at(-2) - line[0]) + Math.abs(line.at(-1) - line[1]) < length;
 }
 
-/**
- * Sizes of the lines beside a street's middle, px.
- *
- * @param {number} scale  px a metre
- */
+/** Sizes of the lines beside a street's middle, px. @param {number} scale  px a metre */
 export function lanes(scale) {
   const flag = Math.max(2.4, Math.min(6, 2.4 + 6 * scale));
   const right = Math.max(flag / 2 + 0.7, widthOf(2, scale) / 4);
@@ -68,7 +55,6 @@ export function lanes(scale) {
 
 /**
  * Draw watched roads by their flag.
- *
  * @param {CanvasRenderingContext2D} context
  * @param {import("../plane/view.js").View} view
  * @param {import("../plane/network.js").Network} network
@@ -104,7 +90,6 @@ export function drawFlags(context, view, network, palette, roads, wider = 1) {
 
 /**
  * Draw the band of roads on which platoons drive, beside the flag.
- *
  * @param {CanvasRenderingContext2D} context
  * @param {import("../plane/view.js").View} view
  * @param {import("../plane/network.js").Network} network
@@ -120,12 +105,7 @@ export function drawBands(context, view, network, palette, roads) {
   strokeBand(context, palette, path, band);
 }
 
-/**
- * @param {CanvasRenderingContext2D} context
- * @param {any} palette
- * @param {Path2D} path
- * @param {number} width  px
- */
+/** @param {CanvasRenderingContext2D} context @param {any} palette @param {Path2D} path @param {number} width  px */
 export function strokeBand(context, palette, path, width) {
   context.lineCap = "butt";
   context.lineJoin = "round";
@@ -151,12 +131,7 @@ function isSeen(network, road, view) {
   return !(west || east || south || north);
 }
 
-/**
- * Add a line to a path.
- *
- * @param {Path2D} path
- * @param {number[]} line  px
- */
+/** Add a line to a path. @param {Path2D} path @param {number[]} line  px */
 export function trace(path, line) {
   path.moveTo(line[0], line[1]);
   for (let i = 2; i < line.length; i += 2) path.lineTo(line[i], line[i + 1]);

@@ -1,8 +1,4 @@
-/**
- * Drawing of vehicles' routes and their stops; which roads carry platoons.
- *
- * @module
- */
+/** Drawing of vehicles' routes and their stops; which roads carry platoons. */
 
 import { lanes, trace } from "./roads.js";
 
@@ -14,7 +10,6 @@ const SIDE_BY_SIDE_PX = 2.6;
 
 /**
  * Roads ahead of some vehicle on which it drives in a platoon and whose gate is open.
- *
  * @param {any} tables
  * @param {import("../plane/network.js").Network} network
  * @returns {Set<number>} road indices
@@ -37,12 +32,7 @@ function isOpen(tables, network, road) {
   return id !== undefined && tables.roads.get(id)?.gate !== "closed";
 }
 
-/**
- * Rows of the vehicles whose routes are drawn while none is selected.
- *
- * @param {any} tables
- * @returns {any[]}
- */
+/** Rows of the vehicles whose routes are drawn while none is selected. @param {any} tables @returns {any[]} */
 export function routedVehicles(tables) {
   const routed = [...tables.vehicles.values()].filter((row) => row.route?.length);
   return routed.length > MAX_ROUTES ? [] : routed;
@@ -50,7 +40,6 @@ export function routedVehicles(tables) {
 
 /**
  * How far roads' lines reach to the right of their streets' middles: flags, platoons' bands, routes.
- *
  * @param {number} scale  px a metre
  * @param {import("../plane/network.js").Network} network
  * @param {any} tables
@@ -78,7 +67,6 @@ export function reaches(scale, network, tables, bands, relation) {
 
 /**
  * Draw what lies ahead of each vehicle, if they are few: thin lines side by side.
- *
  * @param {CanvasRenderingContext2D} context
  * @param {import("../plane/view.js").View} view
  * @param {import("../plane/network.js").Network} network
@@ -111,7 +99,6 @@ export function drawRoutes(context, view, network, palette, tables, bands) {
 
 /**
  * Draw one vehicle's route as a broad line under the flags; its past part is faint.
- *
  * @param {CanvasRenderingContext2D} context
  * @param {import("../plane/view.js").View} view
  * @param {import("../plane/network.js").Network} network

@@ -1,8 +1,4 @@
-/**
- * Vehicles' signs, drawn once for each colour: a thousand pictures are drawn faster than as many shapes.
- *
- * @module
- */
+/** Vehicles' signs, drawn once for each colour: a thousand pictures are drawn faster than as many shapes. */
 
 /** Side of a sign's cell, px. */
 const CELL = 40;
@@ -40,7 +36,6 @@ const sheets = new WeakMap();
 
 /**
  * A function that draws a vehicle's sign.
- *
  * @param {CanvasRenderingContext2D} context
  * @param {any} palette
  * @returns {(shape: Shape, colour: number, isFilled: boolean, x: number, y: number, heading: number)

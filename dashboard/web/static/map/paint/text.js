@@ -1,8 +1,4 @@
-/**
- * Widths of texts, and their drawing with a border that sets them off from the map.
- *
- * @module
- */
+/** Widths of texts, and their drawing with a border that sets them off from the map. */
 
 const BORDER_PX = 3;
 
@@ -10,12 +6,7 @@ const BORDER_PX = 3;
 const widths = new Map();
 const ruler = document.createElement("canvas").getContext("2d");
 
-/**
- * Width of a text, px.
- *
- * @param {string} text
- * @param {string} font  as in CSS
- */
+/** Width of a text, px. @param {string} text @param {string} font  as in CSS */
 export function widthOfText(text, font) {
   const key = `${font}|${text}`;
   let width = widths.get(key);
@@ -29,14 +20,12 @@ export function widthOfText(text, font) {
 
 /**
  * A text with a place on the map.
- *
  * @typedef {import("../plane/placement.js").Box & {kind: string, id: string, text: string, font: string,
  *   size: number, colour: string, plate?: boolean, side?: number}} Label  plate: with a ground of its own, as it lies on lines
  */
 
 /**
  * A label without a place yet; its box has the text's size.
- *
  * @param {string} kind
  * @param {string} id
  * @param {string} text
@@ -50,11 +39,7 @@ export function makeLabel(kind, id, text, palette, { size = 11, weight = 500, co
   return { kind, id, text, font, size, colour, x: 0, y: 0, width, height: size + BORDER_PX, angle: 0 };
 }
 
-/**
- * @param {CanvasRenderingContext2D} context
- * @param {Iterable<Label>} labels
- * @param {string} border  colour
- */
+/** @param {CanvasRenderingContext2D} context @param {Iterable<Label>} labels @param {string} border  colour */
 export function drawLabels(context, labels, border) {
   context.textAlign = "center";
   context.textBaseline = "alphabetic";

@@ -1,8 +1,6 @@
 /**
  * Drawing of vehicles: dots far away, arrows nearer, discs with a name's end close by.
- *
  * Filled: reported by the vehicle; hollow: where it should be by its plan, or where a silent one was last, which has a mark.
- *
  * @module
  */
 
@@ -22,11 +20,7 @@ const ARROWS_FROM = 0.12;
 /** So few vehicles are arrows at any scale. */
 const FEW = 40;
 
-/**
- * @param {number} scale  px a metre
- * @param {number} count  of vehicles
- * @returns {Style}
- */
+/** @param {number} scale  px a metre @param {number} count  of vehicles @returns {Style} */
 export function styleFor(scale, count) {
   if (scale >= DISCS_FROM) return "disc";
   return scale >= ARROWS_FROM || count <= FEW ? "arrow" : "dot";
@@ -39,7 +33,6 @@ export function isReported(row) {
 
 /**
  * Draw vehicles.
- *
  * @param {CanvasRenderingContext2D} context
  * @param {import("../plane/view.js").View} view
  * @param {any} palette
@@ -107,7 +100,6 @@ function drawBadge(context, palette, state, x, y) {
 
 /**
  * Draw clusters as rings with their vehicles' number.
- *
  * @param {CanvasRenderingContext2D} context
  * @param {import("../plane/view.js").View} view
  * @param {any} palette
@@ -134,7 +126,6 @@ export function countSize(group) {
 
 /**
  * Rings around a selected vehicle and its partners.
- *
  * @param {CanvasRenderingContext2D} context
  * @param {import("../plane/view.js").View} view
  * @param {any} palette

@@ -1,8 +1,4 @@
-/**
- * Streets of one name that follow each other, as one line each: names are written along these.
- *
- * @module
- */
+/** Streets of one name that follow each other, as one line each: names are written along these. */
 
 import { Grid } from "./grid.js";
 import { boundsOf, lengthOf, reversed } from "./geometry.js";
@@ -22,10 +18,7 @@ const STRAIGHT = Math.cos((40 * Math.PI) / 180);
  * @property {[number, number, number, number]} bounds  m
  */
 
-/**
- * @param {import("./network.js").Network} network
- * @returns {Chain[]}
- */
+/** @param {import("./network.js").Network} network @returns {Chain[]} */
 export function chainsOf(network) {
   const byName = new Map();
   for (const street of network.streets) {

@@ -1,8 +1,6 @@
 /**
  * Geometry of lines in a plane: simplification, offsets, distances.
- *
  * A line is a flat array [x, y, x, y, ...] of at least two points.
- *
  * @module
  */
 
@@ -10,7 +8,6 @@
 
 /**
  * The line with fewer points, by Douglas and Peucker.
- *
  * @param {Line} line
  * @param {number} tolerance  most that a left-out point lies from the new line, in the line's unit
  * @returns {Line}
@@ -50,14 +47,7 @@ function squaredDistance(x, y, ax, ay, bx, by) {
   return (ax + part * dx - x) ** 2 + (ay + part * dy - y) ** 2;
 }
 
-/**
- * Distance of a point from a line.
- *
- * @param {number} x
- * @param {number} y
- * @param {Line} line
- * @returns {number}
- */
+/** Distance of a point from a line. @param {number} x @param {number} y @param {Line} line @returns {number} */
 export function distanceToLine(x, y, line) {
   let nearest = Infinity;
   for (let i = 2; i < line.length; i += 2) {
@@ -69,7 +59,6 @@ export function distanceToLine(x, y, line) {
 
 /**
  * The line moved to its right, with mitred corners; on a screen, where y grows downwards.
- *
  * @param {Line} line
  * @param {number} distance  in the line's unit
  * @returns {Line}
@@ -100,12 +89,7 @@ export function offset(line, distance) {
   return moved;
 }
 
-/**
- * Length of a line.
- *
- * @param {Line} line
- * @returns {number}
- */
+/** Length of a line. @param {Line} line @returns {number} */
 export function lengthOf(line) {
   let length = 0;
   for (let i = 2; i < line.length; i += 2) {
@@ -114,13 +98,7 @@ export function lengthOf(line) {
   return length;
 }
 
-/**
- * The point at a distance along a line; its ends beyond them.
- *
- * @param {Line} line
- * @param {number} distance
- * @returns {[number, number]}
- */
+/** The point at a distance along a line; its ends beyond them. @param {Line} line @param {number} distance @returns {[number, number]} */
 export function pointAlong(line, distance) {
   for (let i = 2; i < line.length; i += 2) {
     const step = Math.hypot(line[i] - line[i - 2], line[i + 1] - line[i - 1]);
@@ -136,12 +114,7 @@ export function pointAlong(line, distance) {
   return [line.at(-2), line.at(-1)];
 }
 
-/**
- * The same line driven the other way.
- *
- * @param {Line} line
- * @returns {Line}
- */
+/** The same line driven the other way. @param {Line} line @returns {Line} */
 export function reversed(line) {
   const back = new Array(line.length);
   for (let i = 0; i < line.length; i += 2) {
@@ -151,12 +124,7 @@ export function reversed(line) {
   return back;
 }
 
-/**
- * The box around a line: [x0, y0, x1, y1].
- *
- * @param {Line} line
- * @returns {[number, number, number, number]}
- */
+/** The box around a line: [x0, y0, x1, y1]. @param {Line} line @returns {[number, number, number, number]} */
 export function boundsOf(line) {
   const box = [Infinity, Infinity, -Infinity, -Infinity];
   for (let i = 0; i < line.length; i += 2) {

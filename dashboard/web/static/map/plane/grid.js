@@ -1,8 +1,4 @@
-/**
- * Which boxes lie near a place: a grid of square cells that knows the boxes that touch each.
- *
- * @module
- */
+/** Which boxes lie near a place: a grid of square cells that knows the boxes that touch each. */
 
 export class Grid {
   /** @param {number} cell  side of a cell, in the unit of the boxes, > 0 */
@@ -13,11 +9,7 @@ export class Grid {
     this._count = 0;
   }
 
-  /**
-   * Add a box; its number is how many were added before.
-   *
-   * @param {[number, number, number, number]} box  x0, y0, x1, y1
-   */
+  /** Add a box; its number is how many were added before. @param {[number, number, number, number]} box  x0, y0, x1, y1 */
   add(box) {
     const number = this._count++;
     for (let column = this._at(box[0]); column <= this._at(box[2]); column++) {
@@ -33,7 +25,6 @@ export class Grid {
 
   /**
    * Numbers of the boxes whose cells a box touches, each once.
-   *
    * @param {[number, number, number, number]} box  x0, y0, x1, y1
    * @returns {Set<number>}
    */

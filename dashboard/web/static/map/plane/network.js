@@ -1,15 +1,10 @@
-/**
- * The road network as the map draws it: streets of both directions, their detail by scale.
- *
- * @module
- */
+/** The road network as the map draws it: streets of both directions, their detail by scale. */
 
 import { boundsOf, distanceToLine, offset, reversed, simplify } from "./geometry.js";
 import { Grid } from "./grid.js";
 
 /**
  * Both directions of a street, or the one that it has.
- *
  * @typedef {object} Street
  * @property {number[]} line  its middle, m, in the first direction
  * @property {number} rank  0: motorways, 1: main roads, 2: others
@@ -55,21 +50,12 @@ export class Network {
     boxes.forEach((box) => this._grid.add(box));
   }
 
-  /**
-   * Numbers of the streets in a box, and perhaps of some beside it.
-   *
-   * @param {[number, number, number, number]} box  m
-   */
+  /** Numbers of the streets in a box, and perhaps of some beside it. @param {[number, number, number, number]} box  m */
   streetsNear(box) {
     return this._grid.near(box);
   }
 
-  /**
-   * A street's line with no more detail than a scale shows.
-   *
-   * @param {Street} street
-   * @param {number} scale  px a metre
-   */
+  /** A street's line with no more detail than a scale shows. @param {Street} street @param {number} scale  px a metre */
   detail(street, scale) {
     if (street.line.length <= 4) return street.line;
     const level = Math.max(LOWEST_DETAIL, Math.ceil(Math.log2(scale)));
@@ -80,7 +66,6 @@ export class Network {
 
   /**
    * A road's line on the screen, moved from its street's middle to the side that is driven on.
-   *
    * @param {number} road  road index
    * @param {import("./view.js").View} view
    * @param {number} aside  px
@@ -95,7 +80,6 @@ export class Network {
 
   /**
    * Road nearest to a pixel; of a street's two directions the one on whose side it lies.
-   *
    * @param {import("./view.js").View} view
    * @param {number} px
    * @param {number} py
@@ -121,12 +105,7 @@ export class Network {
   }
 }
 
-/**
- * Width of a street on the screen, px.
- *
- * @param {number} rank
- * @param {number} scale  px a metre
- */
+/** Width of a street on the screen, px. @param {number} rank @param {number} scale  px a metre */
 export function widthOf(rank, scale) {
   return Math.min(MAX_WIDTH_PX, Math.max(MIN_WIDTH_PX[rank], WIDTH_M[rank] * scale));
 }
@@ -137,11 +116,7 @@ function rankOf(road) {
   return road.limit_kmh > 52 || road.lanes > 1 ? 1 : 2;
 }
 
-/**
- * Streets of the roads: two roads between the same ends, driven opposite ways, are one.
- *
- * @returns {Street[]}
- */
+/** Streets of the roads: two roads between the same ends, driven opposite ways, are one. @returns {Street[]} */
 function pair(roads) {
   const cell = (x, y) => `${Math.round(x / 40)},${Math.round(y / 40)}`;
   const byStart = new Map();

@@ -1,14 +1,9 @@
-/**
- * Boxes that never overlap: whoever comes first has the place.
- *
- * @module
- */
+/** Boxes that never overlap: whoever comes first has the place. */
 
 import { Grid } from "./grid.js";
 
 /**
  * A turned rectangle on the screen.
- *
  * @typedef {object} Box
  * @property {number} x  its middle, px
  * @property {number} y
@@ -27,21 +22,13 @@ export class Placement {
     this._boxes = [];
   }
 
-  /**
-   * Take a place whether it is free or not.
-   *
-   * @param {Box} box
-   */
+  /** Take a place whether it is free or not. @param {Box} box */
   block(box) {
     this._grid.add(around(box));
     this._boxes.push(box);
   }
 
-  /**
-   * Whether a place overlaps none that is taken, and lies on one side of the frame's edge.
-   *
-   * @param {Box} box
-   */
+  /** Whether a place overlaps none that is taken, and lies on one side of the frame's edge. @param {Box} box */
   isFree(box) {
     if (crosses(around(box), this._frame)) return false;
     for (const number of this._grid.near(around(box))) {
@@ -50,12 +37,7 @@ export class Placement {
     return true;
   }
 
-  /**
-   * Take a place if it is free.
-   *
-   * @param {Box} box
-   * @returns {boolean} whether it was
-   */
+  /** Take a place if it is free. @param {Box} box @returns {boolean} whether it was */
   take(box) {
     if (!this.isFree(box)) return false;
     this.block(box);
@@ -65,7 +47,6 @@ export class Placement {
 
 /**
  * Boxes that cover a line, one for each of its pieces.
- *
  * @param {number[]} line  px
  * @param {number} width  of the line, px
  * @returns {Box[]}
@@ -81,12 +62,7 @@ export function boxesAlong(line, width) {
   return boxes;
 }
 
-/**
- * Whether two turned rectangles overlap, by the separating axes of both.
- *
- * @param {Box} a
- * @param {Box} b
- */
+/** Whether two turned rectangles overlap, by the separating axes of both. @param {Box} a @param {Box} b */
 export function overlap(a, b) {
   if (!a.angle && !b.angle) {
     return 2 * Math.abs(a.x - b.x) < a.width + b.width && 2 * Math.abs(a.y - b.y) < a.height + b.height;

@@ -1,8 +1,4 @@
-/**
- * The part of the plane that is seen: its middle, its scale, its size on the screen.
- *
- * @module
- */
+/** The part of the plane that is seen: its middle, its scale, its size on the screen. */
 
 const MAX_SCALE = 8;
 
@@ -38,23 +34,14 @@ export class View {
     return (this.height / 2 - py) / this.scale + this.y;
   }
 
-  /**
-   * What is seen, and a strip around it: x0, y0, x1, y1, m.
-   *
-   * @param {number} [strip] px
-   * @returns {[number, number, number, number]}
-   */
+  /** What is seen, and a strip around it: x0, y0, x1, y1, m. @param {number} [strip] px @returns {[number, number, number, number]} */
   bounds(strip = 0) {
     return [
       this.mx(-strip), this.my(this.height + strip), this.mx(this.width + strip), this.my(-strip),
     ];
   }
 
-  /**
-   * The same middle and scale, with a margin on all sides.
-   *
-   * @param {number} margin px
-   */
+  /** The same middle and scale, with a margin on all sides. @param {number} margin px */
   widened(margin) {
     const wide = Object.assign(new View(), this);
     wide.width += 2 * margin;
@@ -64,7 +51,6 @@ export class View {
 
   /**
    * The view of a box that fills the screen but for a margin.
-   *
    * @param {[number, number, number, number]} bounds  m
    * @param {number|{right: number, bottom: number}} [margin]  px; of 32 where only two sides are given
    */
@@ -86,13 +72,7 @@ export class View {
     return Math.max(this.minScale, Math.min(MAX_SCALE, scale));
   }
 
-  /**
-   * Zoom so that what lies under a pixel stays there.
-   *
-   * @param {number} factor  more than 1: nearer
-   * @param {number} px
-   * @param {number} py
-   */
+  /** Zoom so that what lies under a pixel stays there. @param {number} factor  more than 1: nearer @param {number} px @param {number} py */
   zoom(factor, px = this.width / 2, py = this.height / 2) {
     const x = this.mx(px);
     const y = this.my(py);
@@ -101,22 +81,13 @@ export class View {
     this.y = y + (py - this.height / 2) / this.scale;
   }
 
-  /**
-   * Move what is seen by pixels.
-   *
-   * @param {number} right
-   * @param {number} down
-   */
+  /** Move what is seen by pixels. @param {number} right @param {number} down */
   pan(right, down) {
     this.x -= right / this.scale;
     this.y += down / this.scale;
   }
 
-  /**
-   * A line in metres as one in pixels.
-   *
-   * @param {number[]} line
-   */
+  /** A line in metres as one in pixels. @param {number[]} line */
   project(line) {
     const projected = new Array(line.length);
     for (let i = 0; i < line.length; i += 2) {

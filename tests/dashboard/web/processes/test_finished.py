@@ -15,8 +15,7 @@ import pytest
 
 from slipstream.bus import free_port
 from slipstream_cli.main import main
-
-from .stored import S, store_run
+from tests.dashboard.web.past.stored import S, store_run
 
 BEGIN_NS = 1_790_000_040 * S
 
@@ -71,6 +70,7 @@ def test_a_finished_run_is_shown_without_bus_and_settings(tmp_path: Path, world:
     assert database.read_bytes() == stored
 
 
+@pytest.mark.slow
 def test_what_cannot_be_shown_is_one_line(
     tmp_path: Path, world: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:

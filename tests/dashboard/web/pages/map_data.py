@@ -13,10 +13,9 @@ import numpy as np
 
 from slipstream.roads import RoadNetwork
 from slipstream.roads.sumo_net import load_network
-from slipstream_lab.research.cities.streets import street_network
 
 TROY = (
-    Path(__file__).parents[3] / "lab/slipstream_lab/simulation/scenarios/data/troy/troy.net.xml.gz"
+    Path(__file__).parents[4] / "lab/slipstream_lab/simulation/scenarios/data/troy/troy.net.xml.gz"
 )
 T_MS = 1_795_000_000_000
 FLAGS = ("stable", "turbulent", "unknown")
@@ -27,24 +26,6 @@ def troy() -> dict[str, Any]:
     root = ElementTree.fromstring(gzip.decompress(TROY.read_bytes()))
     names = {edge.get("id", ""): edge.get("name") for edge in root.iter("edge")}
     return network_json(load_network(TROY), names, depots=3)
-
-
-def city(segments: int) -> dict[str, Any]:
-    """A generated city; its rows are streets, its columns avenues."""
-    rng = np.random.default_rng(5)
-    _, network, ways = street_network(
-        rng,
-        segments,
-        block_m=220.0,
-        arterial_every=5,
-        one_way_share=0.03,
-        signalled_share=0.5,
-    )
-    names = {
-        name: f"{a[0] + 1}th Street" if a[0] == b[0] else f"{a[1] + 1}th Avenue"
-        for name, (a, b) in ways.items()
-    }
-    return network_json(network, names, depots=2)
 
 
 def network_json(

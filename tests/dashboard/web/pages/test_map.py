@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from tests.dashboard.web import map_data
-from tests.dashboard.web.map_site import OpenMap, map_pages
+from tests.dashboard.web.pages import map_data
+from tests.dashboard.web.pages.map_site import OpenMap, map_pages
 
 pytestmark = pytest.mark.process
 
@@ -285,14 +285,6 @@ def test_names_of_roadside_units_lie_clear_of_roads_lines(street):
           map.setMoment(tables, {rsus: new Set(["rsu-on-road"])});
         }"""
     )
-
-
-def test_a_name_that_nobody_has_dims_nothing(street):
-    """As an address may have it."""
-    before = count(street, "--map-turbulent")
-    street.evaluate("map.select('vehicle', 'nobody')")
-    assert count(street, "--map-turbulent") == before > 0
-    street.evaluate("map.select(null)")
 
 
 def test_a_cluster_leaves_the_depot_in_sight(open_map):
@@ -569,7 +561,7 @@ def test_names_of_vehicles_are_read_easily(town, theme):
 
 
 def test_vehicles_glide_between_messages_while_all_else_stays_drawn(open_map):
-    """Moving vehicles cost no drawing of roads; a destroyed map leaves nothing."""
+    """Moving vehicles cost no drawing of roads."""
     page = open_map(STREETS, three_roads(), query="theme=light", width=600, height=400)
     page.evaluate("map._frame(); window.drawn = map._layers._drawnAt; window.seen = []")
     start = page.evaluate("map._scene.motion.movers.get('a').x")
@@ -592,17 +584,7 @@ def test_vehicles_glide_between_messages_while_all_else_stays_drawn(open_map):
     page.wait_for_function("!map._scene.motion.isMoving")
     assert page.evaluate("map._scene.motion.movers.get('a').x") == 180
     assert page.evaluate("map._layers._drawnAt === window.drawn")
-    page.evaluate("map.destroy()")
-    assert page.evaluate("document.getElementById('map').children.length") == 0
     assert page.errors == []
-
-
-def test_vehicles_jump_where_motion_is_not_wanted(street):
-    """With reduced motion a vehicle is at once where its row says."""
-    street.evaluate("step(20)")
-    assert street.evaluate("map._scene.motion.movers.get('a').x") == pytest.approx(140)
-    street.evaluate("step(-20)")
-    assert not street.evaluate("map._scene.motion.isMoving")
 
 
 def test_vehicles_at_one_place_are_one_sign_that_gives_them_in_turn(street):
@@ -634,60 +616,6 @@ def test_vehicles_at_one_place_are_one_sign_that_gives_them_in_turn(street):
         }"""
     )
     assert street.evaluate("map.placeOf('vehicle', 'p1')") is None
-
-
-@pytest.fixture(scope="module")
-def large(open_map: OpenMap) -> Any:
-    """10,000 roads, 1,000 vehicles and as many orders."""
-    network = map_data.city(10_000)
-    moment = map_data.moment(network, 1000, 1000, 50, 1000)
-    return open_map(network, moment, width=1440, height=900)
-
-
-@pytest.mark.long
-def test_labels_of_a_city_with_a_thousand_vehicles_never_overlap(large):
-    """From afar to near, standing and after a step."""
-    page, kinds = large, set()
-    page.evaluate(
-        """map._change((view) => {
-          const [west, south, east, north] = map._scene.network.bounds;
-          Object.assign(view, {x: (west + east) / 2, y: (south + north) / 2});
-        })"""
-    )
-    for zoom in (1, 2, 2, 2, 2, 2, 2):
-        page.evaluate("(zoom) => map._change(() => map._view.zoom(zoom))", zoom)
-        # Names are placed once the map stands still.
-        page.wait_for_function(
-            "() => { map._frame(); const {_layers: layers} = map; return !layers._isStale"
-            " && layers._covers(map._view) && !map._camera.isMoving(performance.now()); }"
-        )
-        labels = page.evaluate("map.labels()")
-        assert len(labels) >= 3
-        assert_apart(labels)
-        kinds |= {label["kind"] for label in labels}
-        page.evaluate("step(40)")
-        assert_apart(page.evaluate("map._frame(), map.labels()"))
-    assert kinds == {"depot", "rsu", "street", "vehicle", "order"}
-    assert page.errors == []
-
-
-@pytest.mark.long
-def test_clusters_of_a_city_overlap_no_other_sign(large):
-    """Each vehicle is shown once, and no two signs touch."""
-    large.evaluate("map.fit(); map._frame()")
-    signs = large.evaluate(
-        """() => [
-          ...map._scene.circles(map._view).map(({x, y, radius, group}) =>
-            ({x, y, radius, count: group.members.length})),
-          ...map._scene.singles.map(({x, y}) =>
-            ({x: map._view.px(x), y: map._view.py(y), radius: 2.5, count: 1})),
-        ]"""
-    )
-    assert sum(sign["count"] for sign in signs) == 1000
-    assert max(sign["count"] for sign in signs) > 1
-    for a, b in itertools.combinations(signs, 2):
-        away = math.hypot(a["x"] - b["x"], a["y"] - b["y"])
-        assert away > a["radius"] + b["radius"] - 1e-6
 
 
 @pytest.mark.long

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import re
 import time
@@ -12,9 +11,9 @@ from typing import Any
 
 import pytest
 
-from tests.dashboard.web import city, map_data
 from tests.dashboard.web.browser import SIZES, TABS, geometry_faults, open_page, until
-from tests.dashboard.web.fake import STATIC, TOKEN, FakePage
+from tests.dashboard.web.pages import city
+from tests.dashboard.web.pages.fake import TOKEN, FakePage
 
 pytestmark = [pytest.mark.process, pytest.mark.slow]
 NET = city.network(120)
@@ -122,19 +121,6 @@ def test_a_subject_is_selected_by_click_by_search_by_address_and_after_a_reload(
     assert tab.locator("#card").is_hidden()
 
 
-@pytest.mark.long
-def test_search_cuts_nothing_silently(opened):
-    """What is not shown is counted, and shown on demand."""
-    tab = opened()
-    tab.fill("#search", "van")
-    last = tab.locator("#found li").last
-    assert last.inner_text() == "and 28 more"
-    last.click()
-    assert tab.locator("#found li").count() == 40
-    tab.fill("#search", "mill street")
-    assert "Mill Street 1" in tab.locator("#found li").first.inner_text()
-
-
 CARDS = {
     "#van/van-1": (
         [
@@ -215,6 +201,7 @@ def test_a_moment_of_the_past_is_shown_with_its_card_and_played(opened, page: Fa
     assert "t=" not in tab.url
 
 
+@pytest.mark.long
 def test_nothing_looks_well_that_is_not_known(opened, page: FakePage):
     """The badge behind a dead bus, RSUs at a glance, and the card of one that was never heard."""
     tab = opened("#rsu/rsu-1")
@@ -281,6 +268,7 @@ def test_without_control_nothing_can_be_asked_for(opened, page: FakePage):
     assert tab.locator("[data-action]:visible").count() == 0
 
 
+@pytest.mark.long
 def test_what_would_be_refused_is_not_offered(opened, page: FakePage):
     """Behind a silent dispatcher, of the past, while paused, by the order's state and the alarm."""
     orders = page.moment["orders"]
@@ -322,6 +310,7 @@ def test_what_would_be_refused_is_not_offered(opened, page: FakePage):
     assert tab.locator("#card [data-action]").count() == 0
 
 
+@pytest.mark.long
 def test_the_banner_tells_the_worst_first_and_counts_in_the_title(opened, page: FakePage):
     """The others are behind "and N more"."""
     tab = opened()
@@ -337,6 +326,7 @@ def test_the_banner_tells_the_worst_first_and_counts_in_the_title(opened, page: 
     assert tab.title() == "Troy – Slipstream"
 
 
+@pytest.mark.long
 def test_a_lost_server_is_told_greys_the_page_and_is_found_again(opened, page: FakePage):
     """Within five seconds, in words."""
     tab = opened()
@@ -383,41 +373,6 @@ def test_nothing_overlaps_sticks_out_or_breaks(opened, width: int):
     assert geometry_faults(tab) == []
     tab.click("#card-close")
     assert geometry_faults(tab) == []
-
-
-@pytest.mark.parametrize("width", [1440, 390])
-def test_troy_keeps_to_its_places_too(browser: Any, width: int):
-    """A net with street names and long IDs, through the page: a table, search, a road's card."""
-    net = map_data.troy()
-    moment = city.moment(NET, vans=12, rsus=12, orders=30)
-    for name, rows in map_data.moment(net, 12, 60, 12, 30).items():
-        if isinstance(rows, dict):
-            usual = list(moment[name].values())
-            moment[name] = {
-                key: {**usual[i % len(usual)], **row} for i, (key, row) in enumerate(rows.items())
-            }
-    with FakePage({k: v for k, v in net.items() if k != "follows"}, moment) as running:
-        size = {"width": width, "height": SIZES[width]}
-        context = browser.new_context(viewport=size)
-        tab = open_page(context, running, "?tab=roads")
-        assert geometry_faults(tab) == []
-        tab.fill("#search", "spring")
-        first = tab.locator("#found li").first
-        assert first.locator(".name").inner_text().startswith("Spring")
-        heights = tab.locator("#found li").evaluate_all("(all) => all.map((li) => li.offsetHeight)")
-        assert max(heights) < 40
-        tab.keyboard.press("Enter")
-        tab.wait_for_selector("#card-body .chart")
-        assert geometry_faults(tab) == []
-        assert tab.faults == []
-        context.close()
-
-
-def test_axe_finds_nothing_serious(opened):
-    """With a table and a card in view."""
-    tab = opened("#van/van-1")
-    tab.wait_for_selector("#card-body .wide", state="attached")
-    assert serious(tab) == []
 
 
 def serious(tab: Any, part: str = "body", **options: Any) -> list[str]:
@@ -470,6 +425,7 @@ def test_exports_lead_to_what_is_shown(opened):
     report.value.close()
 
 
+@pytest.mark.long
 def test_rows_are_saved_as_they_are_shown(opened):
     """Filtered and sorted; where no table is open, nothing is offered."""
     tab = opened("?tab=roads")
@@ -488,6 +444,7 @@ def test_rows_are_saved_as_they_are_shown(opened):
     assert not tab.is_visible("#export-shown")
 
 
+@pytest.mark.long
 def test_boxes_in_pictures_are_switched_off_and_stay_off(opened):
     """On a unit's card and in the grid alike, also after a reload."""
     tab = opened("?tab=rsus#rsu/rsu-1")
@@ -518,7 +475,8 @@ REACHED = """(selector) => {
 }"""
 
 
-@pytest.mark.parametrize(("width", "height"), [(640, 400), (320, 256), (1280, 400)])
+@pytest.mark.long
+@pytest.mark.parametrize(("width", "height"), [(640, 400), (320, 256)])
 def test_a_low_window_scrolls_to_everything(browser: Any, page: FakePage, width: int, height: int):
     """As a page at 200 % or 400 %: tables have a height and scroll, and nothing is out of reach."""
     context = browser.new_context(viewport={"width": width, "height": height})
@@ -552,45 +510,11 @@ def test_a_low_window_scrolls_to_everything(browser: Any, page: FakePage, width:
     context.close()
 
 
-def test_paper_has_the_whole_table_in_light_colours(opened, page: FakePage):
-    """Title, moment and zone, all rows; then the page is as before."""
-    tab = opened("?tab=orders#order/o-3", theme="dark")
-    shown = "document.querySelectorAll('#pane-orders tr[data-id]').length"
-    before = tab.evaluate(shown)
-    assert before < 80
-    tab.evaluate(f"addEventListener('beforeprint', () => {{ window.printed = {shown}; }})")
-    assert tab.pdf().startswith(b"%PDF")
-    assert tab.evaluate("window.printed") == 80
-    until(tab, f"{shown} === {before}")
-    tab.emulate_media(media="print")
-    until(tab, f"{shown} === 80")
-    looks = tab.evaluate(
-        """() => ({
-          ground: getComputedStyle(document.body).backgroundColor,
-          ink: getComputedStyle(document.querySelector("#pane-orders td")).color,
-          cut: [...document.querySelectorAll("#pane-orders td")]
-            .filter((cell) => cell.scrollWidth > cell.clientWidth + 1).length,
-          hidden: ["#timebar", "#tabs", "#filter", "#control", "#search"]
-            .filter((part) => document.querySelector(part).getClientRects().length),
-          head: document.querySelector("#header").innerText,
-          title: document.querySelector("#print-title").innerText,
-        })"""
-    )
-    assert looks["ground"] == "rgb(255, 255, 255)"
-    assert looks["ink"] == "rgb(23, 33, 44)"
-    assert (looks["cut"], looks["hidden"]) == (0, [])
-    for part in ("Troy", "Wed 18 Nov 2026", "11:06", "UTC"):
-        assert part in looks["head"]
-    assert looks["title"] == "Orders: 80 rows"
-    tab.emulate_media(media="screen")
-    until(tab, f"{shown} === {before}")
-
-
-@pytest.mark.parametrize("path", ["?tab=rsus#rsu/rsu-1", "?tab=cameras"])
-def test_a_picture_that_is_none_of_now_is_grey_and_tells_its_age(opened, page, path: str):
+@pytest.mark.long
+def test_a_picture_that_is_none_of_now_is_grey_and_tells_its_age(opened, page):
     """That of a camera that has stopped, which its unit sends again and again; a new one is not."""
     page.taken = city.T0 - 210_000
-    tab = opened(path)
+    tab = opened("?tab=cameras")
     tab.wait_for_selector("figure.stale img")
     assert "grayscale" in tab.evaluate(
         "getComputedStyle(document.querySelector('.stale img')).filter"
@@ -612,18 +536,7 @@ def test_colours_follow_the_system_until_one_is_chosen(opened):
     assert tab.get_attribute("html", "data-theme") == "light"
 
 
-def test_each_window_of_a_plan_says_whose_it_is(opened):
-    """A bar a window, with the numbers of its stops; none lies on another."""
-    tab = opened("#van/van-1")
-    tab.wait_for_selector("#card-body .timeline .whose")
-    assert tab.locator(".timeline .whose").all_text_contents() == ["1", "2", "3", "4"]
-    bars = tab.locator(".timeline .window").evaluate_all(
-        "(all) => all.map((bar) => [Number(bar.getAttribute('y')), bar.textContent])"
-    )
-    assert [text.split(":")[0] for _, text in bars] == [f"Window of o-{n}" for n in (1, 2, 3, 4)]
-    assert all(low - high >= 9 for (high, _), (low, _) in itertools.pairwise(bars))
-
-
+@pytest.mark.long
 def test_a_moment_is_written_in_24_hours_and_none_stands_beside_now(opened):
     """In the page's zone; what is no moment is refused in words."""
     tab = opened()
@@ -642,6 +555,7 @@ def test_a_moment_is_written_in_24_hours_and_none_stands_beside_now(opened):
     until(tab, "document.getElementById('time-moment').value === ''")
 
 
+@pytest.mark.long
 def test_a_moment_that_is_not_kept_is_refused_and_none_takes_its_place(opened, page: FakePage):
     """Before the first, yet to come, and in the address: what is shown stays, and is said."""
     tab = opened()
@@ -669,6 +583,7 @@ def test_a_moment_that_is_not_kept_is_refused_and_none_takes_its_place(opened, p
     assert "t=" not in tab.url
 
 
+@pytest.mark.long
 def test_a_table_that_is_cut_says_where_the_others_are(opened, page: FakePage):
     """The server lists the newest 200 cycles; fewer are all."""
     tab = opened("?tab=cycles")
@@ -681,29 +596,13 @@ def test_a_table_that_is_cut_says_where_the_others_are(opened, page: FakePage):
     assert not tab.is_visible("#shown-more")
 
 
+@pytest.mark.long
 def test_tabs_out_of_sight_are_pointed_at(opened):
     """On a phone, on the side where there are more."""
     tab = opened("", 390)
     until(tab, "document.getElementById('tabs').dataset.more === 'right'")
     tab.evaluate("document.getElementById('tabs').scrollLeft = 1e4")
     until(tab, "document.getElementById('tabs').dataset.more === 'left'")
-
-
-def test_the_page_names_all_its_modules_beforehand():
-    """Else a browser would find them one after the other, a round trip each."""
-    text = (STATIC / "index.html").read_text()
-    named = re.findall(r'<link rel="modulepreload" href="static/(.+?)"', text)
-    there = [str(path.relative_to(STATIC)) for path in STATIC.rglob("*.js")]
-    assert sorted(named) == sorted(set(there) - {"theme.js", "main.js"})
-    assert set(TABS) == set(re.findall(r'id="pane-(\w+)"', text))
-
-
-@pytest.fixture
-def large() -> Iterator[FakePage]:
-    """A city of 1,000 watched roads, 200 vans, 50 roadside units and 1,000 orders."""
-    net = city.network(1000)
-    with FakePage(net, city.moment(net)) as running:
-        yield running
 
 
 ADDRESSES = ("#van/van-1", f"#road/{ROAD}", "#rsu/rsu-5", "#order/o-3", "#cycle/119", "#alarm/a-1")
@@ -715,7 +614,7 @@ LOOKED_AT: dict[str, dict[int, dict[str, Any]]] = {
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("theme", ["light", pytest.param("dark", marks=pytest.mark.nightly)])
 def test_each_tab_and_card_keeps_its_place_and_is_accessible(opened, theme: str):
     """At four widths, in both themes: geometry, and axe."""
     tab = opened(theme=theme)
@@ -745,7 +644,7 @@ def test_each_tab_and_card_keeps_its_place_and_is_accessible(opened, theme: str)
         look(address, "#card")
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_ten_thousand_rows_scroll_smoothly(browser: Any):
     """Only rows in view are drawn, and a change of a hundred costs little."""
     net = city.network(120)
@@ -776,20 +675,6 @@ SCROLLED = """async () => {
   }
   return spent.sort((a, b) => a - b)[30];
 }"""
-
-
-@pytest.mark.long
-def test_the_first_content_of_a_large_city_is_there_soon(browser: Any, large: FakePage):
-    """With 1,000 watched roads, the best of three within 2 s: other tests run beside. On an idle
-    machine it is a second, which `make bench-dashboard` measures.
-    """
-    times = []
-    for _ in range(3):
-        context = browser.new_context(viewport={"width": 1440, "height": 900})
-        tab = open_page(context, large)
-        times.append(tab.evaluate("performance.getEntriesByName('content')[0].startTime"))
-        context.close()
-    assert min(times) <= 2000, times
 
 
 @pytest.mark.long

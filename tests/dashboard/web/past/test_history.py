@@ -19,16 +19,15 @@ import storage
 from dashboard.settings import DashboardSettings
 from dashboard.view.places import Places
 from dashboard.web.app import make_app
-from dashboard.web.energy import EnergyBook, Factors, local, zone_of
+from dashboard.web.energy import EnergyBook, local, zone_of
 from dashboard.web.past import StoredPast
 from dashboard.web.report import clock
 from dashboard.web.services import PageServices
 from dashboard.web.tables.rows import Scene
 from slipstream.http.server import HttpServer
-
-from .conftest import Served
-from .contract import SHAPES
-from .stored import S, store_run
+from tests.dashboard.web.conftest import Served
+from tests.dashboard.web.contract import SHAPES
+from tests.dashboard.web.past.stored import S, store_run
 
 MS = 1_000_000
 
@@ -74,7 +73,7 @@ def url(tmp_path_factory: pytest.TempPathFactory, world: Any, begin_ns: int) -> 
     return found
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def run(url: str, world: Any, begin_ns: int) -> Iterator[Run]:
     """The run, served."""
     settings = DashboardSettings(
@@ -86,7 +85,7 @@ def run(url: str, world: Any, begin_ns: int) -> Iterator[Run]:
     )
     scene = Scene(Places(world.network), {"depot": "depot"}, {"van-c": "Käse & Co"})
     with storage.open_reader(url) as reader:
-        energy = EnergyBook(reader, zone_of("Europe/Berlin"), Factors(**settings.energy_factors))
+        energy = EnergyBook(reader, zone_of("Europe/Berlin"), settings.factors)
         past = StoredPast(reader, scene, energy, None)
         last = past.span()
         assert last is not None

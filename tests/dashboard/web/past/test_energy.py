@@ -10,8 +10,9 @@ from zoneinfo import ZoneInfo
 import pytest
 
 import storage
+from dashboard.settings import Factors
 from dashboard.web import energy
-from dashboard.web.energy import EnergyBook, Factors
+from dashboard.web.energy import EnergyBook
 from slipstream.energy.ledger import EnergyHour
 from slipstream.messages import CycleReport, EnergySummary
 from slipstream.orders import FleetRecords
@@ -87,6 +88,7 @@ def test_nothing_driven_is_nothing(reader: storage.Reader) -> None:
     assert set(found.values()) == {None}
 
 
+@pytest.mark.slow
 def test_sums_until_a_moment(database: storage.Database, reader: storage.Reader) -> None:
     """Of its day, its week, and since the start; what came later does not count."""
     database.record_cycle(report(1, "2026-11-18T08:00", SUMMARY), [], [])

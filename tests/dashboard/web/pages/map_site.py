@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-MAP = Path(__file__).parents[3] / "dashboard/web/static/map"
+MAP = Path(__file__).parents[4] / "dashboard/web/static/map"
 PAGE = Path(__file__).with_name("map_page.html")
 WAIT_MS = 120_000
 """A shared machine may give the browser a tenth of a core."""

@@ -14,9 +14,9 @@ from urllib.parse import parse_qs, unquote, urlsplit
 import cv2
 import numpy as np
 
-from tests.dashboard.web import city
+from tests.dashboard.web.pages import city
 
-STATIC = Path(__file__).parents[3] / "dashboard" / "web" / "static"
+STATIC = Path(__file__).parents[4] / "dashboard" / "web" / "static"
 TYPES = {
     ".html": "text/html",
     ".css": "text/css",

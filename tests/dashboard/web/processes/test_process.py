@@ -22,8 +22,7 @@ from slipstream.messages import (
     rsu_health_key,
     state_key,
 )
-
-from .conftest import Stream, follow
+from tests.dashboard.web.conftest import Stream, follow
 
 pytestmark = [pytest.mark.process, pytest.mark.long]
 S = 1_000_000_000
@@ -181,6 +180,7 @@ def test_what_fails_is_named_within_five_seconds(tmp_path, world, make_sender, s
         browser.stream.connection.close()
 
 
+@pytest.mark.nightly
 def test_a_router_that_hangs_is_named_alone(tmp_path, world, make_sender, started):
     """Within five seconds, though its link stands; until it goes on nobody else is blamed."""
     router, endpoint, port = _router_and_page(tmp_path, started)
