@@ -47,19 +47,12 @@ class Settings(BaseModel):
     """Base of all settings: unknown keys are refused.
 
     Attributes:
-        constants: fields that no site.toml sets; tests and the laboratory give them. Those without
-            a description are.
+        constants: fields that no site.toml sets; tests and the laboratory give them.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     constants: ClassVar[frozenset[str]] = frozenset()
-
-    @classmethod
-    def __pydantic_init_subclass__(cls, **_: Any) -> None:
-        """Add the fields without a description to the constants."""
-        own = {name for name, field in cls.model_fields.items() if not field.description}
-        cls.constants |= own
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pydantic import Field
 
 from dispatcher_daemon.settings.solvers import SolverName
-from slipstream.config import Settings
+from dispatcher_daemon.settings.tuned import TunedSettings
 
 
-class SearchSettings(Settings):
+class SearchSettings(TunedSettings):
     """Length of the search for base routes, in iterations, so that a result can be repeated."""
 
     rounds: int = 15
@@ -37,7 +37,7 @@ class SearchSettings(Settings):
     )
 
 
-class CitySettings(Settings):
+class CitySettings(TunedSettings):
     """The route form: base routes, blocks and sweeps."""
 
     search: SearchSettings = Field(

@@ -17,6 +17,7 @@ from dispatcher_daemon.settings.solvers import (
     QaoaSettings,
     SolverName,
 )
+from dispatcher_daemon.settings.tuned import TunedSettings
 from slipstream.config import BusSettings, ServiceSettings, Settings
 from slipstream.freshness import STALE_AFTER_S
 from slipstream.messages import DrivingAdvice, NonNegative
@@ -88,7 +89,7 @@ class ApiSettings(Settings):
     )
 
 
-class DispatcherSettings(Settings):
+class DispatcherSettings(TunedSettings):
     """All settings of the dispatcher; the defaults run the built-in demo."""
 
     bus: BusSettings = Field(default=BusSettings(), description="The zenoh bus.")

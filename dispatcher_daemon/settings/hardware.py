@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from slipstream.config import Settings
+from dispatcher_daemon.settings.tuned import TunedSettings
 
 
-class HardwareSettings(Settings):
+class HardwareSettings(TunedSettings):
     """A quantum device beside the solvers: its jobs, budget and circuit breaker."""
 
     backend: str = Field(

@@ -6,7 +6,7 @@ from typing import Annotated, Final, Literal
 
 from pydantic import AfterValidator, Field
 
-from slipstream.config import Settings
+from dispatcher_daemon.settings.tuned import TunedSettings
 from slipstream.plugins import plugin_names
 
 BUILT_IN_SOLVERS: Final = (
@@ -51,7 +51,7 @@ LcQaoaVariant = Literal[
 ]
 
 
-class LcQaoaSettings(Settings):
+class LcQaoaSettings(TunedSettings):
     """Linear-chain QAOA: which circuit, how it is trained, how often it is sampled."""
 
     variant: LcQaoaVariant = Field(
@@ -79,7 +79,7 @@ class LcQaoaSettings(Settings):
     )
 
 
-class QaoaSettings(Settings):
+class QaoaSettings(TunedSettings):
     """QAOA with all couplings, on an exactly simulated state."""
 
     variant: Literal["x", "xy"] = Field(

@@ -138,7 +138,7 @@ def test_what_is_missing_is_told(run: Run, path: Path) -> None:
     for command in ("explain", "replay"):
         status, _, errors = run(command, "1")
         assert (status, errors.count("\n")) == (2, 1)
-        assert "cycle 1: its inputs cannot be read" in errors
+        assert "cannot be read: KeyError" in errors
     connection.execute("DELETE FROM input_uses WHERE cycle = 1")
     connection.execute("DELETE FROM cycle_inputs WHERE cycle = 1")
     connection.commit()
