@@ -47,11 +47,7 @@ _RECONNECT_S = 30.0
 
 
 def run_edge(settings: EdgeSettings) -> None:
-    """Run until stopped, or until a clip that does not loop has ended.
-
-    Raises:
-        InputError: the camera file, the model, the clip or the bus settings are unusable.
-    """
+    """Run until stopped, or until a clip that does not loop has ended."""
     configure_allocator()
     configure_logging(f"edge {settings.rsu}", settings.service)
     camera = load_camera(settings.camera)

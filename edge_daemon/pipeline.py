@@ -112,11 +112,7 @@ class Pipeline:
         )
 
     def process(self, frame: Frame) -> Sightings:
-        """Detect vehicles in a frame and `update` with them.
-
-        Raises:
-            InputError: the frame has another size than the calibration.
-        """
+        """Detect vehicles in a frame and `update` with them."""
         return self.update(frame, self._detector.detect(frame.image))
 
     def update(self, frame: Frame, detections: Detections) -> Sightings:
@@ -171,9 +167,8 @@ class Pipeline:
     def iter_states(
         self, time_ns: int, idle_s: float = 0.0, fault: UnknownReason | None = None
     ) -> Iterator[SegmentState]:
-        """The same states, each computed when it is requested.
-
-        All are over the window that ends at this call, whatever frames are taken in between.
+        """The same states, each computed when it is requested, all over the window that ends at
+        this call, whatever frames are taken in between.
 
         Args:
             time_ns: UTC of the last frame, or of now if none has come.

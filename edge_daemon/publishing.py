@@ -27,13 +27,7 @@ log = logging.getLogger(__name__)
 
 
 class StoppedPublisher:
-    """Publishes segments' stopped vehicles, and once that there are none any more.
-
-    Args:
-        rsu: that sees them.
-        camera: with its segments.
-        bus: to publish through.
-    """
+    """Publishes segments' stopped vehicles, and once that there are none any more."""
 
     def __init__(self, rsu: str, camera: Camera, bus: Bus) -> None:
         self._publishers = {
@@ -76,13 +70,7 @@ class StoppedPublisher:
 
 
 class Previews:
-    """Publishes pictures while somebody looks, with boxes and without.
-
-    Args:
-        settings: of the edge.
-        camera: that they are of.
-        bus: to publish through.
-    """
+    """Publishes pictures while somebody looks, with boxes and without."""
 
     def __init__(self, settings: EdgeSettings, camera: Camera, bus: Bus) -> None:
         self._settings, self._camera = settings.preview, camera

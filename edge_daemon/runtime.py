@@ -26,9 +26,8 @@ _ARENAS: Final = 1
 
 
 def configure_allocator() -> None:
-    """Give large blocks their own pages and small ones a single arena; call before threads start.
-
-    Does nothing without glibc.
+    """Give large blocks their own pages and small ones a single arena, with glibc; call before
+    threads start.
     """
     if _MALLOPT is not None:
         _MALLOPT(_M_MMAP_THRESHOLD, _MMAP_THRESHOLD_BYTES)
@@ -36,9 +35,8 @@ def configure_allocator() -> None:
 
 
 def trim_memory() -> None:
-    """Empty Python's free lists and return free pages of the heap; without glibc the former only.
-
-    Takes some 2 ms where loaded modules are frozen.
+    """Empty Python's free lists and, with glibc, return free pages of the heap: some 2 ms where
+    loaded modules are frozen.
     """
     gc.collect()
     if _TRIM is not None:

@@ -56,19 +56,13 @@ class Calibration:
 
     Attributes:
         size: (width, height) of its images, px.
-        road_m: the points on the road, shape (n, 2).
-        image_px: the points in the image, shape (n, 2).
-        used: which points the fit rests on, shape (n,); the others contradict them.
-        residuals_px: of each point, shape (n,).
+        used: which of the n points the fit rests on; the others contradict them.
         reprojection_error_px: root mean square of those used.
         click_px: standard error of a clicked point that the accuracy is stated for: 1 px, or the
             estimate from the residuals where that is larger.
-        projection: the fit.
-        terms: what it has beyond a plane and a pinhole.
-        lines: of known offset.
-        line_misses_px: of their points, one after the other, shape (m,).
+        terms: what the fit has beyond a plane and a pinhole.
+        line_misses_px: of the lines' points, one after the other, shape (m,).
         pose: where the camera hangs, if it is a plain one.
-        segments: the watched segments.
         accuracy: at both ends of each segment.
         warnings: what a person should look at, a sentence each.
     """
@@ -98,15 +92,9 @@ def calibrate(
     lines: tuple[CalibrationLine, ...] = (),
     terms: tuple[Term, ...] | None = None,
 ) -> Calibration:
-    """Fit a camera to points; points that contradict most others are left out and named.
-
-    Args:
-        points: at least four.
-        segments: outlines to check and to state the accuracy for; may be none.
-        size: (width, height) of the image, px.
-        source: the points' file, for error lines.
-        lines: of known offset.
-        terms: of the model beyond a plane and a pinhole; None: those that the points ask for.
+    """Fit a camera of (width, height) to four points or more; those that contradict most others are
+    left out and named. Without `terms` the model has those that the points ask for; `source` is the
+    points' file, for error lines.
 
     Raises:
         InputError: what `edge_daemon.camera.load_camera` would refuse; more than a fifth of the
@@ -179,15 +167,7 @@ def _check_contradictions(road_m: Array, used: npt.NDArray[np.bool_], source: Pa
 
 
 def stated_calibration(path: Path, camera: Camera) -> CameraCalibration:
-    """How well a calibrated camera measures, for its health messages.
-
-    Args:
-        path: the camera.toml.
-        camera: read from it.
-
-    Raises:
-        InputError: the file is not readable any more.
-    """
+    """How well a camera calibrated by the camera.toml measures, for its health messages."""
     settings = load(path, CameraSettings)
     road, image = check_points(settings.points, camera.size, path)
     known = Observations(road, image, check_lines(settings.lines, camera.size, path))

@@ -11,13 +11,8 @@ from typing import Final
 
 @dataclass(frozen=True)
 class LaneMarks:
-    """The marks between lanes of one kind of road.
-
-    Attributes:
-        name: country and road.
-        dash_m: length of a dash.
-        period_m: from the beginning of one dash to that of the next.
-        lane_width_m: usual width of a lane, from middle to middle of its lines.
+    """The marks between lanes of one kind of road; the period is from the beginning of one dash to
+    that of the next, the lane's width from middle to middle of its lines.
     """
 
     name: str

@@ -35,16 +35,14 @@ class OpenVinoDetector:
 
     The model is compiled for the part of the frame that holds the road, at the scale that it was
     trained at. Where its input is fixed in a way that is not known, that part is letterboxed.
+
+    Raises:
+        InputError: not an OpenVINO model, not a YOLO11 detector, or without vehicle classes.
     """
 
     def __init__(
         self, path: Path, settings: DetectorSettings, camera: Camera | None = None
     ) -> None:
-        """Read the model, and compile it if the frame's size is known.
-
-        Raises:
-            InputError: not an OpenVINO model, not a YOLO11 detector, or without vehicle classes.
-        """
         self._core = _runtime()
         check_file(path, _MAX_XML_BYTES, "give an OpenVINO model")
         try:
@@ -191,11 +189,7 @@ def _candidate_boxes(
 
 
 def _check(model: ov.Model, path: Path) -> tuple[bool, tuple[int, int], list[str]]:
-    """Whether the input is static, its (height, width) in training, and the class names.
-
-    Raises:
-        InputError: it is not a YOLO11 detector.
-    """
+    """Whether the input is static, its (height, width) in training, and the class names."""
     try:
         names = str(model.get_rt_info(["model_info", "labels"]).astype(str)).split()
     except (RuntimeError, ValueError):  # none, or no text
@@ -233,9 +227,8 @@ def _with_preprocessing(model: ov.Model) -> ov.Model:
 
 @cache
 def _runtime() -> ov.Core:
-    """One for the process, and for good.
-
-    The CPU plugin gives the thread that loads it a stack for its signals, and frees it when it is
-    unloaded, by whichever thread: the next signal then kills the process.
+    """One for the process, and for good. The CPU plugin gives the thread that loads it a stack for
+    its signals, and frees it when it is unloaded, by whichever thread: the next signal then kills
+    the process.
     """
     return ov.Core()

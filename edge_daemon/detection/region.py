@@ -39,20 +39,16 @@ class Region:
 
 
 def road_region(camera: Camera, margin_m: float) -> Region | None:
-    """The smallest rectangle in which every vehicle on a watched segment is whole.
+    """The smallest rectangle in which every vehicle on a watched segment, or `margin_m` before or
+    behind it, is whole.
 
     The largest vehicle is put to points along each segment's outline, so that the middle of its
-    box's lower edge, which is what counts as its place, stands there; all its boxes are inside.
-    A height of h metres spans at most h·σ pixels upwards, σ being the greater singular value of
-    ∂(u, v)/∂(x, y) at its foot: across the view, the road is as far as what stands on it.
+    box's lower edge, which is what counts as its place, stands there; all its boxes are inside. A
+    height of h metres spans at most h·σ pixels upwards, σ being the greater singular value of ∂(u,
+    v)/∂(x, y) at its foot: across the view, the road is as far as what stands on it.
 
-    Args:
-        camera: the calibrated camera.
-        margin_m: how far before and behind a segment, along it, vehicles have to be whole too, m.
-
-    Returns:
-        The rectangle, within the frame; None if some of the outline is not below the horizon, or
-        nothing of it is in the frame: then all of it has to be searched.
+    None if some of the outline is not below the horizon, or nothing of it is in the frame: then all
+    of it has to be searched.
     """
     boxes = []
     for segment in camera.segments:

@@ -14,14 +14,13 @@ from slipstream.errors import InputError
 
 
 class UltralyticsDetector:
-    """A YOLO11 model file, run by Ultralytics."""
+    """A YOLO11 model file, run by Ultralytics.
+
+    Raises:
+        InputError: the extra is missing, or the file is no YOLO detector with vehicle classes.
+    """
 
     def __init__(self, path: Path, settings: DetectorSettings) -> None:
-        """Load the model.
-
-        Raises:
-            InputError: the extra is missing, or the file is no YOLO detector with vehicle classes.
-        """
         try:
             from ultralytics import YOLO
         except ImportError:

@@ -57,12 +57,9 @@ class StabilityJudge:
         *,
         sparse: bool = False,
     ) -> Flag:
-        """The flag of a segment's latest window; windows come in the order of their ends.
-
-        Args:
-            segment: its id.
-            time_ns: UTC of the window's end. After a step back of the clock nothing is kept.
-            features: as in `classify`, as are the others.
+        """The flag of a segment's latest window; windows come in the order of their ends,
+        `time_ns`, and after a step back of the clock nothing is kept. The other arguments are those
+        of `classify`.
         """
         before = self._stable.get(segment)
         flag = classify(
@@ -117,7 +114,6 @@ def classify(
         vehicles: with a usable track.
         frames: processed in the window.
         coverage: share of the window with frames, in [0, 1].
-        settings: the thresholds.
         was_stable: the segment's flag was 1 so far: it stays so up to the threshold itself.
         sparse: frames come too seldom for vehicles to be followed from one to the next.
     """

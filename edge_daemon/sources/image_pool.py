@@ -19,14 +19,9 @@ _MAX_KEPT: Final = 6
 
 
 class ImagePool:
-    """Arrays to decode frames into; for one thread."""
+    """Arrays (height, width, 3) to decode frames into; for one thread."""
 
     def __init__(self, shape: tuple[int, ...]) -> None:
-        """Set it up.
-
-        Args:
-            shape: of the frames, (height, width, 3).
-        """
         self._shape = shape
         self._kept = [_blank(shape)]
         # References of an array that only the pool holds; what a loop adds depends on Python.

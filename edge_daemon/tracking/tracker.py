@@ -32,15 +32,9 @@ _MAX_POSITION_STD_M = 4.0
 
 @dataclass(frozen=True)
 class Track:
-    """The present state of one vehicle.
-
-    Attributes:
-        id: number, unique while the daemon runs.
-        state: x, y, vx, vy, ax, ay in m and s.
-        first_seen_s: media time of its first detection.
-        last_seen_s: media time of its last detection.
-        box: last detection's box, px.
-        vehicle_class: the class with most votes.
+    """The present state of one vehicle: x, y, vx, vy, ax, ay in m and s, media times of its first
+    and last detection, the last one's box, px, and the class with most votes. Its id is unique
+    while the daemon runs.
     """
 
     id: int
@@ -74,10 +68,8 @@ class _Record:
 
 
 class Tracker:
-    """Tracks the vehicles of one camera.
-
-    Attributes:
-        timing: how wrong the frames' times are; no scene's, so that it outlasts `reset`.
+    """Tracks the vehicles of one camera. `timing`, how wrong the frames' times are, outlasts
+    `reset`.
     """
 
     def __init__(self, settings: TrackerSettings) -> None:
@@ -111,15 +103,10 @@ class Tracker:
         )
 
     def update(self, time_s: float, found: RoadPoints) -> Sightings:
-        """Process one frame's detections.
+        """Process one frame's detections, at a media time later than the last one.
 
-        Args:
-            time_s: media time, later than the last one.
-            found: the detections on the road.
-
-        Returns:
-            New sightings of confirmed tracks; those from before a track was confirmed come with
-            the detection that confirms it.
+        Returns new sightings of confirmed tracks; those from before a track was confirmed come with
+        the detection that confirms it.
         """
         # First: after a pause of the source, a lost track must not continue on another vehicle.
         self._drop_lost(time_s)

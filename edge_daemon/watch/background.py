@@ -29,7 +29,6 @@ class Background:
     """
 
     def __init__(self) -> None:
-        """Know nothing yet."""
         self.restart()
 
     def restart(self) -> None:

@@ -73,13 +73,8 @@ class Explains(Protocol):
 def make_judges(
     camera: Camera, settings: WatchSettings, reference: Image | None
 ) -> tuple[FaultJudge, ...]:
-    """All judges, in order of precedence: of several faults the first one is reported.
-
-    Args:
-        camera: what the frames should show; all have its size.
-        settings: limits.
-        reference: an image of the calibrated view, BGR, of the camera's size; None: the view of
-            the first good seconds is taken for it.
+    """All judges, in order of precedence: of several faults the first one is reported. Without a
+    reference, an image of the calibrated view, that of the first good seconds is taken for it.
     """
     width, height = camera.size
     step = grid_step(width)

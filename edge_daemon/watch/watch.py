@@ -15,15 +15,13 @@ from slipstream.messages import CameraFault
 
 
 class Watch:
-    """Looks at the frames of one camera for faults; no I/O and no clock of its own.
-
-    Of several faults it reports the first one in the order of `make_judges`.
+    """Looks at the frames of one camera for faults; no I/O and no clock of its own. Of several
+    faults it reports the first one in the order of `make_judges`, whose arguments it takes.
     """
 
     def __init__(
         self, camera: Camera, settings: WatchSettings, reference: Image | None = None
     ) -> None:
-        """Set it up; arguments of `make_judges`."""
         self._settings = settings
         self._judges = make_judges(camera, settings, reference)
         self._debounces = {
@@ -45,15 +43,8 @@ class Watch:
         boxes: npt.NDArray[np.float32] | None = None,
         all_boxes: npt.NDArray[np.float32] | None = None,
     ) -> CameraFault | None:
-        """Judge one frame of the calibrated size.
-
-        Args:
-            frame: the frame.
-            boxes: of the vehicles detected in it, px, shape (n, 4); None where nobody looked.
-            all_boxes: those and what may be a vehicle, px, shape (m, 4); None: `boxes`.
-
-        Returns:
-            Why the camera cannot be trusted now; None while it can.
+        """Judge one frame of the calibrated size, with the boxes of a `Sample`: why the camera
+        cannot be trusted now; None while it can.
         """
         now_s = frame.media_time_s
         is_sampled = self._sampled_s is None or not (
@@ -74,11 +65,7 @@ class Watch:
         return self.fault
 
     def absent(self, idle_s: float) -> CameraFault | None:
-        """The fault while no frame comes.
-
-        Args:
-            idle_s: time since the last one.
-        """
+        """The fault while no frame comes, `idle_s` after the last one."""
         if idle_s >= self._settings.stale_after_s:
             self._interrupt()
             return "stale"

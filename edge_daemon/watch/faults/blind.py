@@ -21,12 +21,10 @@ MISSED_TO_FOUND: Final = 3
 
 
 class BlindJudge:
-    """Counts moving things with and without a box over the last seconds.
+    """Counts moving things with and without a box over the last seconds; another judge updates the
+    background of the motion.
 
     Once seen, the fault is seen until boxes cover what moves again: an empty road proves nothing.
-
-    Attributes:
-        is_blind: what it said last.
     """
 
     fault: ClassVar[CameraFault] = "blind"
@@ -34,11 +32,6 @@ class BlindJudge:
     hides_scene: ClassVar[bool] = False
 
     def __init__(self, motion: MotionFinder) -> None:
-        """Set it up.
-
-        Args:
-            motion: finds what moves; another judge updates its background.
-        """
         self.after_s = 0.0
         self._motion = motion
         self.is_blind = False

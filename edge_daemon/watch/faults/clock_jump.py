@@ -13,18 +13,15 @@ _SLACK_S: Final = 2.0
 
 
 class ClockJumpJudge:
-    """Compares media time and wall clock with the monotonic clock, which never steps."""
+    """Compares media time and wall clock with the monotonic clock, which never steps; a step of the
+    wall clock counts from `step_s` on.
+    """
 
     fault: ClassVar[CameraFault] = "clock_jump"
     every_frame: ClassVar[bool] = True
     hides_scene: ClassVar[bool] = False
 
     def __init__(self, step_s: float) -> None:
-        """Set it up.
-
-        Args:
-            step_s: a step of the wall clock from here up counts, s.
-        """
         self.after_s = 0.0
         self._step_s = step_s
         self._last: Frame | None = None

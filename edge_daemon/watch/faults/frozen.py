@@ -38,21 +38,18 @@ _MIN_AT_REST: Final = 0.8
 
 
 class FrozenJudge:
-    """Compares the road's pixels and its vehicles' places with those of the sample before."""
+    """Compares the road's pixels and its vehicles' places with those of the sample before, for
+    `still_s`.
+
+    Other pixels are left out, as a clock drawn into the frame may go on; all count where little of
+    the frame is road.
+    """
 
     fault: ClassVar[CameraFault] = "frozen"
     every_frame: ClassVar[bool] = False
     hides_scene: ClassVar[bool] = False
 
     def __init__(self, still_s: float, road: Mask, camera: Camera) -> None:
-        """Set it up.
-
-        Args:
-            still_s: without any change for so long the frame is frozen, s.
-            road: which of the sampled pixels show the road. The rest is left out, as a clock drawn
-                into the frame may go on; all count where little of the frame is road.
-            camera: what the frames show.
-        """
         self.after_s = 0.0
         self._still_s = still_s
         self._road = road if road.mean() >= _MIN_ROAD_SHARE else np.ones_like(road)
@@ -130,12 +127,8 @@ class _Halt:
 
 @dataclass(frozen=True)
 class _Places:
-    """Where the vehicles of a sample are.
-
-    Attributes:
-        time_s: media time.
-        road_m: places on the road, shape (n, 2).
-        error_m: how far a box that is off by `_BOX_ERROR_PX` displaces each, shape (n,).
+    """Where the vehicles of a sample are on the road, shape (n, 2), and how far a box that is off
+    by `_BOX_ERROR_PX` displaces each, shape (n,).
     """
 
     time_s: float
@@ -150,10 +143,9 @@ class _Places:
         return np.asarray(apart.min(axis=1))
 
     def fast_ones(self, last: _Places, earlier: _Places) -> int:
-        """How many vehicles surely went faster than `_FAST_MPS` through three samples.
-
-        One that was not detected for a moment has others beside it, not behind it: a place that
-        was left counts only if nobody stands there now.
+        """How many vehicles surely went faster than `_FAST_MPS` through three samples. One that was
+        not detected for a moment has others beside it, not behind it: a place that was left counts
+        only if nobody stands there now.
         """
         step_s, step_before_s = self.time_s - last.time_s, last.time_s - earlier.time_s
         if not (len(self.road_m) and len(last.road_m) and len(earlier.road_m)) or step_s <= 0:

@@ -23,19 +23,15 @@ _MIN_RECENT: Final = 8
 
 
 class ObscuredJudge:
-    """Looks for frames without detail, or less sharp than the calibrated or the recent view."""
+    """Looks for frames without detail, or less sharp than the calibrated or the recent view;
+    `usual_sharpness` gives that of the calibrated one, None while unknown.
+    """
 
     fault: ClassVar[CameraFault] = "obscured"
     every_frame: ClassVar[bool] = False
     hides_scene: ClassVar[bool] = True
 
     def __init__(self, after_s: float, usual_sharpness: Callable[[], float | None]) -> None:
-        """Set it up.
-
-        Args:
-            after_s: evidence without a break for so long begins the fault, s.
-            usual_sharpness: gives the `sharpness` of the calibrated view, None while unknown.
-        """
         self.after_s = after_s
         self._usual_sharpness = usual_sharpness
         self._obscured = False
