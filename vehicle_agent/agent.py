@@ -70,7 +70,6 @@ class AgentParameters:
     """What an agent knows of its vehicle.
 
     Attributes:
-        vehicle: physical data.
         length_m: bumper to bumper.
         max_speed_mps: it drives no faster; None: as fast as the roads allow.
         interval_s: from one advice to the next.
@@ -87,14 +86,7 @@ class AgentParameters:
 
 
 class Agent:
-    """One vehicle's agent.
-
-    Args:
-        vehicle: its id.
-        parameters: of the vehicle.
-        timings: of signals; agents of one process may share it.
-        roadside: states of segments, likewise.
-    """
+    """One vehicle's agent; agents of one process may share signal timings and roadside states."""
 
     def __init__(
         self,
@@ -137,11 +129,8 @@ class Agent:
         return self._topics[1]
 
     def receive(self, message: Message, now_ns: int) -> None:
-        """Take in a message; what is for others, late or of no use is left out.
-
-        Args:
-            message: from the bus, or from the vehicle's driver.
-            now_ns: UTC.
+        """Take in a message from the bus, or the vehicle's driver; what is for others, late or of
+        no use is left out.
         """
         match message:
             case PlatoonControl() | PlatoonManagement():
@@ -162,11 +151,8 @@ class Agent:
                 self._outgoing += self._reports.progress(self.tour, now_ns)
 
     def advise(self, sensing: VehicleSensing, now_ns: int) -> VehicleAdvice:
-        """The advice for the coming control interval; called once an interval.
-
-        Args:
-            sensing: the latest.
-            now_ns: UTC.
+        """The advice for the coming control interval by the latest sensing; called once an
+        interval.
         """
         tour = self.tour
         before = (tour.leg, tour.driving, tour.plan is None)

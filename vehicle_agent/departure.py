@@ -9,28 +9,18 @@ from vehicle_agent.signals import DepartureOptimizer, DepartureSettings, SignalT
 
 
 class LegDeparture:
-    """Chooses the departure of one vehicle's legs by the signals' timing.
-
-    Args:
-        timings: of the signals, as far as they are known.
-        vehicle: physical data.
-    """
+    """Chooses the departure of one vehicle's legs by the signals' timing, as far as it is known."""
 
     def __init__(self, timings: SignalTimings, vehicle: VehicleParameters) -> None:
         self._timings, self._vehicle = timings, vehicle
         self._decided: tuple[Leg, int] | None = None
 
     def second_ns(self, leg: Leg, advice: DrivingAdvice, now_ns: int, slack_ns: int) -> int:
-        """When a leg that is due begins, UTC; the same until another leg is due.
+        """When a leg that is due begins, UTC, by `slack_ns` later at most; the same until another
+        leg is due.
 
         A vehicle that is planned in a platoon keeps to its plan. Waiting has the value of driving
         time.
-
-        Args:
-            leg: that is due.
-            advice: of its plan.
-            now_ns: UTC.
-            slack_ns: by how much it may begin later without a late delivery.
         """
         if self._decided is None or self._decided[0] is not leg:
             self._decided = leg, self._choose(leg, advice, now_ns, slack_ns)

@@ -13,11 +13,8 @@ _FORGET_EVERY_NS: Final = 60 * 10**9
 class Roadside:
     """Latest states of segments, judged as the dispatcher judges them.
 
-    A vehicle knows no truth: what its RSU calls turbulent is turbulent to it, and what nobody
-    calls stable is closed.
-
-    Args:
-        stale_after_s: age limit of a state.
+    A vehicle knows no truth: what its RSU calls turbulent is turbulent to it, and what nobody calls
+    stable is closed.
     """
 
     def __init__(self, stale_after_s: float = freshness.STALE_AFTER_S) -> None:

@@ -32,11 +32,8 @@ EXPIRY_NS: Final = 5 * RENEW_NS
 
 @dataclass
 class Joined:
-    """The front vehicle's side: whom it waits for.
-
-    Attributes:
-        by: the vehicle that has asked; None: none.
-        slowdown: b.
+    """The front vehicle's side: whom it waits for, if anybody, and the share b of its speed that it
+    takes off.
     """
 
     by: str | None = None
@@ -65,10 +62,9 @@ class Joined:
 
 @dataclass
 class Waits:
-    """For how long a vehicle has driven more slowly for others, whoever they were.
-
-    It counts for an hour from the first wait on, then anew; and anew once another vehicle than the
-    last one has come, as the own sensing has it.
+    """For how long a vehicle has driven more slowly for others, whoever they were: within an hour
+    from the first wait on, and anew once another vehicle than the last one has come, as the own
+    sensing has it.
     """
 
     _spent_ns: int = 0
@@ -140,13 +136,7 @@ class Joining:
 
 
 class Agreements:
-    """A vehicle's agreements, and the management messages about them.
-
-    Attributes:
-        joined: whom it waits for.
-        joining: whom it catches up with.
-        waits: for how long it has waited.
-    """
+    """A vehicle's agreements, and the management messages about them."""
 
     def __init__(self, vehicle: str) -> None:
         self.joined, self.joining, self.waits = Joined(), Joining(), Waits()

@@ -30,13 +30,11 @@ class DepartureSettings:
 
     Attributes:
         step_s: between the seconds that are tried.
-        max_candidates: how many are tried.
         value_of_time_w: of travel time.
         value_of_waiting_w: of time before the departure; 0 where waiting is free.
         paces: share of the speed that traffic allows, each tried: a choice that one vehicle ahead
             can spoil is worth less than one that holds for all.
         max_leg_s: that a leg can last, for how far timing is looked up.
-        parameters: of driving.
     """
 
     step_s: float = 4.0
@@ -66,13 +64,7 @@ class DepartureSettings:
 
 
 class DepartureOptimizer:
-    """Chooses departure seconds by what intersections tell of their signals.
-
-    Args:
-        timings: of all signals on the leg, as far as they are known.
-        settings: of the choice.
-        vehicle: physical data.
-    """
+    """Chooses departure seconds by what intersections tell of their signals."""
 
     def __init__(
         self,
@@ -91,13 +83,8 @@ class DepartureOptimizer:
         latest_s: float,
         speeds_mps: Sequence[float] | None = None,
     ) -> float:
-        """When to leave: the first of the best seconds between now and the latest one.
-
-        Args:
-            leg: to be driven.
-            now_s: UTC, or the simulated time.
-            latest_s: when the vehicle must have left.
-            speeds_mps: what traffic allows on each segment; the limit if not given.
+        """When to leave, UTC or simulated: the first of the best seconds between now and the latest
+        one. `speeds_mps` is what traffic allows on each segment; the limit if not given.
         """
         settings = self._settings
         seconds = [now_s + settings.step_s * i for i in range(settings.max_candidates)]
@@ -127,14 +114,8 @@ class DepartureOptimizer:
         speeds_mps: Sequence[float] | None = None,
         pace: float = 1.0,
     ) -> PredictedDrive:
-        """What a leg is expected to take and need if it begins at a second.
-
-        Args:
-            leg: to be driven.
-            depart_s: when it begins.
-            now_s: UTC, or the simulated time.
-            speeds_mps: what traffic allows on each segment; the limit if not given.
-            pace: share of these speeds.
+        """What a leg is expected to take and need if it begins at a second, at a share `pace` of
+        the speeds.
         """
         way = self.way(leg, speeds_mps, pace)
         return self._predict(way, depart_s, self._greens(now_s, depart_s - now_s))

@@ -33,13 +33,8 @@ _ITERATIONS: Final = 6
 
 
 class RoadPart(NamedTuple):
-    """A part of a path with one desired speed.
-
-    Attributes:
-        length_m: of it.
-        speed_mps: desired, > 0.
-        movement: the movement at the signal at its end; None without one.
-        end_mps: allowed at its end.
+    """A part of a path with one desired speed, > 0, the movement through the signal at its end, if
+    there is one, and the speed allowed there.
     """
 
     length_m: float
@@ -72,12 +67,8 @@ class DriveParameters:
 
 
 class PredictedDrive(NamedTuple):
-    """Predicted drive.
-
-    Attributes:
-        duration_s: from rest to rest.
-        energy_kwh: of it.
-        stops: at signals; slowing down counts by the part of the speed that is lost.
+    """Predicted drive from rest to rest; slowing down counts as a stop by the part of the speed
+    that is lost.
     """
 
     duration_s: float
@@ -127,15 +118,7 @@ def predict_drive(
     parameters: DriveParameters,
     vehicle: VehicleParameters = PAPER_CAR,
 ) -> PredictedDrive:
-    """A leg from rest to rest.
-
-    Args:
-        way: its stretches.
-        depart_s: when it begins.
-        greens: what is known of movements.
-        parameters: of driving.
-        vehicle: physical data.
-    """
+    """A leg from rest to rest, by what is known of movements."""
     rolling_n, drag = vehicle.rolling_force_n, vehicle.drag_factor_kgpm
     now_s, speed, work_j, stops = depart_s, 0.0, 0.0, 0.0
     caps = _caps(way, parameters.braking_mps2)

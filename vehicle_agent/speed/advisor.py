@@ -28,7 +28,6 @@ class AdviceParameters:
         closing_mps2: deceleration behind a slower vehicle.
         slowing_mps2: deceleration towards the speed for a signal that is far off.
         acceleration_mps2: in predictions.
-        margins: at signals.
     """
 
     braking_mps2: float = 1.5
@@ -53,14 +52,7 @@ class _Drive:
 
 
 class SpeedAdvisor:
-    """Speeds for one vehicle, where its plan has eco-approach, coasting, or both.
-
-    Args:
-        timings: what intersections tell of their signals.
-        interval_s: between two advices.
-        vehicle: physical data.
-        parameters: how the vehicle drives.
-    """
+    """Speeds for one vehicle, where its plan has eco-approach, coasting, or both."""
 
     def __init__(
         self,
@@ -103,13 +95,8 @@ class SpeedAdvisor:
     def cap_mps(
         self, now_s: float, state: VehicleState, ahead: SensedVehicle | None, tail_m: float = 0.0
     ) -> float | None:
-        """Largest speed after the coming interval, m/s; None: no advice.
-
-        Args:
-            now_s: UTC, or the simulated time.
-            state: of the vehicle now, on the leg that it began last.
-            ahead: the vehicle ahead, as the own sensors measure it.
-            tail_m: from the own front to the rear of the last vehicle that goes with it.
+        """Largest speed after the coming interval, m/s; None: no advice. `tail_m` is from the own
+        front to the rear of the last vehicle that goes with it.
         """
         drive = self._drive
         if drive is None:
@@ -138,10 +125,8 @@ class SpeedAdvisor:
     def _is_committed(
         self, line: StopLine, now_s: float, state: VehicleState, place_m: float
     ) -> bool:
-        """Whether the light ahead is no longer green and the vehicle too near to stop for it.
-
-        It may go on while it is yellow; advice to slow down would bring it to the line when it is
-        red.
+        """Whether the light ahead is no longer green and the vehicle too near to stop for it. It
+        may go on while it is yellow; advice to slow down would bring it to the line when it is red.
         """
         speed = state.speed_mps
         stopping_m = speed**2 / (2 * self._parameters.hard_mps2) + speed * self._interval_s

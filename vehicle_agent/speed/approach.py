@@ -43,18 +43,11 @@ def choose_arrival_s(
     queue: int,
     margins: Margins,
 ) -> float | None:
-    """The earliest time to reach a signal at.
+    """The earliest time to reach a signal at: `earliest_s`, unhindered, if it can pass then; a
+    later time in a green; None if nothing is known of the next green that it can take.
 
-    Args:
-        greens: coming ones, soonest first.
-        now_s: UTC, or the simulated time.
-        earliest_s: when the vehicle would be there unhindered.
-        tail_s: from its passing to that of the last vehicle behind it that goes with it.
-        queue: vehicles that wait at the line.
-
-    Returns:
-        earliest_s, if it can pass then; a later time in a green; None if nothing is known of the
-        next green that it can take.
+    `tail_s` is from its passing to that of the last vehicle behind it that goes with it, `queue`
+    how many wait at the line.
     """
     for green in greens:
         running = green.begin_s <= now_s
@@ -75,9 +68,8 @@ def arrival_speed_mps(
     remaining_s: float,
     min_mps: float,
 ) -> float | None:
-    """The speed from which rolling reaches the line in time; None: too slow, it will stop there.
-
-    Where rolling would end below the least speed, it is one speed all the way.
+    """The speed from which rolling reaches the line in time, or one speed all the way where rolling
+    would end below the least; None: too slow, it will stop there.
     """
     if distance_m <= 0 or remaining_s <= 0:
         return None
