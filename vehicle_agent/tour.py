@@ -117,7 +117,7 @@ class Tour:
         return max(0, min(spare, default=0))
 
     def offer(self, plan: VehiclePlan, now_ns: int) -> PlanAcknowledgement | None:
-        """Take a plan, or refuse it; None: it is another vehicle's, or older than the present one."""
+        """Take a plan, or refuse it; None: it is another vehicle's, or older than the own one."""
         if plan.vehicle != self.vehicle or plan.cycle < self._newest:
             return None
         if plan.cycle == self._newest and self.plan is not None and plan == self.plan:
