@@ -41,13 +41,13 @@ from slipstream.messages import (
     signal_status_key,
     spat_key,
 )
-from vehicle_agent.departure import LegDeparture
 from vehicle_agent.leg import Leg, VehicleState
 from vehicle_agent.platooning import Platooning, PlatoonStep
 from vehicle_agent.reports import Outgoing, Reports
 from vehicle_agent.roadside import CLOSED, Roadside
 from vehicle_agent.signals import (
     HORIZON_M,
+    LegDeparture,
     SignalRequests,
     SignalTimings,
     intersections_ahead,
