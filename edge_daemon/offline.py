@@ -24,7 +24,7 @@ from edge_daemon.settings import TrackSettings
 from edge_daemon.sources import mark_repeats
 from edge_daemon.sources.clip import FastClip, open_clip
 from edge_daemon.sources.rate import Rate
-from edge_daemon.tracking import Sightings
+from edge_daemon.tracking import HIGH_SCORE, Sightings
 from edge_daemon.watch import Watch, read_reference
 from slipstream.errors import InputError
 from slipstream.messages import CameraFault, SegmentState
@@ -126,9 +126,7 @@ def track(
     watch = Watch(camera, settings.watch, read_reference(camera))
     reader = open_clip(video, loop=False, size=camera.size, fps=fps)
     detector = open_detector(settings.detector, camera)
-    pipeline = Pipeline(
-        "offline", camera, detector, settings.tracker, settings.stability, settings.window_s
-    )
+    pipeline = Pipeline("offline", camera, detector, settings.stability, settings.window_s)
     result = TrackResult(reader.rate)
     due_s = last_s = left_out_s = 0.0
     fault: CameraFault | None = None
@@ -147,7 +145,7 @@ def track(
             # A recording's own time: this machine's clocks say when it was read, not taken.
             seen = replace(frame, media_time_s=now, captured_s=now, captured_ns=round(now * 1e9))
             if detections is not None:
-                boxes = detections.boxes_above(settings.tracker.high_score)
+                boxes = detections.boxes_above(HIGH_SCORE)
                 all_boxes = detections.boxes
             before, fault = fault, watch.look(seen, boxes, all_boxes)
             if fault is None and detections is not None:

@@ -15,7 +15,7 @@ from edge_daemon.features.kinematics import SegmentKinematics, VehicleMotion, Wi
 from edge_daemon.features.stability import StabilityJudge
 from edge_daemon.features.stopped import MEMORY_S, Standing, StoppedVehicleJudge
 from edge_daemon.frame import Frame
-from edge_daemon.settings import StabilitySettings, TrackerSettings
+from edge_daemon.settings import StabilitySettings
 from edge_daemon.tracking import Sightings, Track, Tracker
 from edge_daemon.tracking.measurement import to_road_points
 from edge_daemon.tracking.sightings import SightingBuffer
@@ -52,14 +52,13 @@ class Pipeline:
         rsu: str,
         camera: Camera,
         detector: Detector,
-        tracker: TrackerSettings,
         stability: StabilitySettings,
         window_s: float,
     ) -> None:
         self._rsu = rsu
         self._camera = camera
         self._detector = detector
-        self._tracker = Tracker(tracker)
+        self._tracker = Tracker()
         self._judge = StabilityJudge(stability)
         self._window_s = window_s
         self._memory_s = max(window_s + _LEAD_S, MEMORY_S)

@@ -11,7 +11,7 @@ import numpy as np
 from edge_daemon.calibration.recording import Recording
 from edge_daemon.camera import Array, Camera
 from edge_daemon.detection import VEHICLE_CLASSES, Detections, box_feet, open_detector
-from edge_daemon.settings import DetectorSettings, TrackerSettings
+from edge_daemon.settings import DetectorSettings
 from edge_daemon.tracking import Sightings, Tracker, to_road_points
 
 _MIN_SIGHTINGS: Final = 10
@@ -32,7 +32,7 @@ class SeenVehicle:
 
 def detect(recording: Recording, model: str, progress: Callable[[float], None]) -> list[Detections]:
     """Boxes in all frames of a recording; `progress` is told the share that is done."""
-    detector = open_detector(DetectorSettings(model=model, region=False))
+    detector = open_detector(DetectorSettings(model=model))
     found = []
     for i, (_, image) in enumerate(recording.frames()):
         found.append(detector.detect(image))
@@ -49,7 +49,7 @@ def follow(
     """Track the boxes of each frame on the road: each vehicle's mean speed, weighted by certainty,
     from the lowest to the highest station at which the calibration holds.
     """
-    tracker = Tracker(TrackerSettings())
+    tracker = Tracker()
     parts = [
         tracker.update(time_s, to_road_points(boxes, camera))
         for time_s, boxes in zip(recording.times_s, detections, strict=True)

@@ -13,6 +13,10 @@ from edge_daemon.frame import Image
 from slipstream.errors import InputError
 
 VEHICLE_CLASSES: Final = ("car", "truck", "bus", "motorcycle")
+MIN_SCORE: Final = 0.1
+"""Detections with a lower score are dropped; the tracker has its own threshold."""
+NMS_IOU: Final = 0.45
+"""Intersection over union with a better box, above which a box is suppressed."""
 
 
 @dataclass(frozen=True)

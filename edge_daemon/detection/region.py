@@ -13,6 +13,8 @@ VEHICLE_M: Final = (16.5, 2.6, 4.0)
 """Length, width and height of the largest vehicle that has to be whole in the region."""
 
 _STEP_M: Final = 2.0
+MARGIN_M: Final = 3.0
+"""Before and behind a segment vehicles have to be whole too."""
 _MARGIN_PX: Final = 8.0
 _ROUNDS: Final = 4
 _MIN_DEPTH: Final = 1e-6  # before the camera
@@ -38,9 +40,9 @@ class Region:
         return self.bottom - self.top
 
 
-def road_region(camera: Camera, margin_m: float) -> Region | None:
-    """The smallest rectangle in which every vehicle on a watched segment, or `margin_m` before or
-    behind it, is whole.
+def road_region(camera: Camera) -> Region | None:
+    """The smallest rectangle in which every vehicle on a watched segment, or some metres before
+    or behind it, is whole.
 
     The largest vehicle is put to points along each segment's outline, so that the middle of its
     box's lower edge, which is what counts as its place, stands there; all its boxes are inside. A
@@ -52,7 +54,7 @@ def road_region(camera: Camera, margin_m: float) -> Region | None:
     """
     boxes = []
     for segment in camera.segments:
-        outline = _outline(segment, margin_m)
+        outline = _outline(segment)
         found = _boxes(camera, segment, outline)
         if found is None:
             return None
@@ -66,7 +68,7 @@ def road_region(camera: Camera, margin_m: float) -> Region | None:
     return Region(left, top, right, bottom) if left < right and top < bottom else None
 
 
-def _outline(segment: WatchedSegment, margin_m: float) -> Array:
+def _outline(segment: WatchedSegment) -> Array:
     """Points along the outline of the segment made longer at both ends, shape (n, 2), m."""
     corners = segment.polygon_m
     pieces = []
@@ -74,7 +76,7 @@ def _outline(segment: WatchedSegment, margin_m: float) -> Array:
         count = max(2, int(np.linalg.norm(end - begin) / _STEP_M) + 1)
         pieces.append(begin + np.linspace(0, 1, count)[:, None] * (end - begin))
     points = np.concatenate(pieces)
-    shift = margin_m * segment.direction
+    shift = MARGIN_M * segment.direction
     return np.concatenate([points - shift, points, points + shift])
 
 

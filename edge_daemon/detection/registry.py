@@ -31,7 +31,7 @@ def _openvino(settings: DetectorSettings, camera: Camera | None) -> Detector:
 def _ultralytics(settings: DetectorSettings, camera: Camera | None) -> Detector:
     from edge_daemon.detection.ultralytics import UltralyticsDetector
 
-    return UltralyticsDetector(model_file(settings), settings)
+    return UltralyticsDetector(model_file(settings))
 
 
 # Each imports its runtime only when it is asked for, so that an RSU loads only the one it uses.

@@ -15,6 +15,8 @@ from typing import Final, Literal
 from edge_daemon.settings import StabilitySettings
 from slipstream.messages import Estimate, KinematicFeatures, UnknownReason
 
+MIN_COVERAGE: Final = 0.8
+"""Share of the window that frames must cover."""
 _MIN_SPEED_SHARE: Final = 0.7
 """A kept flag ends below this share of the mean speed at which it was judged: a vehicle that stands
 on an empty road is not light traffic."""
@@ -119,7 +121,7 @@ def classify(
     """
     if frames == 0:
         return Flag(None, "no_frames")
-    if coverage < settings.min_coverage:
+    if coverage < MIN_COVERAGE:
         return Flag(None, "low_frame_rate" if sparse else "window_not_covered")
     if features is None or vehicles < settings.min_vehicles:
         return Flag(None, "too_few_vehicles")

@@ -311,6 +311,7 @@ speeds = st.floats(0, 80, allow_nan=False)
 near = st.one_of(st.none(), st.sampled_from(["front", "other"]))
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(
     front_m=st.floats(0, 399),

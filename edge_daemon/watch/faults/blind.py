@@ -11,6 +11,7 @@ from typing import ClassVar, Final
 
 import numpy as np
 
+from edge_daemon.watch.judge import FaultJudge
 from edge_daemon.watch.motion import MotionFinder, covered
 from edge_daemon.watch.sample import Sample
 from slipstream.messages import CameraFault
@@ -20,7 +21,7 @@ _MIN_MISSED: Final = 12
 MISSED_TO_FOUND: Final = 3
 
 
-class BlindJudge:
+class BlindJudge(FaultJudge):
     """Counts moving things with and without a box over the last seconds; another judge updates the
     background of the motion.
 
@@ -28,11 +29,8 @@ class BlindJudge:
     """
 
     fault: ClassVar[CameraFault] = "blind"
-    every_frame: ClassVar[bool] = False
-    hides_scene: ClassVar[bool] = False
 
     def __init__(self, motion: MotionFinder) -> None:
-        self.after_s = 0.0
         self._motion = motion
         self.is_blind = False
         self._counts: deque[tuple[float, int, int]] = deque()

@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 
 from edge_daemon.camera import Array
+from edge_daemon.watch.judge import FaultJudge
 from edge_daemon.watch.sample import Floats, Grey, Mask, Sample, sharpness, texture
 from edge_daemon.watch.tiles import Tiles, choose_tiles
 from slipstream.messages import CameraFault
@@ -36,17 +37,14 @@ _SHAKE_TO_SHIFT: Final = 1.5
 """Shaking is averaged out by the tracker, a shift is not: it may be larger."""
 
 
-class CameraMovedJudge:
+class CameraMovedJudge(FaultJudge):
     """Looks for a view that has shifted. `sharpness` is that of the calibrated view; None while
     that is not known.
     """
 
     fault: ClassVar[CameraFault] = "camera_moved"
-    every_frame: ClassVar[bool] = False
-    hides_scene: ClassVar[bool] = False
 
     def __init__(self, view: ViewShift) -> None:
-        self.after_s = 0.0
         self._view = view
         self._moved = False
         self.sharpness = view.reference_sharpness

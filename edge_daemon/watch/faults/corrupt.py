@@ -17,10 +17,13 @@ import numpy as np
 
 from edge_daemon.frame import Image
 from edge_daemon.watch.background import Background
+from edge_daemon.watch.judge import FaultJudge
 from edge_daemon.watch.sample import Mask, Sample, grid_step, to_grey
 from edge_daemon.watch.trails import BareRoad
 from slipstream.messages import CameraFault
 
+_MAX_REPEATED_SHARE: Final = 0.25
+"""A frame is damaged if so much of what is not usually `repeated` is."""
 _BLOCK_PX: Final = 16
 _MAX_BLOCK_LEVELS: Final = 6.0
 _BLACK: Final = 16
@@ -96,11 +99,10 @@ def blockiness(image: Image) -> float:
     return float(steps[at_edge].mean() - steps[~at_edge].mean())
 
 
-class CorruptJudge:
+class CorruptJudge(FaultJudge):
     """Looks for damaged frames, of which a single one does no harm, and for trails.
 
     Args:
-        max_repeated_share: a frame is damaged if so much of what is not usually `repeated` is.
         usual_share: what is `repeated` in the calibrated view; 0 where it is not known.
         road: which of the sampled pixels show the road.
         background: of the view; this judge takes the samples in.
@@ -109,21 +111,16 @@ class CorruptJudge:
     """
 
     fault: ClassVar[CameraFault] = "corrupt"
-    every_frame: ClassVar[bool] = False
     hides_scene: ClassVar[bool] = True
 
     def __init__(
         self,
-        max_repeated_share: float,
         usual_share: float,
         road: Mask,
         background: Background,
         bare_road: BareRoad,
         is_blind: Callable[[], bool],
     ) -> None:
-        self.after_s = 0.0
-        self.detail = ""
-        self._max_repeated_share = max_repeated_share
         self._usual_share = usual_share
         self._road = road
         self._damaged_since_s: float | None = None
@@ -148,7 +145,7 @@ class CorruptJudge:
         """Whether more of the frame is flat or streaked than the view's own history explains."""
         lost = repeated(sample.colours)
         share = float(lost.mean())
-        limit = self._usual_share + self._max_repeated_share * (1 - self._usual_share)
+        limit = self._usual_share + _MAX_REPEATED_SHARE * (1 - self._usual_share)
         if share <= limit:
             self._damaged_since_s = None
             self._usual_share += (share - self._usual_share) / _MEMORY_SAMPLES
@@ -156,7 +153,7 @@ class CorruptJudge:
         self.detail = f"{share:.2f} of the picture is flat or streaked, limit {limit:.2f}"
         if self._damaged_since_s is None:
             self._damaged_since_s = sample.time_s
-        hides_road = self._road.any() and lost[self._road].mean() > self._max_repeated_share
+        hides_road = self._road.any() and lost[self._road].mean() > _MAX_REPEATED_SHARE
         if sample.time_s - self._damaged_since_s >= _MASK_S and not hides_road:
             # Beside the road, and there to stay: a mask, or what the camera draws.
             self._usual_share = share

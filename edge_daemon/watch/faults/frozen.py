@@ -16,9 +16,12 @@ import numpy.typing as npt
 
 from edge_daemon.camera import Array, Camera
 from edge_daemon.detection import box_feet
+from edge_daemon.watch.judge import FaultJudge
 from edge_daemon.watch.sample import Mask, Sample
 from slipstream.messages import CameraFault
 
+_STILL_S: Final = 5.0
+"""Without any change on the road, not even noise, for so long the frame is frozen."""
 _STILL_LEVELS: Final = 0.12
 LEVELS: Final = 12
 SHARE: Final = 0.002
@@ -37,7 +40,7 @@ _STEADY_M: Final = 0.5
 _MIN_AT_REST: Final = 0.8
 
 
-class FrozenJudge:
+class FrozenJudge(FaultJudge):
     """Compares the road's pixels and its vehicles' places with those of the sample before, for
     `still_s`.
 
@@ -46,21 +49,17 @@ class FrozenJudge:
     """
 
     fault: ClassVar[CameraFault] = "frozen"
-    every_frame: ClassVar[bool] = False
-    hides_scene: ClassVar[bool] = False
 
-    def __init__(self, still_s: float, road: Mask, camera: Camera) -> None:
-        self.after_s = 0.0
-        self._still_s = still_s
+    def __init__(self, road: Mask, camera: Camera) -> None:
         self._road = road if road.mean() >= _MIN_ROAD_SHARE else np.ones_like(road)
         self._last: npt.NDArray[np.int16] | None = None
         self._still: deque[tuple[float, bool]] = deque()
         self._halt = _Halt(camera)
 
     def look(self, sample: Sample) -> bool:
-        """True if the road has not changed, or all vehicles have stood at once, for `still_s`."""
+        """True if the road has not changed, or all vehicles have stood at once, for so long."""
         halted_s = self._halt.update(sample)
-        return self._is_unchanged(sample) or halted_s >= self._still_s
+        return self._is_unchanged(sample) or halted_s >= _STILL_S
 
     def interrupt(self, by: CameraFault | None) -> None:
         """The next frame has no predecessor."""
@@ -80,11 +79,11 @@ class FrozenJudge:
             return False
         self._still.append((time_s, bool(change.mean() < _STILL_LEVELS)))
         began = self._still[0][0]
-        while len(self._still) > 1 and self._still[1][0] <= time_s - self._still_s:
+        while len(self._still) > 1 and self._still[1][0] <= time_s - _STILL_S:
             self._still.popleft()
         # A key frame changes many pixels a little even where the scene is frozen.
         still = sum(is_still for _, is_still in self._still)
-        long_enough = time_s - began >= self._still_s and len(self._still) >= _MIN_FRAMES
+        long_enough = time_s - began >= _STILL_S and len(self._still) >= _MIN_FRAMES
         return long_enough and still >= _MIN_STILL_SHARE * len(self._still)
 
 

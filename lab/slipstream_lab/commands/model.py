@@ -222,8 +222,6 @@ def run_check(options: argparse.Namespace) -> int:
             camera,
             progress.update,
             fps=options.fps,
-            sample_interval_s=settings.watch.sample_interval_s,
-            min_score=settings.tracker.high_score,
         )
     if options.json:
         print(json.dumps(asdict(coverage) | {"things": coverage.things, "share": coverage.share}))

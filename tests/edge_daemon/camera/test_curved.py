@@ -119,7 +119,7 @@ def test_a_barrel_lens_shows_no_place_twice() -> None:
     segment = WatchedSegment("s", outline, np.array([-1.0, 0.0]), 60.0, 2, 3.5)
     camera = Camera("c", SIZE, ROAD, true.to_image(ROAD), (segment,), projection=true)
     assert np.isnan(true.to_image([[1.0, 3.5]])).all()
-    region = road_region(camera, 3.0)
+    region = road_region(camera)
     assert region is not None
     (left, top), (right, _) = (f(true.to_image(GRID), axis=0) for f in (np.min, np.max))
     assert region.left <= left
@@ -143,7 +143,13 @@ def test_a_crest_hides_what_is_behind_it_and_the_sky_is_no_road() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("true", SCENES.values(), ids=SCENES.keys())
+@pytest.mark.parametrize(
+    "true",
+    [
+        pytest.param(true, id=name, marks=[] if " and " in name else [pytest.mark.long])
+        for name, true in SCENES.items()
+    ],
+)
 def test_careful_points_give_true_speeds_where_a_plane_is_far_off(true: CurvedRoad) -> None:
     """Twenty points to 0.3 px: speeds to 1 % on average, 2 % anywhere."""
     # What a lens does shows at the sides of the picture only.
@@ -200,13 +206,15 @@ def test_what_is_written_loads_as_the_same_camera(tmp_path: Path) -> None:
     assert (offset[:, 0] > 1).all()
     assert (offset[:, 0] < 4).all()
     assert len(camera.outline_px(camera.segments[0])) > 20
-    region = road_region(camera, 3.0)
+    region = road_region(camera)
     assert region is not None
     assert region.width < SIZE[0]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("true", [road(), SCENES["sag"]], ids=["plane", "sag"])
+@pytest.mark.parametrize(
+    "true", [road(), pytest.param(SCENES["sag"], marks=pytest.mark.long)], ids=["plane", "sag"]
+)
 def test_lines_of_known_offset_steady_the_width(true: CurvedRoad) -> None:
     """With rough points and twelve sharp places on two lines, offsets are truer than without."""
     places = np.array([(x, y) for x in np.linspace(20, 85, 12) for y in (-3.5, 3.5)])
@@ -222,7 +230,7 @@ def test_lines_of_known_offset_steady_the_width(true: CurvedRoad) -> None:
     assert np.median(with_lines) < 0.7 * np.median(without)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_no_file_where_an_end_or_a_fifth_contradicts() -> None:
     """Points that are wrong together are named, and nothing is fitted round them."""
     flat = road().to_image(ROAD)
@@ -267,7 +275,7 @@ def test_old_files_and_constructors_give_a_plane(camera: Camera) -> None:
     assert len(camera.outline_px(camera.segments[0])) == 4
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_points_in_a_small_part_of_the_picture_are_fitted() -> None:
     """Nine times as large as the part with points: OpenCV refuses some of the starts."""
     given = read_points(Path(__file__).parents[1] / "data" / "motorway-sag-points.toml")

@@ -272,7 +272,7 @@ def test_a_leader_waits_for_followers_only_where_they_can_be(
     assert (front.step().cruise_mps is not None) == believed
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_followers_that_never_close_up_are_waited_for_no_longer_than_askers() -> None:
     """A made-up one that tells all that can be told; both count to the same 300 s."""
     front = Front()

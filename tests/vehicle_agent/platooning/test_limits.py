@@ -260,6 +260,7 @@ def test_any_values_leave_commands_within_their_bounds(
         now_ns += data.draw(st.sampled_from([round(interval_s * NS), 0, 3 * NS, -NS]))
 
 
+@pytest.mark.slow
 @given(
     gap_m=st.floats(0.0, 80.0),
     speed=st.floats(0.0, 45.0),
@@ -307,6 +308,7 @@ def test_the_vehicle_ahead_may_brake_as_hard_as_it_can(
     assert least_gap_m(now_m, own, front, 0.1, 0.0) >= 0.0
 
 
+@pytest.mark.slow
 @given(
     gap_m=st.floats(0.0, 60.0),
     speed=st.floats(0.0, 40.0),
@@ -340,6 +342,7 @@ def test_an_announced_speed_is_driven_for_all_but_the_response_time_in_an_evalua
     assert least_gap_m(gap_m, (speed, command), (ahead_mps, then), 0.5, begins_s) >= 0.0
 
 
+@pytest.mark.slow
 @given(speed=st.floats(0.0, 30.0), away_m=st.floats(0.001, 200.0), limit=st.floats(5.0, 20.0))
 @settings(max_examples=100, deadline=None)
 def test_a_lower_limit_ahead_is_kept_by_comfortable_braking(
