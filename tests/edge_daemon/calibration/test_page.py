@@ -29,8 +29,8 @@ from edge_daemon.detection import Detections
 from edge_daemon.settings import BUILTIN_MODEL, PointsSettings
 from slipstream.errors import InputError
 
-from ..camera.test_curved import SCENES
 from ..conftest import project
+from ..curved_roads import SCENES
 
 ROAD = [(x, y) for x in (18.0, 30.0, 45.0, 65.0, 90.0) for y in (-8.0, 8.0)]
 SEGMENT = {

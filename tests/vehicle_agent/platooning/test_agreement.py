@@ -7,8 +7,7 @@ import pytest
 from slipstream.energy.consumption import PAPER_CAR
 from slipstream.energy.drafting import DragLaw
 from slipstream.messages import PlatoonControl, PlatoonManagement, SensedVehicle
-from tests.vehicle_agent.platooning.test_limits import sensing_of, told
-from tests.vehicle_agent.platooning.world import BEGIN_NS, Roadside, planned, road
+from tests.vehicle_agent.platooning.world import BEGIN_NS, Roadside, planned, road, sensing_of, told
 from vehicle_agent.leg import Leg, VehicleState
 from vehicle_agent.platooning import Platooning, PlatoonStep
 from vehicle_agent.platooning.neighbours import MAX_NEIGHBOURS, Neighbours
