@@ -1,6 +1,5 @@
-"""One frame: detect, project to the road, track, update the window, classify each segment.
-
-No I/O and no clock of its own: the same frames give the same states.
+"""One frame: detect, project to the road, track, update the window, classify each segment. No I/O
+and no clock of its own: the same frames give the same states.
 """
 
 from __future__ import annotations

@@ -1,7 +1,5 @@
-"""The annotated frame: segments in the colour of their flag, boxes, track ids and speeds.
-
-A picture outlives its moment, on a page or in a file: it shows when it was taken, and each flag
-when it held.
+"""The annotated frame: segments in the colour of their flag, boxes, track ids and speeds. A picture
+outlives its moment: it shows when it was taken, and each flag when it held.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """The Python process of a daemon: freed memory returned to the system, and what delays frames.
 
-glibc keeps freed memory between blocks that are still in use, and what it keeps only grows: 0.8 MB
-over 15,000 frames, while what is in use stays the same. Python keeps freed tuples in lists of up to
-2000 of each length, which only a full garbage collection empties; after `gc.freeze` there is next
-to none by itself. The size of a daemon must not depend on how long it has run.
+glibc keeps freed memory between blocks that are in use, and Python freed tuples until a full
+garbage collection, next to none of which comes after `gc.freeze`. The size of a daemon must not
+depend on how long it has run.
 """
 
 from __future__ import annotations

@@ -1,11 +1,7 @@
 """The agent of one vehicle as a pure object: messages and sensing in, advice and messages out.
 
-Time is what the caller says, so that the same code runs on the bus and in a simulated day.
-
-Fail safe. Close gaps end, and the gap opens, as soon as the segment's state is stale or not stable,
-the partner has been silent for half a second, the plan has been superseded or has lapsed, the
-vehicle has left its way, or the clock is in doubt; the way to the next stop stays. Each advice ends
-by itself after half a second: a vehicle whose agent is gone opens its gap.
+Time is what the caller says, so that the same code runs on the bus and in a simulated day. What
+ends close gaps: docs/architecture.md, "A vehicle's way".
 """
 
 from __future__ import annotations

@@ -1,7 +1,5 @@
-"""From points clicked in an image to a camera's calibration, and how well it measures.
-
-Clicked points are off by a pixel or so. The resulting errors of positions and speeds are found by
-moving each point by itself and fitting again; the squared deviations add up.
+"""From points clicked in an image to a camera's calibration, and how well it measures: errors of
+positions and speeds are found by moving each click by itself and fitting again.
 """
 
 from __future__ import annotations
@@ -26,7 +24,6 @@ from edge_daemon.camera.fit import (
     Observations,
     Projection,
     fit_road,
-    line_misses_px,
     parameter_count,
 )
 from edge_daemon.camera.homography import Array, CalibrationError, Lines
@@ -61,7 +58,6 @@ class Calibration:
         click_px: standard error of a clicked point that the accuracy is stated for: 1 px, or the
             estimate from the residuals where that is larger.
         terms: what the fit has beyond a plane and a pinhole.
-        line_misses_px: of the lines' points, one after the other, shape (m,).
         pose: where the camera hangs, if it is a plain one.
         accuracy: at both ends of each segment.
         warnings: what a person should look at, a sentence each.
@@ -77,7 +73,6 @@ class Calibration:
     projection: Projection
     terms: tuple[Term, ...]
     lines: tuple[CalibrationLine, ...]
-    line_misses_px: Array
     pose: CameraPose | None
     segments: tuple[WatchedSegment, ...]
     accuracy: tuple[EndAccuracy, ...]
@@ -135,7 +130,6 @@ def calibrate(
         projection,
         chosen,
         lines,
-        line_misses_px(projection, known.lines),
         pose,
         outlines,
         accuracy,

@@ -1,8 +1,8 @@
-"""A first guess of a camera from the traffic alone, without any survey.
+"""A first guess of a camera from the traffic alone, without any survey. See docs/calibration.md,
+"The page".
 
-Vehicles drive along the road: the lines of their feet meet in its vanishing point. Cars have a
-usual size: how large their boxes are, near and far, tells height and focal length. The camera is
-taken to hang level from side to side. Scale rests on the sizes, so it is as good as these.
+The lines of vehicles' feet meet in the road's vanishing point; how large cars' boxes are, near and
+far, tells height and focal length. The camera is taken to hang level.
 """
 
 from __future__ import annotations

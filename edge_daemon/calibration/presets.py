@@ -1,7 +1,4 @@
-"""Lane marks by national rules: their period fixes lengths where nobody measured on site.
-
-The sources are named in docs/calibration.md.
-"""
+"""Lane marks by national rules, whose period fixes lengths; sources are in docs/calibration.md."""
 
 from __future__ import annotations
 

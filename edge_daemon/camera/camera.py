@@ -1,8 +1,4 @@
-"""The calibrated camera: image ↔ road, and the road segments that it watches.
-
-The road is a plane with coordinates in metres, which a 3×3 homography maps to the image, or a
-`CurvedRoad`, whose coordinates are station and offset.
-"""
+"""The calibrated camera: image ↔ road, a plane or a `CurvedRoad`, and the segments it watches."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""Frames through a detector while the next ones are decoded and the last ones are tracked.
-
-Three kinds of threads overlap: one takes frames from the source, as many as the detector has
-requests detect, and the caller gets the results, in the frames' order.
-"""
+"""Frames through a detector while the next ones are decoded and the last ones are tracked."""
 
 from __future__ import annotations
 

@@ -1,8 +1,6 @@
-"""The centreline of a road, fitted to the vehicles on it.
-
-A segment has one direction of travel. Where the road bends, or the direction is a few degrees off,
-distances along that direction are shorter than the distances driven, and speeds come out low by
-the cosine. The centreline, fitted to the vehicles' positions, corrects both.
+"""The centreline of a road, fitted to the vehicles on it. Where the road bends, or a segment's
+direction is a few degrees off, distances along that direction, and speeds, come out low by the
+cosine.
 """
 
 from __future__ import annotations

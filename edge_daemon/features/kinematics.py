@@ -1,9 +1,8 @@
 """Sightings in a window → the six kinematic features of a road segment (paper, section V-A).
 
-Speeds and accelerations come from smoothing each vehicle's positions over the window, never from
-differences between frames: a second difference of positions with 0.3 m of noise would drown every
-threshold. Each feature is the posterior mean over the segment's vehicles and times, with the
-posterior's standard error.
+Each is the posterior mean over the segment's vehicles and times, with its standard error, of
+positions smoothed over the window: a second difference of positions with 0.3 m of noise would drown
+every threshold.
 """
 
 from __future__ import annotations

@@ -1,9 +1,5 @@
-"""Occlusion: how much of a segment vehicles hide, and the correction of the features for it.
-
-In a jam, vehicles hide other vehicles, which no posterior accounts for. Virtual cars are placed on
-the segment's lanes; those that detected boxes would cover count as occluded. How the features of
-the visible vehicles differ from those of all vehicles, by the share of road occluded, was estimated
-on clips with ground truth (`make allowances`).
+"""Occlusion: how much of a segment vehicles hide, by virtual cars that detected boxes would cover,
+and the correction of the features for it. See docs/perception.md, "Occlusion".
 """
 
 from __future__ import annotations

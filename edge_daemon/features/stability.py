@@ -1,9 +1,7 @@
-"""Features → the stability flag y_e, or unknown with a reason.
+"""Features → the stability flag y_e, or unknown with a reason (paper, section V-A).
 
-The paper's rule (section V-A): stable if CV = σ_v/v̄ ≤ 0.12 and σ²_a ≤ 0.5 m²/s⁴. A flag is only
-given where the data carry it: everything else is unknown, which gates like turbulent. Hysteresis
-makes the rule stricter, never looser: stable always means that the paper's rule holds, or, with
-`keep_s`, that it held when traffic was last dense enough to tell.
+Hysteresis makes the paper's rule stricter, never looser: stable always means that it holds, or,
+with `keep_s`, that it held when traffic was last dense enough to tell.
 """
 
 from __future__ import annotations

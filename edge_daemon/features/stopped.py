@@ -1,9 +1,5 @@
-"""Vehicles that stand on a segment: each an event of its own, whatever the flag says.
-
-A vehicle stands if it has moved less than 2.5 m in 5 s (0.5 m/s). It is known by its place, not
-by its track: what hides it for some seconds ends the track, and the vehicle is there again under
-another number. It has moved on when its track has left the place by more than its length, and is
-gone when nothing slow has been seen there for 15 s.
+"""Vehicles that stand on a segment: each an event of its own, whatever the flag says, known by its
+place and not by its track. See docs/perception.md, "Vehicles that stand".
 """
 
 from __future__ import annotations

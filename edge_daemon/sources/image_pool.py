@@ -1,7 +1,5 @@
-"""A pool of memory for decoded frames, reused as soon as a frame is no longer referenced.
-
-A 720p frame is 2.8 MB. If each were allocated and freed on the heap, the memory that the allocator
-keeps would depend on thread timing.
+"""A pool of memory for decoded frames: if each were allocated and freed on the heap, the memory
+that the allocator keeps would depend on thread timing.
 """
 
 from __future__ import annotations

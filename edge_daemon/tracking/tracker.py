@@ -1,10 +1,9 @@
 """Tracking vehicles on the road plane: a Kalman filter in metres, association in two stages.
 
-Each track is a Kalman filter with constant acceleration, state (x, y, vx, vy, ax, ay). Detections
-are assigned by the Hungarian method on squared Mahalanobis distances: first those with a high
-score, then the others to the remaining tracks (as in ByteTrack, Zhang et al., ECCV 2022). The
-states of all tracks are in one array, so that a frame costs few array operations for any number of
-vehicles.
+Each track has constant acceleration, state (x, y, vx, vy, ax, ay). Detections are assigned by the
+Hungarian method on squared Mahalanobis distances: first those with a high score, then the others to
+the remaining tracks (as in ByteTrack, Zhang et al., ECCV 2022). The states of all tracks are in one
+array, so that a frame costs few array operations.
 """
 
 from __future__ import annotations

@@ -1,6 +1,5 @@
-"""What moves in the picture, and which of it lies in a detector's boxes.
-
-A background model of the small grey picture alone tells what moves, whatever the detector finds.
+"""What moves in the picture, by a background model alone, and which of it lies in a detector's
+boxes.
 """
 
 from __future__ import annotations

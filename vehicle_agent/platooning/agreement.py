@@ -1,10 +1,5 @@
-"""The agreement of two vehicles that the front one waits for the rear one, from either side.
-
-The rear vehicle asks the front one, or the leader of its platoon, to take a share b off its speed,
-and asks again each second, with what it needs by then. The other one agrees if it has heard the
-rear one behind it on its road, nobody else has asked it, and it has not waited for others for 300 s
-in an hour already. It goes on as before when the rear one has come, leaves, or has not asked for
-5 s.
+"""The agreement of two vehicles that the front one waits for the rear one, from either side; its
+terms are in docs/platooning.md, "Catching up".
 """
 
 from __future__ import annotations

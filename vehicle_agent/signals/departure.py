@@ -1,8 +1,7 @@
 """The departure second of a leg: the one with the least cost through the signals.
 
-A vehicle that stands at its depot or at a customer's costs nothing by standing a little longer, if
-its deliveries stay in time. Each of some seconds is tried out on what is broadcast: the whole leg
-where signals have fixed times, the first signals where they are actuated.
+Each of some seconds is tried out on what is broadcast: the whole leg where signals have fixed
+times, the first signals where they are actuated.
 """
 
 from __future__ import annotations

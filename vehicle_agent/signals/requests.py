@@ -1,7 +1,5 @@
-"""Requests for green (SRM): which signals a vehicle asks, for when, and when it takes that back.
-
-Once a second it asks the signals that a free drive reaches within HORIZON_S, up to the first that
-is not green. How a signal serves requests, and which queues it clears before, is its own affair.
+"""Requests for green (SRM), once a second: signals that a free drive reaches within HORIZON_S, up
+to the first that is not green. How a signal serves requests is its own affair.
 """
 
 from __future__ import annotations

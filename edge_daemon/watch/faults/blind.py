@@ -1,8 +1,4 @@
-"""`blind`: things move on the road that the detector does not find.
-
-Night, rain, fog or weights that were trained on another world leave a road that looks empty and is
-not. What moves (`motion`) is held against the detector's boxes.
-"""
+"""`blind`: things move (`motion`) on the road that the detector does not find."""
 
 from __future__ import annotations
 

@@ -116,20 +116,6 @@ def test_the_shipped_model_finds_rendered_vehicles(
 
 
 @pytest.mark.long
-def test_the_same_picture_gives_the_same_boxes(
-    rendered: tuple[np.ndarray, list[dict[str, str]]],  # type: ignore[type-arg]
-) -> None:
-    """Detection is deterministic, and another size in between leaves nothing behind."""
-    image, _ = rendered
-    detector = open_detector(DetectorSettings())
-    first = detector.detect(image)
-    detector.detect(np.full((480, 480, 3), 255, dtype=np.uint8))
-    second = detector.detect(image)
-    assert np.array_equal(first.boxes, second.boxes)
-    assert np.array_equal(first.scores, second.scores)
-
-
-@pytest.mark.long
 def test_the_road_s_part_is_searched_as_the_whole_picture_is(
     rendered: tuple[np.ndarray, list[dict[str, str]]],  # type: ignore[type-arg]
     road: Camera,
