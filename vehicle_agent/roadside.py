@@ -70,16 +70,5 @@ class Roadside:
         return self._judged[segment]
 
 
-class ClosedGates:
-    """Gates of an agent that trusts nothing: close gaps are allowed nowhere."""
-
-    def is_open(self, segment: str) -> bool:
-        """Never."""
-        return False
-
-    def is_turbulent(self, segment: str) -> bool:
-        """Not known."""
-        return False
-
-
-CLOSED: Final = ClosedGates()
+CLOSED: Final = Roadside()
+"""Gates of an agent that trusts nothing: close gaps are allowed nowhere."""

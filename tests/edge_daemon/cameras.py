@@ -200,7 +200,7 @@ def _fragments(picture: Picture) -> Iterator[tuple[bytes, bool]]:
         yield head + part, offset + len(part) >= len(scan)
 
 
-def take(frames: Iterator[Frame | None], count: int, seconds: float = 15.0) -> list[Frame]:
+def take(frames: Iterator[Frame | None], count: int, seconds: float = 60.0) -> list[Frame]:
     """The next frames that are some."""
     deadline = time.monotonic() + seconds
     got: list[Frame] = []
