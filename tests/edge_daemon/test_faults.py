@@ -212,7 +212,7 @@ BEGIN, END = 6 * FPS, 9 * FPS
         ("frozen", None),
         pytest.param("dark", np.zeros_like, marks=pytest.mark.long),
         pytest.param("corrupt", torn, marks=pytest.mark.long),
-        ("camera_moved", turned),
+        pytest.param("camera_moved", turned, marks=pytest.mark.long),
     ],
 )
 def test_a_fault_closes_all_segments_and_a_window_later_they_are_back(

@@ -106,8 +106,8 @@ def shaking(pixels: float) -> Change:
         (trails, "corrupt", 5.0),
         (blurred(3.0), "obscured", 3.0),
         (rolled(0.5), "camera_moved", 6.0),
-        (shaking(5.0), "camera_moved", 6.0),
-        (shifted(40.0), "camera_moved", 6.0),
+        pytest.param(shaking(5.0), "camera_moved", 6.0, marks=pytest.mark.long),
+        pytest.param(shifted(40.0), "camera_moved", 6.0, marks=pytest.mark.long),
     ],
     ids=["trails", "out of focus", "rolled", "shaking", "turned"],
 )
@@ -132,6 +132,7 @@ def test_a_poor_picture_is_no_fault(road: Road, change: Change) -> None:
     assert set(faults(road, change, lambda _: NONE, GOOD + 40)) == {None}
 
 
+@pytest.mark.long
 def test_vehicles_that_are_detected_are_no_trails(road: Road) -> None:
     """The same patches, each with a box around it: traffic that stands."""
     chance = np.random.default_rng(1)

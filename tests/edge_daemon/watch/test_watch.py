@@ -97,7 +97,9 @@ def test_a_fault_of_the_picture_is_noticed_and_ends_by_itself(road: Road, name: 
     assert good_again_s <= ended_s <= good_again_s + 6.0
 
 
-@pytest.mark.parametrize("damage", [half_grey, streaked, blocks])
+@pytest.mark.parametrize(
+    "damage", [streaked, blocks, pytest.param(half_grey, marks=pytest.mark.long)]
+)
 def test_damaged_pictures_are_corrupt(road: Road, damage: Callable[[Picture], Picture]) -> None:
     """Lost parts, streaks and wrong macroblocks are told within two seconds; one picture is not."""
     watch = Watch(road.camera, WatchSettings())
@@ -193,6 +195,7 @@ def test_a_view_without_anything_to_recognise_is_said(
     assert caplog.text.count("nothing to recognise") == 1
 
 
+@pytest.mark.long
 def test_a_reference_picture_tells_a_camera_that_was_turned_while_off(road: Road) -> None:
     """Without one, the first seconds are taken for the calibrated view."""
     turned = [road.seen(number, shifted(8)) for number in range(40)]

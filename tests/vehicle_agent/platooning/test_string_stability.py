@@ -52,7 +52,7 @@ SCRIPTS = {
 
 CASES = [
     pytest.param(*mode, name, marks=[] if name in few else [pytest.mark.long])
-    for mode, few in ((LIVE, ["brakes hard"]), (EVALUATION, ["hard step", "brakes to a stand"]))
+    for mode, few in ((LIVE, ["brakes hard"]), (EVALUATION, ["brakes to a stand"]))
     for name in SCRIPTS
 ]
 
