@@ -100,20 +100,29 @@ def made_once(
     return make
 
 
+class _StreetClips(dict[str, Path]):
+    """Renders a clip when it is first asked for."""
+
+    def __init__(self, made_once: Callable[[str, Callable[[Path], object]], Path]) -> None:
+        self._made_once = made_once
+
+    def __missing__(self, scenario: str) -> Path:
+        from slipstream_lab.simulation.streetdrive.clip import ClipSettings, render_clip
+
+        seed = {"stable": 31, "turbulent": 32}[scenario]
+        settings = ClipSettings(
+            seconds=14, fps=15, scenario=scenario, seed=seed, segment_id=f"{scenario}_road"
+        )
+        self[scenario] = self._made_once(scenario, partial(render_clip, settings))
+        return self[scenario]
+
+
 @pytest.fixture(scope="session")
 def street_clips(
     made_once: Callable[[str, Callable[[Path], object]], Path],
 ) -> dict[str, Path]:
     """Folders of a calm and a stop-and-go clip: 14 s at 15 frames a second, seeds of their own."""
-    from slipstream_lab.simulation.streetdrive.clip import ClipSettings, render_clip
-
-    folders = {}
-    for scenario, seed in (("stable", 31), ("turbulent", 32)):
-        settings = ClipSettings(
-            seconds=14, fps=15, scenario=scenario, seed=seed, segment_id=f"{scenario}_road"
-        )
-        folders[scenario] = made_once(scenario, partial(render_clip, settings))
-    return folders
+    return _StreetClips(made_once)
 
 
 FULL_SIZE = "ATTACK_FULL_SIZE"

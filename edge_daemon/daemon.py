@@ -24,7 +24,8 @@ from edge_daemon.publishing import Previews, StoppedPublisher
 from edge_daemon.runtime import TRIM_INTERVAL_S, StageTimer, configure_allocator, trim_memory
 from edge_daemon.settings import EdgeSettings
 from edge_daemon.sources import FrameSource, mark_repeats, open_source
-from edge_daemon.watch import Watch, read_reference
+from edge_daemon.tracking import HIGH_SCORE
+from edge_daemon.watch import STALE_AFTER_S, Watch, read_reference
 from slipstream.bus import Bus
 from slipstream.messages import (
     CAMERA_FAULTS,
@@ -47,11 +48,7 @@ _RECONNECT_S = 30.0
 
 
 def run_edge(settings: EdgeSettings) -> None:
-    """Run until stopped, or until a clip that does not loop has ended.
-
-    Raises:
-        InputError: the camera file, the model, the clip or the bus settings are unusable.
-    """
+    """Run until stopped, or until a clip that does not loop has ended."""
     configure_allocator()
     configure_logging(f"edge {settings.rsu}", settings.service)
     camera = load_camera(settings.camera)
@@ -63,7 +60,6 @@ def run_edge(settings: EdgeSettings) -> None:
         settings.rsu,
         camera,
         detector,
-        settings.tracker,
         settings.stability,
         settings.window_s,
     )
@@ -187,7 +183,7 @@ class EdgeDaemon:
         now = time.monotonic()
         if found is not None:
             # What starts no track has not been found; a repeated frame shows what the last one did.
-            self._boxes = found.boxes_above(self._settings.tracker.high_score)
+            self._boxes = found.boxes_above(HIGH_SCORE)
             self._all_boxes = found.boxes
         fault = (
             self._watch.look(frame, self._boxes, self._all_boxes)
@@ -213,10 +209,7 @@ class EdgeDaemon:
     def _fault_without_frame(self, now: float) -> CameraFault | None:
         """The fault while no frame comes; None before the first frame or shortly after one."""
         size_mismatch_s = self._source.counters.size_mismatch_s
-        if (
-            size_mismatch_s is not None
-            and now - size_mismatch_s < self._settings.watch.stale_after_s
-        ):
+        if size_mismatch_s is not None and now - size_mismatch_s < STALE_AFTER_S:
             return "corrupt"
         if self._last_frame is None:
             return None

@@ -38,17 +38,8 @@ class Labels:
         background: Colour = DARK,
         colour: Colour = WHITE,
     ) -> bool:
-        """Place a text at the first of some places that is free and inside the image.
-
-        Args:
-            text: ASCII, as OpenCV's fonts have nothing else.
-            places: lower left corners, px, best first.
-            scale: of the font; 1.0 is some 22 px high.
-            background: behind the text.
-            colour: of the text.
-
-        Returns:
-            False if there was no room: it is left out.
+        """Place an ASCII text at the first of some lower left corners, px, that is free and inside
+        the image; False if there was no room. A scale of 1.0 is some 22 px high.
         """
         thickness = max(1, round(1.8 * scale))
         (width, height), below = cv2.getTextSize(text, _FONT, scale, thickness)

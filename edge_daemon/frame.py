@@ -28,9 +28,9 @@ class Frame:
             even when a clip loops.
         captured_ns: UTC when it was taken or read.
         captured_s: the same moment on this machine's monotonic clock, for latencies.
-        cut: True if the scene before it is another one (a loop, a reconnect).
-        clock_jump: True if the stream's own clock stepped before it; the media time is corrected.
-        repeated: True if it shows the frame before once more: nothing is measured in it.
+        cut: the scene before it is another one (a loop, a reconnect).
+        clock_jump: the stream's own clock stepped before it; the media time is corrected.
+        repeated: it shows the frame before once more: nothing is measured in it.
         left_out_s: of a leap of the clip's time stamps before it, what media time does not count.
     """
 

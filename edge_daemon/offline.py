@@ -24,7 +24,7 @@ from edge_daemon.settings import TrackSettings
 from edge_daemon.sources import mark_repeats
 from edge_daemon.sources.clip import FastClip, open_clip
 from edge_daemon.sources.rate import Rate
-from edge_daemon.tracking import Sightings
+from edge_daemon.tracking import HIGH_SCORE, Sightings
 from edge_daemon.watch import Watch, read_reference
 from slipstream.errors import InputError
 from slipstream.messages import CameraFault, SegmentState
@@ -80,17 +80,15 @@ class TrackResult:
     """What came of a video.
 
     Attributes:
-        states: all states in order; their times are media times since the clip's beginning.
+        states: all in order; their times are media times since the clip's beginning.
         recorder: what scores are made from; frames under a fault of the camera are left out.
-        done_s: monotonic time at which each frame had gone through, s.
-        latency_s: of each frame, from decoded to processed, s.
-        rate: of the video, and who says it.
-        gap_s: time that its time stamps leave out between its frames, s.
+        done_s: monotonic time at which each frame had gone through.
+        latency_s: of each frame, from decoded to processed.
+        gap_s: time that the video's time stamps leave out between its frames.
         decode_errors: frames that could not be read.
         repeated: frames that repeated the one before, which nothing was measured in.
-        fault_s: for how long each fault of the frame was reported, s: it begins after its wait
-            and ends some seconds after its last sign.
-        rss_mb: resident memory at the end.
+        fault_s: for how long each fault of the frame was reported: it begins after its wait and
+            ends some seconds after its last sign.
     """
 
     rate: Rate
@@ -117,9 +115,6 @@ def track(
     """Follow a video from its first to its last frame, as fast as it goes; no frame is left out.
 
     Args:
-        video: the file.
-        camera: its calibration.
-        settings: of the pipeline.
         fps: frames a second that it was filmed at; None: as it says.
         annotated: where to write the video with what was seen drawn over it.
         progress: called with the numbers of processed and of expected frames.
@@ -131,9 +126,7 @@ def track(
     watch = Watch(camera, settings.watch, read_reference(camera))
     reader = open_clip(video, loop=False, size=camera.size, fps=fps)
     detector = open_detector(settings.detector, camera)
-    pipeline = Pipeline(
-        "offline", camera, detector, settings.tracker, settings.stability, settings.window_s
-    )
+    pipeline = Pipeline("offline", camera, detector, settings.stability, settings.window_s)
     result = TrackResult(reader.rate)
     due_s = last_s = left_out_s = 0.0
     fault: CameraFault | None = None
@@ -152,7 +145,7 @@ def track(
             # A recording's own time: this machine's clocks say when it was read, not taken.
             seen = replace(frame, media_time_s=now, captured_s=now, captured_ns=round(now * 1e9))
             if detections is not None:
-                boxes = detections.boxes_above(settings.tracker.high_score)
+                boxes = detections.boxes_above(HIGH_SCORE)
                 all_boxes = detections.boxes
             before, fault = fault, watch.look(seen, boxes, all_boxes)
             if fault is None and detections is not None:
@@ -191,10 +184,9 @@ def track(
 
 
 class _AnnotatedVideo:
-    """The annotated video, if one is wanted; under its name only when complete.
-
-    Its frames are evenly spaced: those of the clip are repeated or left out so that it plays at the
-    clip's own speed.
+    """The annotated video, if one is wanted; under its name only when complete. Its frames are
+    evenly spaced: those of the clip are repeated or left out so that it plays at the clip's own
+    speed.
     """
 
     def __init__(self, path: Path | None, fps: float, camera: Camera) -> None:
@@ -217,14 +209,7 @@ class _AnnotatedVideo:
     def add(
         self, frame: Frame, pipeline: Pipeline, states: dict[str, SegmentState], at_s: float
     ) -> None:
-        """Draw one frame.
-
-        Args:
-            frame: with its time in the clip.
-            pipeline: what was seen.
-            states: the latest.
-            at_s: when it is shown, media time.
-        """
+        """Draw one frame, shown at a media time."""
         if self._writer is None:
             return
         due = round(at_s * self._fps) + 1
@@ -261,10 +246,9 @@ def _clip_time(time_ns: int) -> str:
 
 
 def frame_times_ms(result: TrackResult) -> tuple[float, float, float, float]:
-    """Median and 95th percentile of the time a frame takes, and of its latency, ms.
-
-    The time a frame takes is that between frames leaving the pipeline: stages overlap, so it is
-    shorter than the latency. Ticks at which states are made are part of it.
+    """Median and 95th percentile of the time a frame takes, and of its latency, ms. The former is
+    that between frames leaving the pipeline, ticks at which states are made included: stages
+    overlap, so it is shorter than the latency.
     """
     steps = 1e3 * np.diff(result.done_s) if len(result.done_s) > 1 else np.zeros(1)
     latency = 1e3 * np.array(result.latency_s) if result.latency_s else np.zeros(1)

@@ -1,6 +1,5 @@
-"""One frame: detect, project to the road, track, update the window, classify each segment.
-
-No I/O and no clock of its own: the same frames give the same states.
+"""One frame: detect, project to the road, track, update the window, classify each segment. No I/O
+and no clock of its own: the same frames give the same states.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from edge_daemon.features.kinematics import SegmentKinematics, VehicleMotion, Wi
 from edge_daemon.features.stability import StabilityJudge
 from edge_daemon.features.stopped import MEMORY_S, Standing, StoppedVehicleJudge
 from edge_daemon.frame import Frame
-from edge_daemon.settings import StabilitySettings, TrackerSettings
+from edge_daemon.settings import StabilitySettings
 from edge_daemon.tracking import Sightings, Track, Tracker
 from edge_daemon.tracking.measurement import to_road_points
 from edge_daemon.tracking.sightings import SightingBuffer
@@ -52,14 +51,13 @@ class Pipeline:
         rsu: str,
         camera: Camera,
         detector: Detector,
-        tracker: TrackerSettings,
         stability: StabilitySettings,
         window_s: float,
     ) -> None:
         self._rsu = rsu
         self._camera = camera
         self._detector = detector
-        self._tracker = Tracker(tracker)
+        self._tracker = Tracker()
         self._judge = StabilityJudge(stability)
         self._window_s = window_s
         self._memory_s = max(window_s + _LEAD_S, MEMORY_S)
@@ -112,11 +110,7 @@ class Pipeline:
         )
 
     def process(self, frame: Frame) -> Sightings:
-        """Detect vehicles in a frame and `update` with them.
-
-        Raises:
-            InputError: the frame has another size than the calibration.
-        """
+        """Detect vehicles in a frame and `update` with them."""
         return self.update(frame, self._detector.detect(frame.image))
 
     def update(self, frame: Frame, detections: Detections) -> Sightings:
@@ -171,9 +165,8 @@ class Pipeline:
     def iter_states(
         self, time_ns: int, idle_s: float = 0.0, fault: UnknownReason | None = None
     ) -> Iterator[SegmentState]:
-        """The same states, each computed when it is requested.
-
-        All are over the window that ends at this call, whatever frames are taken in between.
+        """The same states, each computed when it is requested, all over the window that ends at
+        this call, whatever frames are taken in between.
 
         Args:
             time_ns: UTC of the last frame, or of now if none has come.

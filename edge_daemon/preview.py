@@ -1,7 +1,5 @@
-"""The annotated frame: segments in the colour of their flag, boxes, track ids and speeds.
-
-A picture outlives its moment, on a page or in a file: it shows when it was taken, and each flag
-when it held.
+"""The annotated frame: segments in the colour of their flag, boxes, track ids and speeds. A picture
+outlives its moment: it shows when it was taken, and each flag when it held.
 """
 
 from __future__ import annotations
@@ -55,8 +53,8 @@ def draw_time(picture: Image, text: str) -> None:
 
 
 def past_picture(image: Image, camera: Camera, taken_ns: int, width: int, *, boxes: bool) -> Image:
-    """The last frame of a camera that sends none: without colour; its segments, if those are drawn,
-    are unknown.
+    """The last frame of a camera that sends none, without colour; its segments, if drawn, are
+    unknown.
     """
     grey = cv2.cvtColor(scaled(image, width), cv2.COLOR_BGR2GRAY)
     past = np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR) * _PAST, np.uint8)
@@ -85,11 +83,9 @@ def annotate(
 ) -> Image:
     """Draw what the pipeline knows at a media time over a copy of the frame, ``width`` px wide.
 
-    Beside each flag stands the end of its window, as ``clock`` writes it.
-
-    Boxes of vehicles seen just now, each with its number where there is room, nearer ones first;
-    speeds are shown inside segments only, as the calibration is not checked elsewhere, and of
-    vehicles that have been followed for half a second.
+    Beside each flag stands the end of its window, as ``clock`` writes it. Vehicles seen just now
+    have boxes and, where there is room, numbers, nearer ones first; speeds are shown inside
+    segments only, as the calibration is not checked elsewhere, and after half a second.
     """
     zoom = width / camera.size[0]
     picture = scaled(image, width)

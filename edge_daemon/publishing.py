@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
+from typing import Final
 
 import cv2
 
@@ -25,15 +26,12 @@ from slipstream.service import LogLimiter
 
 log = logging.getLogger(__name__)
 
+_WIDTH_PX: Final = 640
+_JPEG_QUALITY: Final = 70
+
 
 class StoppedPublisher:
-    """Publishes segments' stopped vehicles, and once that there are none any more.
-
-    Args:
-        rsu: that sees them.
-        camera: with its segments.
-        bus: to publish through.
-    """
+    """Publishes segments' stopped vehicles, and once that there are none any more."""
 
     def __init__(self, rsu: str, camera: Camera, bus: Bus) -> None:
         self._publishers = {
@@ -76,16 +74,10 @@ class StoppedPublisher:
 
 
 class Previews:
-    """Publishes pictures while somebody looks, with boxes and without.
-
-    Args:
-        settings: of the edge.
-        camera: that they are of.
-        bus: to publish through.
-    """
+    """Publishes pictures while somebody looks, with boxes and without."""
 
     def __init__(self, settings: EdgeSettings, camera: Camera, bus: Bus) -> None:
-        self._settings, self._camera = settings.preview, camera
+        self._camera = camera
         keys = {preview_key(settings.rsu): True, bare_preview_key(settings.rsu): False}
         self._publishers: list[tuple[Publisher, bool]] = [
             (bus.publisher(key, best_effort=True), boxes)
@@ -97,7 +89,7 @@ class Previews:
         self, frame: Frame, tracks: Sequence[Track], states: Mapping[str, SegmentState]
     ) -> None:
         """A frame, with what is known of it."""
-        width = self._settings.width
+        width = _WIDTH_PX
         for publisher, boxes in self._publishers:
             if not publisher.has_subscribers():
                 continue
@@ -113,14 +105,14 @@ class Previews:
         """Replace the last picture, which may still be shown, once no frame comes any more."""
         if last is None:
             return
-        taken_ns, width = last.captured_ns, self._settings.width
+        taken_ns, width = last.captured_ns, _WIDTH_PX
         for publisher, boxes in self._publishers:
             if publisher.has_subscribers():
                 picture = past_picture(last.image, self._camera, taken_ns, width, boxes=boxes)
                 self._put(publisher, picture, taken_ns)
 
     def _put(self, publisher: Publisher, picture: Image, captured_ns: int) -> None:
-        quality = [cv2.IMWRITE_JPEG_QUALITY, self._settings.jpeg_quality]
+        quality = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]
         ok, data = cv2.imencode(".jpg", picture, quality)
         if ok:
             publisher.put(with_capture_time(data.tobytes(), captured_ns))

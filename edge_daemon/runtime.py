@@ -1,9 +1,8 @@
 """The Python process of a daemon: freed memory returned to the system, and what delays frames.
 
-glibc keeps freed memory between blocks that are still in use, and what it keeps only grows: 0.8 MB
-over 15,000 frames, while what is in use stays the same. Python keeps freed tuples in lists of up to
-2000 of each length, which only a full garbage collection empties; after `gc.freeze` there is next
-to none by itself. The size of a daemon must not depend on how long it has run.
+glibc keeps freed memory between blocks that are in use, and Python freed tuples until a full
+garbage collection, next to none of which comes after `gc.freeze`. The size of a daemon must not
+depend on how long it has run.
 """
 
 from __future__ import annotations
@@ -26,9 +25,8 @@ _ARENAS: Final = 1
 
 
 def configure_allocator() -> None:
-    """Give large blocks their own pages and small ones a single arena; call before threads start.
-
-    Does nothing without glibc.
+    """Give large blocks their own pages and small ones a single arena, with glibc; call before
+    threads start.
     """
     if _MALLOPT is not None:
         _MALLOPT(_M_MMAP_THRESHOLD, _MMAP_THRESHOLD_BYTES)
@@ -36,9 +34,8 @@ def configure_allocator() -> None:
 
 
 def trim_memory() -> None:
-    """Empty Python's free lists and return free pages of the heap; without glibc the former only.
-
-    Takes some 2 ms where loaded modules are frozen.
+    """Empty Python's free lists and, with glibc, return free pages of the heap: some 2 ms where
+    loaded modules are frozen.
     """
     gc.collect()
     if _TRIM is not None:

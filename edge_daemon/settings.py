@@ -6,7 +6,7 @@ Imports nothing of the edge, so that a command line can take its bounds and defa
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, ClassVar, Final, Literal, Self
+from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -16,9 +16,7 @@ from slipstream.messages import Identifier
 BUILTIN_MODEL: Final = "builtin"
 MAX_FPS: Final = 480.0
 
-Share = Annotated[float, Field(gt=0, lt=1)]
 FramesPerSecond = Annotated[float, Field(gt=0, le=MAX_FPS, allow_inf_nan=False)]
-FaultSeconds = Annotated[float, Field(gt=0, le=60, allow_inf_nan=False)]
 WindowSeconds = Annotated[float, Field(ge=2.0, le=60.0)]
 StateInterval = Annotated[float, Field(gt=0, le=10.0)]
 Coordinate = Annotated[float, Field(ge=-1e8, le=1e8, allow_inf_nan=False)]
@@ -69,16 +67,6 @@ class SourceSettings(Settings):
 class DetectorSettings(Settings):
     """How vehicles are detected (``[detector]``)."""
 
-    constants: ClassVar[frozenset[str]] = frozenset(
-        (
-            "min_score",
-            "nms_iou",
-            "requests",
-            "region",
-            "region_margin_m",
-        )
-    )
-
     backend: str | None = Field(
         default=None,
         min_length=1,
@@ -89,27 +77,8 @@ class DetectorSettings(Settings):
         default=BUILTIN_MODEL,
         description="'builtin' (trained on renders), an OpenVINO .xml or folder, or a .pt file.",
     )
-    min_score: Share = Field(
-        default=0.1,
-        description="Detections with a lower score are dropped; the tracker has its own threshold.",
-    )
-    nms_iou: Share = Field(
-        default=0.45,
-        description="Intersection over union with a better box, above which a box is suppressed.",
-    )
     threads: Annotated[int, Field(ge=0, le=1024)] = Field(
         default=0, description="Inference threads; 0: one per CPU core."
-    )
-    requests: Annotated[int, Field(ge=0, le=16)] = Field(
-        default=0,
-        description="Frames in the detector at a time; 0: two, or one on a single core.",
-    )
-    region: bool = Field(
-        default=True, description="Search only the part of the frame that shows the road."
-    )
-    region_margin_m: Annotated[float, Field(ge=0, le=50)] = Field(
-        default=3.0,
-        description="Distance before and after a segment in which vehicles must be whole, m.",
     )
     scale: Annotated[float, Field(gt=0, le=4)] | None = Field(
         default=None,
@@ -117,44 +86,8 @@ class DetectorSettings(Settings):
     )
 
 
-class TrackerSettings(Settings):
-    """How vehicles are tracked (``[tracker]``)."""
-
-    constants: ClassVar[frozenset[str]] = frozenset(
-        (
-            "high_score",
-            "confirm_hits",
-            "lost_after_s",
-            "jerk_noise",
-            "max_speed_mps",
-        )
-    )
-
-    high_score: Share = Field(
-        default=0.5,
-        description="Detections from this score on are assigned first and may start a track.",
-    )
-    confirm_hits: Annotated[int, Field(ge=1)] = Field(
-        default=3, description="Detections that confirm a new track."
-    )
-    lost_after_s: Annotated[float, Field(gt=0)] = Field(
-        default=1.2, description="A track ends after so long without a detection, s."
-    )
-    jerk_noise: Annotated[float, Field(gt=0, allow_inf_nan=False)] = Field(
-        default=1.0,
-        description="Root of the spectral density of the jerk in the motion model, m/s^2.5.",
-    )
-    max_speed_mps: Annotated[float, Field(gt=0)] = Field(
-        default=45.0,
-        description="Highest speed of a vehicle, m/s. A new track's speed has half of it as its "
-        "standard deviation.",
-    )
-
-
 class StabilitySettings(Settings):
     """Thresholds of the stability flag and what a flag requires (``[stability]``)."""
-
-    constants: ClassVar[frozenset[str]] = frozenset(("min_coverage",))
 
     max_speed_cv: Annotated[float, Field(gt=0, le=1)] = Field(
         default=0.12, description="Coefficient of variation of speed, σ_v / v̄, dimensionless."
@@ -164,9 +97,6 @@ class StabilitySettings(Settings):
     )
     min_vehicles: Annotated[int, Field(ge=1)] = Field(
         default=3, description="Vehicles in the window."
-    )
-    min_coverage: Annotated[float, Field(gt=0, le=1)] = Field(
-        default=0.8, description="Share of the window that frames must cover."
     )
     hysteresis: Annotated[float, Field(ge=0, lt=1)] = Field(
         default=0.05,
@@ -190,31 +120,7 @@ class StabilitySettings(Settings):
 class WatchSettings(Settings):
     """When a camera is at fault (``[watch]``)."""
 
-    constants: ClassVar[frozenset[str]] = frozenset(
-        (
-            "sample_interval_s",
-            "frozen_after_s",
-            "exposure_after_s",
-            "stale_after_s",
-            "clock_step_s",
-            "max_repeated_share",
-            "clear_after_s",
-        )
-    )
-
-    sample_interval_s: Annotated[float, Field(gt=0, le=1)] = Field(
-        default=0.2, description="Media time between two frames that are examined, s."
-    )
-    frozen_after_s: FaultSeconds = Field(
-        default=5.0,
-        description="`frozen`: time without any change on the road, not even noise, s.",
-    )
-    exposure_after_s: FaultSeconds = Field(
-        default=1.0,
-        description="`dark`, `bright`, `obscured`: time that the frame is black, white or without "
-        "detail, s.",
-    )
-    moved_after_s: FaultSeconds = Field(
+    moved_after_s: Annotated[float, Field(gt=0, le=60, allow_inf_nan=False)] = Field(
         default=5.0,
         description="`camera_moved`: time over which the median shift is taken, s.",
     )
@@ -223,39 +129,13 @@ class WatchSettings(Settings):
         description="`camera_moved`: allowed shift of the road in the frame, as a share of the "
         "frame's width; shaking may be 1.5 times that in the median.",
     )
-    stale_after_s: FaultSeconds = Field(
-        default=3.0, description="`stale`: time without a new frame, s."
-    )
-    clock_step_s: FaultSeconds = Field(
-        default=0.5,
-        description="`clock_jump`: step of the wall clock against the monotonic clock, s.",
-    )
-    max_repeated_share: Share = Field(
-        default=0.25,
-        description="`corrupt`: share of the frame that may be flat or streaky, as lost parts are, "
-        "beyond what usually is in this view.",
-    )
-    clear_after_s: FaultSeconds = Field(
-        default=2.0, description="Every fault ends after so long without evidence of it, s."
-    )
 
 
 class PreviewSettings(Settings):
     """The annotated frames for people; made only while there is a subscriber (``[preview]``)."""
 
-    constants: ClassVar[frozenset[str]] = frozenset(
-        (
-            "width",
-            "jpeg_quality",
-        )
-    )
-
     fps: Annotated[float, Field(ge=0, le=30)] = Field(
         default=2.0, description="Frames per second; 0: no preview."
-    )
-    width: Annotated[int, Field(ge=160, le=1920)] = Field(default=640, description="Width, px.")
-    jpeg_quality: Annotated[int, Field(ge=1, le=100)] = Field(
-        default=70, description="JPEG quality; 100 is best."
     )
 
 
@@ -267,7 +147,6 @@ class TrackSettings(Settings):
         default=1.0, description="Time between two states of a segment, s."
     )
     detector: DetectorSettings = Field(default=DetectorSettings(), description="Detection.")
-    tracker: TrackerSettings = Field(default=TrackerSettings(), description="Tracking.")
     stability: StabilitySettings = Field(
         default=StabilitySettings(), description="The stability flag."
     )

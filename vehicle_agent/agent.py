@@ -1,11 +1,7 @@
 """The agent of one vehicle as a pure object: messages and sensing in, advice and messages out.
 
-Time is what the caller says, so that the same code runs on the bus and in a simulated day.
-
-Fail safe. Close gaps end, and the gap opens, as soon as the segment's state is stale or not stable,
-the partner has been silent for half a second, the plan has been superseded or has lapsed, the
-vehicle has left its way, or the clock is in doubt; the way to the next stop stays. Each advice ends
-by itself after half a second: a vehicle whose agent is gone opens its gap.
+Time is what the caller says, so that the same code runs on the bus and in a simulated day. What
+ends close gaps: docs/architecture.md, "A vehicle's way".
 """
 
 from __future__ import annotations
@@ -41,13 +37,13 @@ from slipstream.messages import (
     signal_status_key,
     spat_key,
 )
-from vehicle_agent.departure import LegDeparture
 from vehicle_agent.leg import Leg, VehicleState
 from vehicle_agent.platooning import Platooning, PlatoonStep
 from vehicle_agent.reports import Outgoing, Reports
 from vehicle_agent.roadside import CLOSED, Roadside
 from vehicle_agent.signals import (
     HORIZON_M,
+    LegDeparture,
     SignalRequests,
     SignalTimings,
     intersections_ahead,
@@ -70,7 +66,6 @@ class AgentParameters:
     """What an agent knows of its vehicle.
 
     Attributes:
-        vehicle: physical data.
         length_m: bumper to bumper.
         max_speed_mps: it drives no faster; None: as fast as the roads allow.
         interval_s: from one advice to the next.
@@ -87,14 +82,7 @@ class AgentParameters:
 
 
 class Agent:
-    """One vehicle's agent.
-
-    Args:
-        vehicle: its id.
-        parameters: of the vehicle.
-        timings: of signals; agents of one process may share it.
-        roadside: states of segments, likewise.
-    """
+    """One vehicle's agent; agents of one process may share signal timings and roadside states."""
 
     def __init__(
         self,
@@ -137,11 +125,8 @@ class Agent:
         return self._topics[1]
 
     def receive(self, message: Message, now_ns: int) -> None:
-        """Take in a message; what is for others, late or of no use is left out.
-
-        Args:
-            message: from the bus, or from the vehicle's driver.
-            now_ns: UTC.
+        """Take in a message from the bus, or the vehicle's driver; what is for others, late or of
+        no use is left out.
         """
         match message:
             case PlatoonControl() | PlatoonManagement():
@@ -162,11 +147,8 @@ class Agent:
                 self._outgoing += self._reports.progress(self.tour, now_ns)
 
     def advise(self, sensing: VehicleSensing, now_ns: int) -> VehicleAdvice:
-        """The advice for the coming control interval; called once an interval.
-
-        Args:
-            sensing: the latest.
-            now_ns: UTC.
+        """The advice for the coming control interval by the latest sensing; called once an
+        interval.
         """
         tour = self.tour
         before = (tour.leg, tour.driving, tour.plan is None)

@@ -40,15 +40,7 @@ _PATIENCE_NS: Final = 5_000_000_000
 
 
 class AgentDaemon:
-    """The agents of a process. The bus's threads deliver messages, the main thread advises.
-
-    Args:
-        settings: checked.
-        bus: to listen and to publish.
-
-    Raises:
-        InputError: the folder of the tours cannot be used.
-    """
+    """The agents of a process. The bus's threads deliver messages, the main thread advises."""
 
     def __init__(self, settings: AgentSettings, bus: Bus) -> None:
         parameters = {
@@ -90,10 +82,8 @@ class AgentDaemon:
         self._arrived.set()
 
     def step(self, timeout_s: float) -> None:
-        """Take in what has arrived, then advise each vehicle that has sensed anew, or not for long.
-
-        Args:
-            timeout_s: to wait at most for a message.
+        """Take in what has arrived, or arrives within a time, then advise each vehicle that has
+        sensed anew, or not for long.
         """
         self._arrived.wait(timeout_s)
         self._arrived.clear()
@@ -171,11 +161,7 @@ def is_news(message: VehicleSensing, before: VehicleSensing | None, now_ns: int)
 
 
 def run_agents(settings: AgentSettings) -> None:
-    """Run until SIGTERM or SIGINT.
-
-    Raises:
-        InputError: the bus, the state folder or the metrics port cannot be used.
-    """
+    """Run until SIGTERM or SIGINT."""
     configure_logging("agent", settings.service)
     with Service("agent", settings.service) as service:
         bus = service.start("bus", partial(Bus.open, settings.bus), Bus.fault)

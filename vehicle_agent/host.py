@@ -25,15 +25,7 @@ from vehicle_agent.signals import SignalTimings
 
 
 class AgentHost:
-    """The agents of some vehicles.
-
-    Args:
-        vehicles: parameters by id.
-        stale_after_s: age limit of a SegmentState.
-
-    Attributes:
-        agents: by vehicle.
-    """
+    """The agents of some vehicles, given by id, which share states and signals."""
 
     def __init__(
         self,
@@ -52,12 +44,7 @@ class AgentHost:
         return frozenset(self._listeners)
 
     def receive(self, message: Message, now_ns: int) -> None:
-        """Give a message to the agents that it is for.
-
-        Args:
-            message: of any kind that agents take, but a VehicleSensing.
-            now_ns: UTC.
-        """
+        """Give a message of any kind but a VehicleSensing to the agents that it is for."""
         for name in self._addressees(message, now_ns):
             agent = self.agents.get(name)
             if agent is not None:
@@ -65,12 +52,7 @@ class AgentHost:
                 self._follow(name, agent)
 
     def advise(self, sensing: VehicleSensing, now_ns: int) -> tuple[VehicleAdvice, list[Outgoing]]:
-        """One vehicle's advice, and what its agent has to send; the vehicle must be of this host.
-
-        Args:
-            sensing: its latest.
-            now_ns: UTC.
-        """
+        """One vehicle's advice by its latest sensing, and what its agent has to send."""
         agent = self.agents[sensing.vehicle]
         advice = agent.advise(sensing, now_ns)
         self._follow(sensing.vehicle, agent)

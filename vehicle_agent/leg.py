@@ -24,10 +24,7 @@ class VehicleState:
         segment: of its path that it is on, or that it has just left while it crosses a junction.
         number: of that segment in the path.
         crossing: whether it is in a junction, between that segment and the next one.
-        lane: index of its lane.
         front_m: of its front, along the segment, or along the lane through the junction.
-        speed_mps: now.
-        acceleration_mps2: now.
     """
 
     segment: str
@@ -41,12 +38,7 @@ class VehicleState:
 
 @dataclass(frozen=True)
 class SlowPoint:
-    """A place that may not be passed faster than this.
-
-    Attributes:
-        at_m: along the leg.
-        speed_mps: there; 0: the leg's end.
-    """
+    """A place along the leg that may not be passed faster than this; 0: the leg's end."""
 
     at_m: float
     speed_mps: float
@@ -59,7 +51,6 @@ class StopLine:
     Attributes:
         number: of the segment in the path whose end it stands at.
         at_m: along the leg.
-        intersection: whose signals they are.
         groups: signal group by lane, of the lanes that lead on.
         passing_mps: allowed behind it, on the way through the junction.
     """
@@ -78,13 +69,8 @@ class StopLine:
 
 @dataclass(frozen=True)
 class Leg:
-    """A leg's road, measured from the begin of its first segment, junctions included.
-
-    Attributes:
-        cycle: of the plan.
-        number: of the leg in the plan.
-        planned: its segments, in order, at least one, with lengths and limits.
-        max_speed_mps: of the vehicle.
+    """The road of a plan's leg: its segments in order, at least one, measured from the begin of the
+    first, junctions included. The vehicle itself drives no faster than `max_speed_mps`.
     """
 
     cycle: int
@@ -175,11 +161,8 @@ class Leg:
         return next((line for line in self.lines if line.at_m > place_m), None)
 
     def locate(self, sensing: VehicleSensing, at_least: int = 0) -> VehicleState | None:
-        """Where a vehicle is on the leg; None: it is not on its path.
-
-        Args:
-            sensing: of the vehicle.
-            at_least: number of the segment that it was on before: it never drives back.
+        """Where a vehicle is on the leg, from the segment numbered `at_least` on, for it never
+        drives back; None: it is not on its path.
         """
         try:
             number = self.path.index(sensing.segment, at_least)
@@ -202,13 +185,8 @@ def legs_of(
     count: int,
     max_speed_mps: float = math.inf,
 ) -> tuple[Leg | None, ...]:
-    """The legs of a plan; None for one without a road, between two places at one junction.
-
-    Args:
-        cycle: of the plan.
-        segments: all of it.
-        count: of legs: one less than its stops.
-        max_speed_mps: of the vehicle.
+    """The legs of a plan, one less than its stops; None for one without a road, between two places
+    at one junction.
     """
     parts: list[list[PlannedSegment]] = [[] for _ in range(count)]
     for segment in segments:

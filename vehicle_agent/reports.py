@@ -22,11 +22,7 @@ _PROGRESS_NS: Final = 5_000_000_000
 
 
 class Reports:
-    """Position and progress of one vehicle, as often as they are wanted.
-
-    Args:
-        vehicle: its id.
-    """
+    """Position and progress of one vehicle, as often as they are wanted."""
 
     def __init__(self, vehicle: str) -> None:
         self._vehicle = vehicle
@@ -35,13 +31,8 @@ class Reports:
     def due(
         self, tour: Tour, sensing: VehicleSensing, now_ns: int, *, changed: bool
     ) -> Iterator[Outgoing]:
-        """Position once a second, progress every five; both at each change.
-
-        Args:
-            tour: of the vehicle.
-            sensing: the latest.
-            now_ns: UTC.
-            changed: it has left or come to a stop, or has another leg or plan.
+        """Position once a second, progress every five; both where it has left or come to a stop, or
+        has another leg or plan.
         """
         if changed or now_ns - self._position_ns >= _POSITION_NS:
             self._position_ns = now_ns

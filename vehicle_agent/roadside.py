@@ -13,11 +13,8 @@ _FORGET_EVERY_NS: Final = 60 * 10**9
 class Roadside:
     """Latest states of segments, judged as the dispatcher judges them.
 
-    A vehicle knows no truth: what its RSU calls turbulent is turbulent to it, and what nobody
-    calls stable is closed.
-
-    Args:
-        stale_after_s: age limit of a state.
+    A vehicle knows no truth: what its RSU calls turbulent is turbulent to it, and what nobody calls
+    stable is closed.
     """
 
     def __init__(self, stale_after_s: float = freshness.STALE_AFTER_S) -> None:
@@ -73,16 +70,5 @@ class Roadside:
         return self._judged[segment]
 
 
-class ClosedGates:
-    """Gates of an agent that trusts nothing: close gaps are allowed nowhere."""
-
-    def is_open(self, segment: str) -> bool:
-        """Never."""
-        return False
-
-    def is_turbulent(self, segment: str) -> bool:
-        """Not known."""
-        return False
-
-
-CLOSED: Final = ClosedGates()
+CLOSED: Final = Roadside()
+"""Gates of an agent that trusts nothing: close gaps are allowed nowhere."""

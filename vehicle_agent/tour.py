@@ -48,10 +48,6 @@ class TourRecord(Model):
 class Tour:
     """What a vehicle does by its plans.
 
-    Args:
-        vehicle: whose tour it is.
-        max_speed_mps: of the vehicle; None: as fast as the roads allow.
-
     Attributes:
         plan: that it follows; None: none, it is free at its depot.
         leg: number of the leg that it drives, or will drive next.
@@ -108,9 +104,8 @@ class Tour:
         return max(stop.departure_ns, ready_ns) if stop.wait_s > 0 else ready_ns
 
     def slack_ns(self, due_ns: int) -> int:
-        """By how much the next leg may begin later without a late delivery on the rest of the tour.
-
-        The rest takes as long as planned; 0 where the vehicle is late already.
+        """By how much the next leg may begin later without a late delivery, the rest of the tour
+        taking as long as planned; 0 where the vehicle is late already.
         """
         assert self.plan is not None
         shift_ns = due_ns - self.plan.stops[self.leg].departure_ns
@@ -122,12 +117,7 @@ class Tour:
         return max(0, min(spare, default=0))
 
     def offer(self, plan: VehiclePlan, now_ns: int) -> PlanAcknowledgement | None:
-        """Take a plan, or refuse it; None: it is another vehicle's, or older than the present one.
-
-        Args:
-            plan: as received.
-            now_ns: UTC.
-        """
+        """Take a plan, or refuse it; None: it is another vehicle's, or older than the own one."""
         if plan.vehicle != self.vehicle or plan.cycle < self._newest:
             return None
         if plan.cycle == self._newest and self.plan is not None and plan == self.plan:
@@ -196,11 +186,7 @@ class Tour:
         )
 
     def resume(self, record: TourRecord) -> None:
-        """Go on from a record.
-
-        Raises:
-            ValueError: it is not of a plan that can be driven by.
-        """
+        """Go on from a record; ValueError where it is not of a plan that can be driven by."""
         plan = record.plan
         self._visits = {visit.stop: visit for visit in record.visits}
         self.ready_ns, self._newest = record.ready_ns, record.newest
@@ -254,9 +240,8 @@ class Tour:
         return None
 
     def _number_in(self, plan: VehiclePlan) -> int | None:
-        """Number of its present leg in a plan that continues its own; None: it does not fit.
-
-        It is 0, or 1 where the vehicle came to a stop while the plan was made.
+        """Number of its present leg in a plan that continues its own: 0, or 1 where the vehicle
+        came to a stop while the plan was made; None: it does not fit.
         """
         assert self.plan is not None
         here = self.plan.stops[self.leg].stop

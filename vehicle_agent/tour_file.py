@@ -20,15 +20,7 @@ _MAX_BYTES: Final = 4_000_000
 
 
 class TourFile:
-    """Keeps one tour in a file, written anew whenever it has changed.
-
-    Args:
-        folder: of all tours; it is made where it is missing.
-        tour: that is kept.
-
-    Raises:
-        InputError: the folder cannot be used.
-    """
+    """Keeps one tour in a file of a folder, written anew whenever it has changed."""
 
     def __init__(self, folder: Path, tour: Tour) -> None:
         try:

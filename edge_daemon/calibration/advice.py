@@ -26,17 +26,15 @@ _MAX_ARC_ERROR: Final = 0.01
 
 @dataclass(frozen=True)
 class EndAccuracy:
-    """How well one end of a segment is measured.
+    """How well one end of a segment is measured; both errors come from the clicks, and are infinite
+    where such clicks put the end beyond the horizon.
 
     Attributes:
-        segment: its id.
         end: the end nearer to or farther from the camera.
         point_m: the middle of that end.
         metres_per_px: along the direction of travel, for a pixel in the worst direction.
-        position_error_m: standard error of a position along the direction, from the clicks;
-            infinite where such clicks put the end beyond the horizon.
-        speed_error: relative standard error of a speed along the direction, from the clicks;
-            infinite likewise.
+        position_error_m: standard error of a position along the direction.
+        speed_error: relative standard error of a speed along the direction.
     """
 
     segment: str

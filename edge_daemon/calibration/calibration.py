@@ -1,7 +1,5 @@
-"""From points clicked in an image to a camera's calibration, and how well it measures.
-
-Clicked points are off by a pixel or so. The resulting errors of positions and speeds are found by
-moving each point by itself and fitting again; the squared deviations add up.
+"""From points clicked in an image to a camera's calibration, and how well it measures: errors of
+positions and speeds are found by moving each click by itself and fitting again.
 """
 
 from __future__ import annotations
@@ -26,7 +24,6 @@ from edge_daemon.camera.fit import (
     Observations,
     Projection,
     fit_road,
-    line_misses_px,
     parameter_count,
 )
 from edge_daemon.camera.homography import Array, CalibrationError, Lines
@@ -56,19 +53,12 @@ class Calibration:
 
     Attributes:
         size: (width, height) of its images, px.
-        road_m: the points on the road, shape (n, 2).
-        image_px: the points in the image, shape (n, 2).
-        used: which points the fit rests on, shape (n,); the others contradict them.
-        residuals_px: of each point, shape (n,).
+        used: which of the n points the fit rests on; the others contradict them.
         reprojection_error_px: root mean square of those used.
         click_px: standard error of a clicked point that the accuracy is stated for: 1 px, or the
             estimate from the residuals where that is larger.
-        projection: the fit.
-        terms: what it has beyond a plane and a pinhole.
-        lines: of known offset.
-        line_misses_px: of their points, one after the other, shape (m,).
+        terms: what the fit has beyond a plane and a pinhole.
         pose: where the camera hangs, if it is a plain one.
-        segments: the watched segments.
         accuracy: at both ends of each segment.
         warnings: what a person should look at, a sentence each.
     """
@@ -83,7 +73,6 @@ class Calibration:
     projection: Projection
     terms: tuple[Term, ...]
     lines: tuple[CalibrationLine, ...]
-    line_misses_px: Array
     pose: CameraPose | None
     segments: tuple[WatchedSegment, ...]
     accuracy: tuple[EndAccuracy, ...]
@@ -98,15 +87,9 @@ def calibrate(
     lines: tuple[CalibrationLine, ...] = (),
     terms: tuple[Term, ...] | None = None,
 ) -> Calibration:
-    """Fit a camera to points; points that contradict most others are left out and named.
-
-    Args:
-        points: at least four.
-        segments: outlines to check and to state the accuracy for; may be none.
-        size: (width, height) of the image, px.
-        source: the points' file, for error lines.
-        lines: of known offset.
-        terms: of the model beyond a plane and a pinhole; None: those that the points ask for.
+    """Fit a camera of (width, height) to four points or more; those that contradict most others are
+    left out and named. Without `terms` the model has those that the points ask for; `source` is the
+    points' file, for error lines.
 
     Raises:
         InputError: what `edge_daemon.camera.load_camera` would refuse; more than a fifth of the
@@ -147,7 +130,6 @@ def calibrate(
         projection,
         chosen,
         lines,
-        line_misses_px(projection, known.lines),
         pose,
         outlines,
         accuracy,
@@ -179,15 +161,7 @@ def _check_contradictions(road_m: Array, used: npt.NDArray[np.bool_], source: Pa
 
 
 def stated_calibration(path: Path, camera: Camera) -> CameraCalibration:
-    """How well a calibrated camera measures, for its health messages.
-
-    Args:
-        path: the camera.toml.
-        camera: read from it.
-
-    Raises:
-        InputError: the file is not readable any more.
-    """
+    """How well a camera calibrated by the camera.toml measures, for its health messages."""
     settings = load(path, CameraSettings)
     road, image = check_points(settings.points, camera.size, path)
     known = Observations(road, image, check_lines(settings.lines, camera.size, path))

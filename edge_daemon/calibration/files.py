@@ -25,11 +25,7 @@ _COLUMNS: Final = ("u", "v", "x", "y")
 
 
 def read_points(path: Path) -> PointsSettings:
-    """Read a points file: TOML, or CSV with the columns u, v (px), x, y (m).
-
-    Raises:
-        InputError: it is missing or not such a file.
-    """
+    """Read a points file: TOML, or CSV with the columns u, v (px), x, y (m)."""
     return _read_csv(path) if ending_of(path) == ".csv" else load(path, PointsSettings)
 
 
@@ -52,11 +48,7 @@ def _read_csv(path: Path) -> PointsSettings:
 
 
 def read_picture(path: Path) -> tuple[Image, bool]:
-    """An image, or the first readable frame of a video, and whether it was a video.
-
-    Raises:
-        InputError: it is neither.
-    """
+    """An image, or the first readable frame of a video, and whether it was a video."""
     if not path.is_file():
         raise InputError(path, "no such picture or video", "check the path")
     picture = read_image(path)
@@ -122,11 +114,7 @@ def reference_of(picture: Path, out: Path) -> str:
 
 
 def write_picture(path: Path, picture: Image) -> None:
-    """Write a PNG or JPEG, by the name's ending.
-
-    Raises:
-        InputError: the ending is no image's, or the file cannot be written.
-    """
+    """Write a PNG or JPEG, by the name's ending."""
     try:
         ok, data = cv2.imencode(path.suffix or ".", picture)
     except cv2.error:
@@ -137,11 +125,7 @@ def write_picture(path: Path, picture: Image) -> None:
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Write a file that appears under its name only when complete.
-
-    Raises:
-        InputError: it cannot be written.
-    """
+    """Write a file that appears under its name only when complete."""
     part = path.with_name(f".{path.name}.part")
     try:
         part.write_bytes(content)

@@ -1,8 +1,8 @@
-"""A first guess of a camera from the traffic alone, without any survey.
+"""A first guess of a camera from the traffic alone, without any survey. See docs/calibration.md,
+"The page".
 
-Vehicles drive along the road: the lines of their feet meet in its vanishing point. Cars have a
-usual size: how large their boxes are, near and far, tells height and focal length. The camera is
-taken to hang level from side to side. Scale rests on the sizes, so it is as good as these.
+The lines of vehicles' feet meet in the road's vanishing point; how large cars' boxes are, near and
+far, tells height and focal length. The camera is taken to hang level.
 """
 
 from __future__ import annotations
@@ -40,12 +40,8 @@ _DISTANCES: Final = (0.0, 0.33, 0.67, 1.0)
 
 @dataclass(frozen=True)
 class Guess:
-    """A guessed camera.
-
-    Attributes:
-        points: what it says of some places, as if they had been surveyed.
-        relative_error: standard error of its lengths.
-        vehicles: that it rests on.
+    """A guessed camera: points as if surveyed, the standard error of its lengths, relative, and how
+    many vehicles it rests on.
     """
 
     points: tuple[CalibrationPoint, ...]
@@ -54,11 +50,8 @@ class Guess:
 
 
 def guess(detections: list[Detections], size: tuple[int, int]) -> Guess | None:
-    """Guess a camera from the boxes of successive frames; None where too few cars move.
-
-    Args:
-        detections: by frame.
-        size: (width, height) of the image, px.
+    """Guess a camera from the boxes of successive frames of (width, height); None where too few
+    cars move.
     """
     paths = [path for path in _paths(detections, size) if len(path) >= _MIN_LINKS]
     feet = [box_feet(path) for path in paths]

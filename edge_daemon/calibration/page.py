@@ -33,11 +33,7 @@ _POLICY: Final = (
 
 
 class PageServer(ThreadingHTTPServer):
-    """Serves one session.
-
-    Attributes:
-        url: where the page is, with its key.
-    """
+    """Serves one session at `url`, which has its key."""
 
     daemon_threads = True
 

@@ -1,7 +1,4 @@
-"""Lane marks by national rules: their period fixes lengths where nobody measured on site.
-
-The sources are named in docs/calibration.md.
-"""
+"""Lane marks by national rules, whose period fixes lengths; sources are in docs/calibration.md."""
 
 from __future__ import annotations
 
@@ -11,13 +8,8 @@ from typing import Final
 
 @dataclass(frozen=True)
 class LaneMarks:
-    """The marks between lanes of one kind of road.
-
-    Attributes:
-        name: country and road.
-        dash_m: length of a dash.
-        period_m: from the beginning of one dash to that of the next.
-        lane_width_m: usual width of a lane, from middle to middle of its lines.
+    """The marks between lanes of one kind of road; the period is from the beginning of one dash to
+    that of the next, the lane's width from middle to middle of its lines.
     """
 
     name: str

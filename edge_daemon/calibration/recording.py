@@ -27,12 +27,8 @@ _STALL_S: Final = 15.0
 
 @dataclass(frozen=True)
 class Recording:
-    """Some seconds of a view.
-
-    Attributes:
-        picture: the median of its frames, or the picture that was given.
-        times_s: media times of the frames, none repeated; none of a picture.
-        jpegs: the frames, as JPEG.
+    """Some seconds of a view: their median, or the picture that was given; media times of the
+    frames, none repeated, and the frames as JPEG, none of a picture.
     """
 
     picture: Image
@@ -47,11 +43,8 @@ class Recording:
 
 
 def record(image: str, fps: float | None = None) -> Recording:
-    """Look at a picture, the first seconds of a clip, or some seconds of a camera.
-
-    Args:
-        image: a path, or a URL as `source.url` has it.
-        fps: frames a second that a clip was filmed at; None: as it says.
+    """Look at a picture, the first seconds of a clip, which was filmed at `fps` if it does not say,
+    or some seconds of a camera by its URL.
 
     Raises:
         InputError: it is none of them, or no frame came.

@@ -21,11 +21,7 @@ from slipstream.errors import InputError
 def check_size(
     given: PointsSettings, size: tuple[int, int], source: Path, picture_file: Path | None
 ) -> None:
-    """Refuse points that are for a picture of another size than (width, height), px.
-
-    Raises:
-        InputError: they are.
-    """
+    """Refuse points that are for a picture of another size than (width, height), px."""
     if given.image is not None and size != (given.image.width, given.image.height):
         raise InputError(
             source,
@@ -52,10 +48,9 @@ def save(
     Args:
         given: the points and what else is known.
         source: where they come from, for error lines.
-        picture: what they were found in.
-        picture_file: where it lies; None writes it beside ``out``.
+        picture_file: where the picture lies; None writes it beside ``out``.
         out: the camera.toml.
-        name: the camera's name; default: the one given, that of the file before, or of ``out``.
+        name: the camera's; default: the one given, that of the file before, or of ``out``.
         overlay: a picture to write the grid to.
         keeps_segments: those of the file before stay where none are given.
 

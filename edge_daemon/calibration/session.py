@@ -40,7 +40,18 @@ Answer = dict[str, Any]
 
 
 class Session:
-    """One camera that is being calibrated. Methods may be called from several threads."""
+    """One camera that is being calibrated. Methods may be called from several threads.
+
+    Args:
+        picture_file: the picture that was given; None where it is a clip or a camera.
+        out: the camera.toml to write.
+        model: detector for traffic and guess, as `detector.model`.
+        start: points to begin with.
+        name: the camera's.
+
+    Raises:
+        InputError: the points are for another picture; the file at ``out`` is no camera.toml.
+    """
 
     def __init__(
         self,
@@ -51,19 +62,6 @@ class Session:
         start: PointsSettings | None,
         name: str | None,
     ) -> None:
-        """Set it up.
-
-        Args:
-            recording: the view.
-            picture_file: the picture that was given; None where it is a clip or a camera.
-            out: the camera.toml to write.
-            model: detector for traffic and guess, as `detector.model`.
-            start: points to begin with.
-            name: the camera's name.
-
-        Raises:
-            InputError: the points are for another picture; the file at ``out`` is no camera.toml.
-        """
         self._recording = recording
         self._picture_file = picture_file
         self._out = out
@@ -111,10 +109,8 @@ class Session:
         return {"image": [round(u, 2), round(v, 2)]}
 
     def fit(self, question: Answer) -> Answer:
-        """Fit the points as they are now.
-
-        While something is dragged (`live`) terms and contradictions are those found last, and the
-        accuracy is left out.
+        """Fit the points as they are now. While something is dragged (`live`), terms and
+        contradictions are those found last, and the accuracy is left out.
         """
         last = self._known(question) if question.get("live") else None
         if last is not None and len(last.used) == len(question.get("points", [])):

@@ -11,7 +11,7 @@ import numpy as np
 from edge_daemon.calibration.recording import Recording
 from edge_daemon.camera import Array, Camera
 from edge_daemon.detection import VEHICLE_CLASSES, Detections, box_feet, open_detector
-from edge_daemon.settings import DetectorSettings, TrackerSettings
+from edge_daemon.settings import DetectorSettings
 from edge_daemon.tracking import Sightings, Tracker, to_road_points
 
 _MIN_SIGHTINGS: Final = 10
@@ -20,13 +20,8 @@ _MINM: Final = 8.0
 
 @dataclass(frozen=True)
 class SeenVehicle:
-    """One vehicle of a recording.
-
-    Attributes:
-        kind: its class.
-        speed_kmh: mean along the road.
-        metres: over which it was followed.
-        path_px: where its foot was seen, shape (n, 2).
+    """One vehicle of a recording: class, mean speed along the road, how far it was followed, and
+    where its foot was seen, shape (n, 2).
     """
 
     kind: str
@@ -36,17 +31,8 @@ class SeenVehicle:
 
 
 def detect(recording: Recording, model: str, progress: Callable[[float], None]) -> list[Detections]:
-    """Boxes in all frames of a recording.
-
-    Args:
-        recording: the frames.
-        model: as `detector.model`.
-        progress: called with the share that is done.
-
-    Raises:
-        InputError: the model cannot be used.
-    """
-    detector = open_detector(DetectorSettings(model=model, region=False))
+    """Boxes in all frames of a recording; `progress` is told the share that is done."""
+    detector = open_detector(DetectorSettings(model=model))
     found = []
     for i, (_, image) in enumerate(recording.frames()):
         found.append(detector.detect(image))
@@ -60,15 +46,10 @@ def follow(
     camera: Camera,
     stations_m: tuple[float, float],
 ) -> list[SeenVehicle]:
-    """Track the boxes on the road: each vehicle's mean speed, weighted by certainty.
-
-    Args:
-        recording: the frames' times.
-        detections: by frame.
-        camera: the calibration.
-        stations_m: lowest and highest x where it holds.
+    """Track the boxes of each frame on the road: each vehicle's mean speed, weighted by certainty,
+    from the lowest to the highest station at which the calibration holds.
     """
-    tracker = Tracker(TrackerSettings())
+    tracker = Tracker()
     parts = [
         tracker.update(time_s, to_road_points(boxes, camera))
         for time_s, boxes in zip(recording.times_s, detections, strict=True)

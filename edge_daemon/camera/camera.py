@@ -1,8 +1,4 @@
-"""The calibrated camera: image ↔ road, and the road segments that it watches.
-
-The road is a plane with coordinates in metres, which a 3×3 homography maps to the image, or a
-`CurvedRoad`, whose coordinates are station and offset.
-"""
+"""The calibrated camera: image ↔ road, a plane or a `CurvedRoad`, and the segments it watches."""
 
 from __future__ import annotations
 
@@ -29,15 +25,18 @@ from slipstream.errors import InputError
 
 
 class Camera:
-    """A fixed camera over a road.
+    """A fixed camera over a road, calibrated from points known on the road and in the image, both
+    (n, 2), n ≥ 4.
 
     Attributes:
-        name: its name.
         size: (width, height) of its images, px.
         segments: the watched segments.
-        projection: between image and road.
+        projection: between image and road; default: a plane through the points.
         reference: the image that it was calibrated on, if the calibration names one.
         reprojection_error_px: root mean square over the calibration points.
+
+    Raises:
+        CalibrationError: the points fix no usable homography.
     """
 
     def __init__(
@@ -50,20 +49,6 @@ class Camera:
         reference: Path | None = None,
         projection: Projection | None = None,
     ) -> None:
-        """Calibrate it from points known on the road and in the image, both (n, 2), n ≥ 4.
-
-        Args:
-            name: its name.
-            size: (width, height) of its images, px.
-            road_points_m: points on the road.
-            image_points_px: where they are seen.
-            segments: the watched segments.
-            reference: the image that it was calibrated on.
-            projection: fitted to the points already; default: a plane.
-
-        Raises:
-            CalibrationError: the points fix no usable homography.
-        """
         self.name = name
         self.size = size
         self.segments = segments
@@ -102,9 +87,8 @@ def load_camera(path: Path) -> Camera:
     """Read a ``camera.toml``.
 
     Raises:
-        InputError: an unknown key, a wrong type, a reference image that is missing; points
-            outside the image, at one place or on a line, that fix no homography or do not fit
-            it; a segment that `edge_daemon.camera.checks.watched_segment` refuses.
+        InputError: it is none, the reference image is missing, its points fix no view of the road
+            or do not fit it, or `watched_segment` refuses a segment.
     """
     settings = load(path, CameraSettings)
     ids = [segment.id for segment in settings.segments]

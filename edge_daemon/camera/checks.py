@@ -27,10 +27,8 @@ _MAX_HIDDEN_M: Final = 2.0
 def check_points(
     points: tuple[CalibrationPoint, ...], size: tuple[int, int], source: Path
 ) -> tuple[Array, Array]:
-    """Points on the road, m, and in the image, px, both (n, 2).
-
-    Raises:
-        InputError: one lies outside the image, or two share a place.
+    """Points on the road, m, and in the image, px, both (n, 2), none outside it, no two at one
+    place.
     """
     road = np.array([point.road for point in points])
     image = np.array([point.image for point in points])
@@ -60,11 +58,7 @@ def check_points(
 
 
 def check_lines(lines: tuple[CalibrationLine, ...], size: tuple[int, int], source: Path) -> Lines:
-    """All points of the lines, each with its line's offset.
-
-    Raises:
-        InputError: one lies outside the image.
-    """
+    """All points of the lines, each with its line's offset, none outside the image."""
     for i, line in enumerate(lines):
         for u, v in line.image:
             if not (0 <= u <= size[0] and 0 <= v <= size[1]):
@@ -85,11 +79,7 @@ def check_lines(lines: tuple[CalibrationLine, ...], size: tuple[int, int], sourc
 def fit_points(
     known: Observations, size: tuple[int, int], terms: Sequence[Term], source: Path
 ) -> Projection:
-    """The view of the road that the points and lines fix.
-
-    Raises:
-        InputError: they fix none, or do not fit it.
-    """
+    """The view of the road that the points and lines fix, checked against the points."""
     try:
         projection = fit_road(known, size, terms)
     except CalibrationError as error:
@@ -104,11 +94,7 @@ def fit_points(
 def check_misses(
     projection: Projection, known: Observations, size: tuple[int, int], source: Path
 ) -> None:
-    """Refuse a fit that misses the points that it was fitted to.
-
-    Raises:
-        InputError: it names the worst of them.
-    """
+    """Refuse a fit that misses the points that it was fitted to; the worst of them is named."""
     misses = projection.residuals_px(known.road_m, known.image_px)
     rms = float(np.sqrt(np.mean(misses**2)))
     if not rms <= _MAX_RMS_SHARE * size[0]:
@@ -127,11 +113,7 @@ def check_misses(
 def check_line_misses(
     projection: Projection, lines: Lines, size: tuple[int, int], source: Path
 ) -> None:
-    """Refuse a line that a fit to the points alone contradicts.
-
-    Raises:
-        InputError: it names the line.
-    """
+    """Refuse a line that a fit to the points alone contradicts."""
     off = line_misses_px(projection, lines)
     bound = _LINE_TOLERANCE * tolerance_px(size[0])
     if len(off) and not off.max() <= bound:
@@ -237,9 +219,8 @@ def is_self_intersecting(polygon: Array) -> bool:
 
 
 def outline_px(polygon_m: Array, projection: Projection) -> Array:
-    """A polygon (n, 2) on the road as it lies in the image, px, shape (m, 2).
-
-    A homography keeps its edges straight; those of a curved road are followed.
+    """A polygon (n, 2) on the road as it lies in the image, px, shape (m, 2); edges on a curved
+    road are followed.
     """
     if isinstance(projection, Homography):
         return projection.to_image(polygon_m)

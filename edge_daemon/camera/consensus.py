@@ -28,8 +28,8 @@ def find_inliers(road_m: Array, image_px: Array, tolerance_px: float) -> Inliers
     none can be identified as wrong, so all are inliers.
 
     Raises:
-        CalibrationError: no more than half of the points, or fewer than five, agree; or it cannot
-            be told which of them are wrong.
+        CalibrationError: no more than half of the points, or fewer than five, agree, or it cannot
+            be told which are wrong.
     """
     n = len(road_m)
     if n < _MIN_POINTS:

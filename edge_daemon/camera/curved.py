@@ -64,9 +64,8 @@ class CurvedRoad:
         return self._pixels(self._in_camera(places))
 
     def to_road(self, points_px: npt.ArrayLike) -> Array:
-        """Pixels (n, 2) to road points (n, 2), m; NaN where the ray meets no road.
-
-        Of several places that a ray meets, it is the first: a crest hides what is behind it.
+        """Pixels (n, 2) to the first road points (n, 2), m, that their rays meet; NaN where there
+        is none.
         """
         pixels = np.asarray(points_px, dtype=np.float64).reshape(-1, 2)
         return self._flat(self._met(self._rays(pixels))) + self.origin_m

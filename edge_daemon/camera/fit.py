@@ -35,12 +35,8 @@ _CAMERA: Final = 7  # focal length, rotation, shift
 
 @dataclass(frozen=True)
 class Observations:
-    """What is known of a view.
-
-    Attributes:
-        road_m: points on the road, shape (n, 2).
-        image_px: where they are seen, shape (n, 2).
-        lines: points seen on lines of known offset.
+    """What is known of a view: points on the road and where they are seen, both (n, 2), and points
+    on lines of known offset.
     """
 
     road_m: Array
@@ -58,13 +54,9 @@ def fit_road(
     terms: Sequence[Term],
     near: Projection | None = None,
 ) -> Projection:
-    """The least squares fit of a plane, or with terms of a curved road.
+    """The least squares fit of a plane to four points or more, or with terms of a curved road.
 
-    Args:
-        known: at least four points.
-        size: (width, height) of the image, px.
-        terms: of the road and the lens beyond a plane and a pinhole.
-        near: a fit to nearly the same observations with the same terms, to start from.
+    `near`, a fit to nearly the same observations with the same terms, is where it starts.
 
     Raises:
         CalibrationError: they fix none.

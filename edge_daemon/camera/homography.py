@@ -21,12 +21,7 @@ _MAX_DEPTH_RATIO: Final = 1e6  # times the mean depth of the points: beyond is c
 
 
 class CalibrationError(ValueError):
-    """Points that fix no usable homography.
-
-    Args:
-        problem: what is wrong with them.
-        mend: what to do about it.
-    """
+    """Points that fix no usable homography: what is wrong with them, and what to do about it."""
 
     def __init__(self, problem: str, mend: str) -> None:
         self.problem = problem
@@ -36,12 +31,7 @@ class CalibrationError(ValueError):
 
 @dataclass(frozen=True)
 class Lines:
-    """Points seen on lines along the road (y = offset), at an unknown x.
-
-    Attributes:
-        image_px: where, shape (m, 2).
-        offset_m: y of each point's line, shape (m,).
-    """
+    """Points seen at pixels (m, 2) on lines along the road, y = offset (m,), at an unknown x."""
 
     image_px: Array
     offset_m: Array
@@ -53,20 +43,19 @@ class Lines:
 
 
 class Homography:
-    """Road plane ↔ image.
+    """Road plane ↔ image, fitted to points on the road and in the image, both (n, 2), n ≥ 4, and to
+    lines.
 
     Attributes:
         origin_m: where ``matrix`` has its road origin, shape (2,).
         matrix: road point relative to the origin, (x, y, 1), to image, shape (3, 3); the third
             coordinate is the depth, positive before the camera, 1 on average over the points.
+
+    Raises:
+        CalibrationError: the points lie on a line, or show the road mirrored or inside out.
     """
 
     def __init__(self, road_m: Array, image_px: Array, lines: Lines | None = None) -> None:
-        """Fit it to points on the road and in the image, both (n, 2), n ≥ 4, and to lines.
-
-        Raises:
-            CalibrationError: the points lie on a line, or show the road mirrored or inside out.
-        """
         # Relative to the points' middle: with map coordinates of 10⁶ m a homography is ill-posed.
         self.origin_m = road_m.mean(axis=0)
         lines = Lines.none() if lines is None else lines
@@ -100,11 +89,8 @@ class Homography:
         return road + self.origin_m, jacobian
 
     def to_image_above(self, points_m: npt.ArrayLike, up: Array) -> Array:
-        """`to_image` of points (n, 3), m, z up from the road.
-
-        Args:
-            points_m: the points.
-            up: what one metre upwards adds to ``matrix``'s image, shape (3,).
+        """`to_image` of points (n, 3), m, z up from the road; `up` (3,) is what a metre upwards
+        adds to ``matrix``'s image.
         """
         points = np.asarray(points_m, dtype=np.float64).reshape(-1, 3)
         image = (points[:, :2] - self.origin_m) @ self.matrix[:, :2].T + self.matrix[:, 2]

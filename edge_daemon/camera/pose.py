@@ -36,28 +36,25 @@ class CameraPose:
     up: Array
 
     def project(self, points_m: npt.ArrayLike) -> Array:
-        """Pixels (n, 2) of points (n, 3), m, z up from the road; NaN behind the camera.
-
-        On the road itself it agrees with the projection.
+        """Pixels (n, 2) of points (n, 3), m, z up from the road; NaN behind the camera. On the road
+        itself it agrees with the projection.
         """
         if isinstance(self.projection, Homography):
             return self.projection.to_image_above(points_m, self.up)
         return self.projection.to_image_above(points_m)
 
     def centre_offset(self, points_m: Array, headings: Array, sizes_m: Array) -> Array:
-        """From the middle of a box's lower edge, on the road, to the middle of its vehicle.
+        """From the middle of a box's lower edge, on the road, to the middle of its vehicle, m, (n,
+        2).
 
-        The vehicle is taken for a body of known size on wheels that stand in from its ends, its
-        box for the bounds of their corners: that accounts for its near end, its side faces and its
-        height.
+        The vehicle is taken for a body of known size on wheels that stand in from its ends, its box
+        for the bounds of their corners: that accounts for its near end, its side faces and its
+        height. NaN where such a vehicle is not in view.
 
         Args:
             points_m: middles of boxes' lower edges on the road, shape (n, 2).
             headings: unit vectors along the vehicles, shape (n, 2).
             sizes_m: length, width, height, shape (n, 3).
-
-        Returns:
-            What to add to the points, m, shape (n, 2); NaN where such a vehicle is not in view.
         """
         sideways = np.column_stack([-headings[:, 1], headings[:, 0]])
         length, height = sizes_m[:, :1], sizes_m[:, 2:]
@@ -87,14 +84,11 @@ _CLEARANCE = 0.15  # under the bumpers, of the height
 
 
 def pose_of(view: Homography | CurvedRoad, size: tuple[int, int]) -> CameraPose | None:
-    """The pose behind a view of the road; None where no such camera can have made it.
+    """The pose behind a view of the road in images of (width, height); None where no such camera
+    can have made it.
 
-    The images of a plane's axes are those of two orthogonal vectors of one length, which gives
-    two equations for 1/f², solved by least squares (Zhang's method for one view of a plane).
-
-    Args:
-        view: of the road.
-        size: (width, height) of the image, px.
+    The images of a plane's axes are those of two orthogonal vectors of one length, which gives two
+    equations for 1/f², solved by least squares (Zhang's method for one view of a plane).
     """
     if isinstance(view, CurvedRoad):
         return CameraPose(view.foot_m, view.height_m, view.focal_px, view.matrix, view, np.zeros(3))

@@ -13,17 +13,13 @@ from edge_daemon.camera.homography import Array
 
 @dataclass(frozen=True)
 class WatchedSegment:
-    """A watched part of a road segment in its own coordinates.
-
-    Segments may overlap: a vehicle in the overlap counts in each of them.
+    """A watched part of a road segment in its own coordinates. Segments may overlap: a vehicle in
+    the overlap counts in each of them.
 
     Attributes:
-        id: the road segment.
         polygon_m: outline on the road plane, m, shape (n, 2).
         direction: unit vector of travel, shape (2,).
         length_m: extent along the direction.
-        lanes: number of lanes.
-        lane_width_m: width of a lane.
     """
 
     id: str
@@ -34,9 +30,8 @@ class WatchedSegment:
     lane_width_m: float
 
     def contains(self, points_m: Array) -> npt.NDArray[np.bool_]:
-        """Which points (n, 2), m, lie inside the outline, by the even-odd rule; NaN does not.
-
-        A point on an edge that two segments share lies in one of them.
+        """Which points (n, 2), m, lie inside the outline, by the even-odd rule, NaN not; on an edge
+        that two segments share a point lies in one of them.
         """
         (x0, y0, y1), run, rise = self._edges
         x, y = points_m.T

@@ -29,13 +29,12 @@ _TERM_COST: Final = 8.0  # of one of several that are tried
 def choose_road(
     known: Observations, size: tuple[int, int], only: tuple[Term, ...] | None = None
 ) -> tuple[Projection, tuple[Term, ...], Inliers]:
-    """The model that the points ask for: its fit, its terms, and the points that it rests on.
+    """The model that the points ask for, or that of the terms `only`: its fit, its terms, and the
+    points that it rests on.
 
-    With ``only`` it has these terms, and it is the points that are chosen.
-
-    Models are compared by a Bayesian information criterion: squared residuals in units of a
-    click's variance, ln(residuals) for every parameter, and fixed costs for every term, and for
-    every point beyond the first that contradicts.
+    Models are compared by a Bayesian information criterion: squared residuals in units of a click's
+    variance, ln(residuals) for every parameter, and fixed costs for every term, and for every point
+    beyond the first that contradicts.
 
     Raises:
         CalibrationError: no model fits most of the points.

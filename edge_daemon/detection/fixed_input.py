@@ -20,14 +20,8 @@ _DEEPEST: Final = STRIDES[-1]
 
 
 def resized(model: ov.Model, shape: tuple[int, int]) -> ov.Model | None:
-    """A copy of a YOLO11 detector with a fixed input, made for another one.
-
-    Args:
-        model: with an input of 1×3×H×W.
-        shape: (height, width), multiples of 32 px.
-
-    Returns:
-        The copy; None where the model is built in another way: its own size has to do.
+    """A copy of a YOLO11 detector with a fixed input of 1×3×H×W, made for (height, width),
+    multiples of 32; None where the model is built in another way: its own size has to do.
     """
     _, _, height, width = model.input(0).shape
     if height % _DEEPEST or width % _DEEPEST:

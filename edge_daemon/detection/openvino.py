@@ -18,7 +18,7 @@ from edge_daemon.camera import Camera
 from edge_daemon.detection.fixed_input import resized
 from edge_daemon.detection.placement import Placement, place_aligned, place_dynamic, place_static
 from edge_daemon.detection.processor import float_precision
-from edge_daemon.detection.protocol import Detections, vehicle_class_of
+from edge_daemon.detection.protocol import MIN_SCORE, NMS_IOU, Detections, vehicle_class_of
 from edge_daemon.detection.region import Region, road_region
 from edge_daemon.frame import Image
 from edge_daemon.settings import BUILTIN_MODEL, DetectorSettings
@@ -35,16 +35,14 @@ class OpenVinoDetector:
 
     The model is compiled for the part of the frame that holds the road, at the scale that it was
     trained at. Where its input is fixed in a way that is not known, that part is letterboxed.
+
+    Raises:
+        InputError: not an OpenVINO model, not a YOLO11 detector, or without vehicle classes.
     """
 
     def __init__(
         self, path: Path, settings: DetectorSettings, camera: Camera | None = None
     ) -> None:
-        """Read the model, and compile it if the frame's size is known.
-
-        Raises:
-            InputError: not an OpenVINO model, not a YOLO11 detector, or without vehicle classes.
-        """
         self._core = _runtime()
         check_file(path, _MAX_XML_BYTES, "give an OpenVINO model")
         try:
@@ -65,22 +63,20 @@ class OpenVinoDetector:
     @property
     def requests(self) -> int:
         """Frames at a time."""
-        return self._settings.requests or min(2, _threads(self._settings))
+        return min(2, _threads(self._settings))
 
     def detect(self, image: Image) -> Detections:
         """Vehicles in a BGR frame (height, width, 3); from so many threads as `requests`."""
         network = self._network_for((image.shape[1], image.shape[0]))
         output = network.infer(image)
-        boxes, scores, classes = _candidate_boxes(
-            output, self._vehicle_class, self._settings.min_score
-        )
+        boxes, scores, classes = _candidate_boxes(output, self._vehicle_class)
         # Classes compete: one vehicle is either a car or a truck, so overlap is judged across them.
         kept = np.asarray(
             cv2.dnn.NMSBoxes(
                 boxes.tolist(),
                 scores.tolist(),
-                self._settings.min_score,
-                self._settings.nms_iou,
+                MIN_SCORE,
+                NMS_IOU,
             ),
             dtype=np.int64,
         ).reshape(-1)
@@ -102,8 +98,8 @@ class OpenVinoDetector:
 
     def _compile(self, picture: tuple[int, int]) -> _Network:
         region = None
-        if self._settings.region and self._camera is not None and self._camera.size == picture:
-            region = road_region(self._camera, self._settings.region_margin_m)
+        if self._camera is not None and self._camera.size == picture:
+            region = road_region(self._camera)
         wanted = region or Region(0, 0, *picture)
         height, width = self._trained
         scale = self._settings.scale or min(width / picture[0], height / picture[1])
@@ -174,13 +170,13 @@ def _threads(settings: DetectorSettings) -> int:
 
 
 def _candidate_boxes(
-    output: npt.NDArray[np.float32], vehicle_class: npt.NDArray[np.int64], min_score: float
+    output: npt.NDArray[np.float32], vehicle_class: npt.NDArray[np.int64]
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.int64]]:
     """Boxes (x, y, width, height), scores and classes of places that are likely a vehicle."""
     scores_all = output[4:]
     is_vehicle = vehicle_class >= 0
     vehicles = scores_all if is_vehicle.all() else scores_all[is_vehicle]
-    likely = np.flatnonzero(vehicles.max(axis=0) >= min_score)
+    likely = np.flatnonzero(vehicles.max(axis=0) >= MIN_SCORE)
     scores_all = scores_all[:, likely]
     best = scores_all.argmax(axis=0)
     classes = vehicle_class[best]
@@ -191,11 +187,7 @@ def _candidate_boxes(
 
 
 def _check(model: ov.Model, path: Path) -> tuple[bool, tuple[int, int], list[str]]:
-    """Whether the input is static, its (height, width) in training, and the class names.
-
-    Raises:
-        InputError: it is not a YOLO11 detector.
-    """
+    """Whether the input is static, its (height, width) in training, and the class names."""
     try:
         names = str(model.get_rt_info(["model_info", "labels"]).astype(str)).split()
     except (RuntimeError, ValueError):  # none, or no text
@@ -233,9 +225,8 @@ def _with_preprocessing(model: ov.Model) -> ov.Model:
 
 @cache
 def _runtime() -> ov.Core:
-    """One for the process, and for good.
-
-    The CPU plugin gives the thread that loads it a stack for its signals, and frees it when it is
-    unloaded, by whichever thread: the next signal then kills the process.
+    """One for the process, and for good. The CPU plugin gives the thread that loads it a stack for
+    its signals, and frees it when it is unloaded, by whichever thread: the next signal then kills
+    the process.
     """
     return ov.Core()

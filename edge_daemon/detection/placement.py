@@ -43,9 +43,8 @@ class Placement:
         return np.asarray((boxes - start) * scale + shift, dtype=np.float32)
 
     def uncut(self, boxes: Boxes) -> npt.NDArray[np.bool_]:
-        """Which boxes (n, 4), px of the frame, the crop's left, right and lower border spare.
-
-        The borders of the frame itself are not considered.
+        """Which boxes (n, 4), px of the frame, the crop's left, right and lower border spare; those
+        of the frame itself are not considered.
         """
         near = _BORDER_PX * self.crop.width / self.inner.width
         keep = np.ones(len(boxes), dtype=np.bool_)
@@ -61,16 +60,11 @@ class Placement:
 def place_dynamic(
     picture: tuple[int, int], wanted: Region, scale: float, stride: int = 32
 ) -> Placement:
-    """An input as small as the wanted part needs, in multiples of the network's stride.
+    """An input as small as the wanted part of a picture (width, height) needs at `scale` px of
+    input a px of frame, in multiples of the network's stride.
 
     What the rounding adds is filled with more of the frame, below and on both sides, and with
     padding only where the frame ends.
-
-    Args:
-        picture: (width, height), px.
-        wanted: the part to be searched.
-        scale: px of the input for each px of the frame.
-        stride: of the network, px.
     """
     left, right, columns = _stretch(wanted.left, wanted.right, picture[0], scale, stride, 0.5)
     top, bottom, rows = _stretch(wanted.top, wanted.bottom, picture[1], scale, stride, 0.0)
@@ -82,11 +76,11 @@ def place_dynamic(
 def place_aligned(
     picture: tuple[int, int], wanted: Region, scale: float, stride: int = 32
 ) -> Placement:
-    """Those cells of the whole picture's layout that hold the wanted part.
+    """Those cells of the whole picture's layout that hold the wanted part; arguments of
+    `place_dynamic`.
 
     A network's answer to a vehicle depends on where it lies between the multiples of the stride:
-    here that is where it would lie if the whole picture were searched. A row and a column of cells
-    more than `place_dynamic` takes may be needed. Arguments as there.
+    here that is where it would lie if the whole picture were searched.
     """
     columns, left, right, u = _cells(wanted.left, wanted.right, picture[0], scale, stride)
     rows, top, bottom, v = _cells(wanted.top, wanted.bottom, picture[1], scale, stride)

@@ -13,16 +13,16 @@ from edge_daemon.frame import Image
 from slipstream.errors import InputError
 
 VEHICLE_CLASSES: Final = ("car", "truck", "bus", "motorcycle")
+MIN_SCORE: Final = 0.1
+"""Detections with a lower score are dropped; the tracker has its own threshold."""
+NMS_IOU: Final = 0.45
+"""Intersection over union with a better box, above which a box is suppressed."""
 
 
 @dataclass(frozen=True)
 class Detections:
-    """Vehicles found in one frame.
-
-    Attributes:
-        boxes: x1, y1, x2, y2 in px of the frame, shape (n, 4).
-        scores: in (0, 1], shape (n,).
-        classes: index into VEHICLE_CLASSES, shape (n,).
+    """Vehicles found in one frame: boxes x1, y1, x2, y2 in px of the frame (n, 4), scores in (0,
+    1], and classes, indices into VEHICLE_CLASSES.
     """
 
     boxes: npt.NDArray[np.float32]
@@ -38,24 +38,16 @@ class Detections:
 
 
 def box_feet(boxes: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
-    """The middle of each box's lower edge, px, shape (n, 2): where it stands on the road.
-
-    Args:
-        boxes: x1, y1, x2, y2, shape (n, 4).
-    """
+    """The middle of each box's (n, 4) lower edge, px, shape (n, 2): where it stands on the road."""
     return np.column_stack([(boxes[:, 0] + boxes[:, 2]) / 2, boxes[:, 3]]).astype(np.float64)
 
 
 class Detector(Protocol):
-    """Finds vehicles in a frame.
-
-    Attributes:
-        requests: frames that it takes at a time; `detect` may be called from so many threads.
-    """
+    """Finds vehicles in a frame."""
 
     @property
     def requests(self) -> int:
-        """Frames at a time."""
+        """Frames that it takes at a time; `detect` may be called from so many threads."""
         ...
 
     def detect(self, image: Image) -> Detections:
@@ -64,11 +56,7 @@ class Detector(Protocol):
 
 
 def vehicle_class_of(names: list[str], source: str | Path) -> npt.NDArray[np.int64]:
-    """Map a model's classes to VEHICLE_CLASSES; −1 for what is no vehicle.
-
-    Raises:
-        InputError: none of the names is a vehicle class.
-    """
+    """Map a model's classes to VEHICLE_CLASSES, what is no vehicle to −1; InputError if all are."""
     mapping = np.array(
         [VEHICLE_CLASSES.index(name) if name in VEHICLE_CLASSES else -1 for name in names],
         dtype=np.int64,

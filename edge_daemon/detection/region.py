@@ -13,6 +13,8 @@ VEHICLE_M: Final = (16.5, 2.6, 4.0)
 """Length, width and height of the largest vehicle that has to be whole in the region."""
 
 _STEP_M: Final = 2.0
+MARGIN_M: Final = 3.0
+"""Before and behind a segment vehicles have to be whole too."""
 _MARGIN_PX: Final = 8.0
 _ROUNDS: Final = 4
 _MIN_DEPTH: Final = 1e-6  # before the camera
@@ -38,25 +40,21 @@ class Region:
         return self.bottom - self.top
 
 
-def road_region(camera: Camera, margin_m: float) -> Region | None:
-    """The smallest rectangle in which every vehicle on a watched segment is whole.
+def road_region(camera: Camera) -> Region | None:
+    """The smallest rectangle in which every vehicle on a watched segment, or some metres before
+    or behind it, is whole.
 
     The largest vehicle is put to points along each segment's outline, so that the middle of its
-    box's lower edge, which is what counts as its place, stands there; all its boxes are inside.
-    A height of h metres spans at most h·σ pixels upwards, σ being the greater singular value of
-    ∂(u, v)/∂(x, y) at its foot: across the view, the road is as far as what stands on it.
+    box's lower edge, which is what counts as its place, stands there; all its boxes are inside. A
+    height of h metres spans at most h·σ pixels upwards, σ being the greater singular value of ∂(u,
+    v)/∂(x, y) at its foot: across the view, the road is as far as what stands on it.
 
-    Args:
-        camera: the calibrated camera.
-        margin_m: how far before and behind a segment, along it, vehicles have to be whole too, m.
-
-    Returns:
-        The rectangle, within the frame; None if some of the outline is not below the horizon, or
-        nothing of it is in the frame: then all of it has to be searched.
+    None if some of the outline is not below the horizon, or nothing of it is in the frame: then all
+    of it has to be searched.
     """
     boxes = []
     for segment in camera.segments:
-        outline = _outline(segment, margin_m)
+        outline = _outline(segment)
         found = _boxes(camera, segment, outline)
         if found is None:
             return None
@@ -70,7 +68,7 @@ def road_region(camera: Camera, margin_m: float) -> Region | None:
     return Region(left, top, right, bottom) if left < right and top < bottom else None
 
 
-def _outline(segment: WatchedSegment, margin_m: float) -> Array:
+def _outline(segment: WatchedSegment) -> Array:
     """Points along the outline of the segment made longer at both ends, shape (n, 2), m."""
     corners = segment.polygon_m
     pieces = []
@@ -78,7 +76,7 @@ def _outline(segment: WatchedSegment, margin_m: float) -> Array:
         count = max(2, int(np.linalg.norm(end - begin) / _STEP_M) + 1)
         pieces.append(begin + np.linspace(0, 1, count)[:, None] * (end - begin))
     points = np.concatenate(pieces)
-    shift = margin_m * segment.direction
+    shift = MARGIN_M * segment.direction
     return np.concatenate([points - shift, points, points + shift])
 
 

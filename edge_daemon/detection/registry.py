@@ -31,7 +31,7 @@ def _openvino(settings: DetectorSettings, camera: Camera | None) -> Detector:
 def _ultralytics(settings: DetectorSettings, camera: Camera | None) -> Detector:
     from edge_daemon.detection.ultralytics import UltralyticsDetector
 
-    return UltralyticsDetector(model_file(settings), settings)
+    return UltralyticsDetector(model_file(settings))
 
 
 # Each imports its runtime only when it is asked for, so that an RSU loads only the one it uses.
@@ -48,11 +48,8 @@ def detector_names() -> tuple[str, ...]:
 
 
 def open_detector(settings: DetectorSettings, camera: Camera | None = None) -> Detector:
-    """Open the detector that the settings name or, without a name, that the model file asks for.
-
-    Args:
-        settings: the model and how to run it.
-        camera: what it looks at; without it, or with `region = false`, it searches whole frames.
+    """Open the detector that the settings name or, without a name, that the model file asks for;
+    without a camera it searches whole frames.
 
     Raises:
         InputError: no detector has the name; the file is missing, not a YOLO11 export, has no
@@ -64,11 +61,7 @@ def open_detector(settings: DetectorSettings, camera: Camera | None = None) -> D
 
 
 def model_file(settings: DetectorSettings) -> Path:
-    """The file of the model.
-
-    Raises:
-        InputError: it is missing, or a folder without exactly one OpenVINO model.
-    """
+    """The file of the model, or the only OpenVINO model of a folder."""
     path = builtin_model() if settings.model == BUILTIN_MODEL else Path(settings.model)
     if path.is_dir():
         models = sorted(path.glob("*.xml"))

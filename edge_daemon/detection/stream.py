@@ -1,8 +1,4 @@
-"""Frames through a detector while the next ones are decoded and the last ones are tracked.
-
-Three kinds of threads overlap: one takes frames from the source, as many as the detector has
-requests detect, and the caller gets the results, in the frames' order.
-"""
+"""Frames through a detector while the next ones are decoded and the last ones are tracked."""
 
 from __future__ import annotations
 
@@ -32,22 +28,14 @@ class _End:
 def detect_stream(
     frames: Iterable[Frame | None], detector: Detector, depth: int | None = None
 ) -> Generator[tuple[Frame | None, Detections | None]]:
-    """Detect in each frame, several at a time, and hand them on in order, each exactly once.
+    """Detect in each frame, as many at a time as the detector has requests, and hand them on in
+    order, each exactly once; a repeated frame, and the source's None (nothing has come), without
+    detections.
 
-    A repeated frame is handed on without detections.
-
-    A frame is taken from the source only when a request is free for it, so that a live source
-    knows how far behind its reader is, and handed on as soon as its vehicles are known, whether or
-    not another frame has come. Close the generator to stop early; it then waits for the source's
-    next answer.
-
-    Args:
-        frames: the source; its None (nothing has come) is handed on as (None, None).
-        detector: `detect` is called from `depth` threads at once.
-        depth: frames in the detector at a time; None: as many as it has requests.
-
-    Raises:
-        Exception: what the source or the detector raised, at that frame's place.
+    A frame is taken from the source only when a request is free for it, so that a live source knows
+    how far behind its reader is, and handed on as soon as its vehicles are known, whether or not
+    another frame has come. Close the generator to stop early; it then waits for the source's next
+    answer. What the source or the detector raises comes at that frame's place.
     """
     count = detector.requests if depth is None else depth
     if count < 1:
@@ -107,10 +95,8 @@ def detect_stream(
 
 
 def prefetch(items: Iterable[T], count: int) -> Generator[T]:
-    """The same items in the same order, up to `count` of them made ahead in a thread.
-
-    Raises:
-        Exception: what `items` raised, at its place.
+    """The same items in the same order, up to `count` of them made ahead in a thread; what `items`
+    raises comes at its place.
     """
     ready: Queue[tuple[T] | _End] = Queue(count)
     stopping = threading.Event()

@@ -7,21 +7,19 @@ from typing import Any
 
 import numpy as np
 
-from edge_daemon.detection.protocol import Detections, vehicle_class_of
+from edge_daemon.detection.protocol import MIN_SCORE, NMS_IOU, Detections, vehicle_class_of
 from edge_daemon.frame import Image
-from edge_daemon.settings import DetectorSettings
 from slipstream.errors import InputError
 
 
 class UltralyticsDetector:
-    """A YOLO11 model file, run by Ultralytics."""
+    """A YOLO11 model file, run by Ultralytics.
 
-    def __init__(self, path: Path, settings: DetectorSettings) -> None:
-        """Load the model.
+    Raises:
+        InputError: the extra is missing, or the file is no YOLO detector with vehicle classes.
+    """
 
-        Raises:
-            InputError: the extra is missing, or the file is no YOLO detector with vehicle classes.
-        """
+    def __init__(self, path: Path) -> None:
         try:
             from ultralytics import YOLO
         except ImportError:
@@ -36,7 +34,6 @@ class UltralyticsDetector:
         except Exception as error:
             raise InputError(path, f"not a YOLO model: {error}", "export it again") from None
         self._vehicle_class = vehicle_class_of([names[i] for i in sorted(names)], path)
-        self._settings = settings
 
     @property
     def requests(self) -> int:
@@ -48,8 +45,8 @@ class UltralyticsDetector:
         result = (
             self._model.predict(
                 image,
-                conf=self._settings.min_score,
-                iou=self._settings.nms_iou,
+                conf=MIN_SCORE,
+                iou=NMS_IOU,
                 agnostic_nms=True,
                 imgsz=640,
                 verbose=False,

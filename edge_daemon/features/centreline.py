@@ -1,8 +1,6 @@
-"""The centreline of a road, fitted to the vehicles on it.
-
-A segment has one direction of travel. Where the road bends, or the direction is a few degrees off,
-distances along that direction are shorter than the distances driven, and speeds come out low by
-the cosine. The centreline, fitted to the vehicles' positions, corrects both.
+"""The centreline of a road, fitted to the vehicles on it. Where the road bends, or a segment's
+direction is a few degrees off, distances along that direction, and speeds, come out low by the
+cosine.
 """
 
 from __future__ import annotations
@@ -21,12 +19,8 @@ _MAX_SLOPE: Final = 1.0
 
 @dataclass(frozen=True)
 class Centreline:
-    """A parabola: the slope against the segment's direction changes linearly along it.
-
-    Attributes:
-        origin_m: position along the direction that arc lengths are counted from, m.
-        slope: lateral metres per metre at the origin.
-        curvature_per_m: change of the slope, 1/m.
+    """A parabola: the slope against the segment's direction, lateral metres per metre, changes
+    linearly along it; arc lengths count from the origin.
     """
 
     origin_m: float = 0.0
@@ -44,16 +38,11 @@ class Centreline:
 
 
 def fit_centreline(vehicle: npt.NDArray[np.intp], along_m: Array, across_m: Array) -> Centreline:
-    """Fit the centreline to vehicles' positions.
+    """Fit the centreline to positions along and across the segment's direction, with each one's
+    vehicle, numbered from 0, all shape (n,).
 
-    Args:
-        vehicle: number from 0 of each position's vehicle, shape (n,).
-        along_m: positions along the segment's direction, shape (n,).
-        across_m: and across it, shape (n,).
-
-    Returns:
-        The least-squares fit over all vehicles, each with its own lateral offset; a straight line
-        where they have moved too little.
+    The least-squares fit over all vehicles, each with its own lateral offset; a straight line where
+    they have moved too little.
     """
     if not len(vehicle):
         return Centreline()

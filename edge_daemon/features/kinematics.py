@@ -1,9 +1,8 @@
 """Sightings in a window → the six kinematic features of a road segment (paper, section V-A).
 
-Speeds and accelerations come from smoothing each vehicle's positions over the window, never from
-differences between frames: a second difference of positions with 0.3 m of noise would drown every
-threshold. Each feature is the posterior mean over the segment's vehicles and times, with the
-posterior's standard error.
+Each is the posterior mean over the segment's vehicles and times, with its standard error, of
+positions smoothed over the window: a second difference of positions with 0.3 m of noise would drown
+every threshold.
 """
 
 from __future__ import annotations
@@ -45,11 +44,9 @@ class VehicleMotion:
     """One vehicle's smoothed motion along a segment.
 
     Attributes:
-        track: the vehicle's track.
         motion: at its condensed positions; `along_m` is the vehicle's middle.
         weight_s: time that each position stands for while the vehicle was in the segment and the
             window, shape (n,); 0 outside.
-        lane: lane index.
         length_m: nominal length.
     """
 
@@ -69,13 +66,9 @@ class VehicleMotion:
 
 @dataclass(frozen=True)
 class WindowFeatures:
-    """The features of one window and what they rest on.
-
-    Attributes:
-        features: of all vehicles, corrected for occlusion.
-        seen: features of the visible vehicles.
-        occluded_share: share of the segment that was occluded; None where the pose is unknown.
-        vehicles: motions of the visible vehicles.
+    """The features of one window, corrected for occlusion, and what they rest on: those of the
+    visible vehicles, the share of the segment that was hidden, None where the pose is unknown, and
+    the motions.
     """
 
     features: KinematicFeatures
@@ -85,19 +78,12 @@ class WindowFeatures:
 
 
 class SegmentKinematics:
-    """Measures one segment, window after window.
-
-    Trajectories of vehicles that have left are reused.
+    """Measures one segment, window after window; trajectories of vehicles that have left are
+    reused. Without a pose, vehicles' middles are guessed from their lengths, and nothing is known
+    of what they hide.
     """
 
     def __init__(self, segment: WatchedSegment, pose: CameraPose | None) -> None:
-        """Set it up.
-
-        Args:
-            segment: the watched segment.
-            pose: of the camera; without one, vehicles' middles are guessed from their lengths, and
-                nothing is known of what vehicles hide.
-        """
         self._segment = segment
         self._pose = pose
         self._virtual_cars = None if pose is None else VirtualCars(segment, pose)
@@ -106,15 +92,9 @@ class SegmentKinematics:
     def features(
         self, sightings: Sightings, begin_s: float, observed_s: float
     ) -> WindowFeatures | None:
-        """Features over one window.
-
-        Args:
-            sightings: of the window and, if there are, some from before it; any order.
-            begin_s: media time at which the window begins.
-            observed_s: how much of the window was covered by frames, s, > 0.
-
-        Returns:
-            None if no vehicle was grouped long enough.
+        """Features over the window from `begin_s` on, of which frames covered `observed_s` > 0;
+        None if no vehicle was grouped long enough. The sightings, in any order, may begin before
+        the window.
         """
         segment = self._segment
         grouped = group_by_vehicle(sightings, segment)
@@ -170,16 +150,8 @@ def _centreline(grouped: GroupedSightings, segment: WatchedSegment) -> Centrelin
 def _weights(
     motion: Motion, trajectories: Sequence[Trajectory], ends: Array, begin_s: float
 ) -> Array:
-    """Time that each condensed position stands for, as far as it lies in segment and window.
-
-    Args:
-        motion: of all vehicles, a stack of (v, n).
-        trajectories: the vehicles' trajectories.
-        ends: the segment's, as positions count, shape (2,).
-        begin_s: of the window.
-
-    Returns:
-        Shape (v, n), 0 for what fills up the stack.
+    """Time that each condensed position of a stack (v, n) stands for, as far as it lies in the
+    segment, between its two ends, and in the window; 0 for what fills up the stack.
     """
     last = np.array([[len(trajectory.positions) - 1] for trajectory in trajectories])
     first_s = np.array([[trajectory.first_s] for trajectory in trajectories])

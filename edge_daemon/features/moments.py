@@ -13,13 +13,8 @@ def posterior_moments(
 ) -> tuple[Estimate, Estimate]:
     """Mean and variance over all vehicles and times, each with its posterior standard error.
 
-    With x̂ the posterior mean and P its covariance, E[Σ w (x − x̄)²] is Σ w (x̂ − x̄)² + Σ w P_ii less
-    the variance of x̄ itself.
-
-    Args:
-        weights: of sum 1, shape (v, n).
-        means: x̂, shape (v, n).
-        covariances: P, shape (v, n, n).
+    With x̂ (v, n) the posterior means, P (v, n, n) their covariances and weights of sum 1, E[Σ w (x
+    − x̄)²] is Σ w (x̂ − x̄)² + Σ w P_ii less the variance of x̄ itself.
     """
     mean = float(np.sum(weights * means))
     mean_variance = _quadratic(weights, covariances)

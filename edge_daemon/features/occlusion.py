@@ -1,9 +1,5 @@
-"""Occlusion: how much of a segment vehicles hide, and the correction of the features for it.
-
-In a jam, vehicles hide other vehicles, which no posterior accounts for. Virtual cars are placed on
-the segment's lanes; those that detected boxes would cover count as occluded. How the features of
-the visible vehicles differ from those of all vehicles, by the share of road occluded, was estimated
-on clips with ground truth (`make allowances`).
+"""Occlusion: how much of a segment vehicles hide, by virtual cars that detected boxes would cover,
+and the correction of the features for it. See docs/perception.md, "Occlusion".
 """
 
 from __future__ import annotations
@@ -33,10 +29,8 @@ _MAX_OCCLUDED_SHARE: Final = 0.6
 
 @dataclass(frozen=True)
 class OcclusionCorrection:
-    """The effect of occluded vehicles on one feature, as shares of its scale.
-
-    At a ratio h of occluded to visible road the mean error is bias · h, and its variance
-    share² + (growth · h)².
+    """The effect of occluded vehicles on one feature, as shares of its scale: at a ratio h of
+    occluded to visible road the mean error is bias · h, and its variance share² + (growth · h)².
     """
 
     bias: float
@@ -57,15 +51,9 @@ OCCLUSION_CORRECTIONS: Final[OcclusionCorrections] = {
 
 
 class VirtualCars:
-    """Virtual cars on the lanes of a segment, projected into the frame."""
+    """Virtual cars on the lanes of a segment, one every 2.5 m, projected into the frame."""
 
     def __init__(self, segment: WatchedSegment, pose: CameraPose) -> None:
-        """Place them, one every 2.5 m.
-
-        Args:
-            segment: the watched segment.
-            pose: of the camera.
-        """
         along = np.arange(segment.begin_m + _SPACING_M / 2, segment.end_m, _SPACING_M)
         across = segment.right_edge_m + (np.arange(segment.lanes) + 0.5) * segment.lane_width_m
         middles = np.stack(np.meshgrid(along, across), axis=-1).reshape(-1, 1, 2)
@@ -79,11 +67,8 @@ class VirtualCars:
         self._low, self._high = seen.min(axis=1), seen.max(axis=1)
 
     def occluded_share(self, sightings: Sightings, begin_s: float) -> float:
-        """Share of the virtual cars that detected boxes hide, sampled twice a second.
-
-        Args:
-            sightings: any order.
-            begin_s: media time.
+        """Share of the virtual cars that detected boxes hide since a media time, sampled twice a
+        second.
         """
         times = np.unique(sightings.time_s[sightings.time_s >= begin_s])
         if not len(times) or not len(self._low):
@@ -116,12 +101,8 @@ def correct_for_occlusion(
     occluded_share: float,
     allowances: OcclusionCorrections = OCCLUSION_CORRECTIONS,
 ) -> KinematicFeatures:
-    """The features of all vehicles, from those of the visible ones.
-
-    Args:
-        seen: features of the visible vehicles.
-        occluded_share: of the segment, in [0, 1].
-        allowances: by feature.
+    """The features of all vehicles, from those of the visible ones and the share of the segment
+    that is hidden.
     """
     ratio = occlusion_ratio(occluded_share)
     changed: dict[str, Estimate] = {}

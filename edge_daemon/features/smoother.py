@@ -39,13 +39,8 @@ _MIN_VARIANCE, _MAX_VARIANCE = 1e-4, 50.0
 
 @dataclass(frozen=True)
 class Positions:
-    """Binned positions of one vehicle along the segment.
-
-    Attributes:
-        time_s: increasing, shape (n,).
-        along_m: shape (n,).
-        variance_m2: of `along_m`, independent between positions, shape (n,).
-        slow_m2: of the part of the error that neighbouring positions share, shape (n,).
+    """Binned positions of one vehicle along the segment, in order of time, arrays (n,). The error
+    has a part that is independent between positions, `variance_m2`, and one that neighbours share.
     """
 
     time_s: Array
@@ -60,19 +55,12 @@ class Positions:
 def bin_positions(
     vehicle: npt.NDArray[np.intp], time_s: Array, along_m: Array, variance_m2: Array
 ) -> list[Positions]:
-    """Average each vehicle's positions over bins, weighted by their certainty.
+    """Average each vehicle's positions over bins, weighted by their certainty: one vehicle after
+    the other.
 
     Boxes of neighbouring frames err alike, r(Δt) = exp(−Δt / NOISE_CORRELATION_S): each position
-    counts for less, the closer the frames lie, by (1 + r)/(1 − r) for an AR(1) process.
-
-    Args:
-        vehicle: each position's vehicle, increasing, shape (n,).
-        time_s: increasing for each vehicle, shape (n,).
-        along_m: shape (n,).
-        variance_m2: of one position, shape (n,).
-
-    Returns:
-        One vehicle after the other; none without positions.
+    counts for less, the closer the frames lie, by (1 + r)/(1 − r) for an AR(1) process. Arrays are
+    (n,), ordered by vehicle, then time; `variance_m2` is of one position.
     """
     first = np.diff(vehicle, prepend=-1) != 0
     begins, of = np.flatnonzero(first), np.cumsum(first) - 1
@@ -99,12 +87,8 @@ def bin_positions(
 
 @dataclass(frozen=True)
 class VarianceComponents:
-    """What the positions of a segment's vehicles vary by.
-
-    Attributes:
-        acceleration_variance: of the process, (m/s²)².
-        noise_scale: the positions' true variance over the stated one.
-        mean_acceleration_mps2: of the process, that of all vehicles.
+    """What the positions of a segment's vehicles vary by: the variance of the acceleration's
+    process, (m/s²)², the positions' true variance over the stated one, and the process's mean.
     """
 
     acceleration_variance: float
@@ -114,18 +98,10 @@ class VarianceComponents:
 
 @dataclass(frozen=True)
 class Motion:
-    """Smoothed motion at condensed positions, of one vehicle or of a stack of v vehicles.
+    """Smoothed motion at n condensed positions of one vehicle, or of a stack of v vehicles.
 
-    In a stack all arrays have a leading axis (v,), and n is the largest number of positions; what
-    fills up the rows of vehicles with fewer means nothing.
-
-    Attributes:
-        time_s: shape (n,).
-        along_m: shape (n,).
-        speed_mps: shape (n,).
-        acceleration_mps2: shape (n,).
-        speed_covariance: shape (n, n).
-        acceleration_covariance: shape (n, n).
+    Covariances are (n, n). In a stack all arrays have a leading axis (v,), and n is the largest
+    number of positions; what fills up the rows of vehicles with fewer means nothing.
     """
 
     time_s: Array
@@ -148,7 +124,8 @@ class Motion:
 
 
 class Smoother:
-    """The positions of vehicles, ready for estimating components and for smoothing.
+    """The positions of vehicles, three each and more, ready for estimating components and for
+    smoothing.
 
     All vehicles stand in one stack, so that they cost a handful of array operations. The rows of
     vehicles with fewer positions are padded with uninformative observations: at their last time, of
@@ -161,11 +138,6 @@ class Smoother:
     """
 
     def __init__(self, positions: Sequence[Positions]) -> None:
-        """Set up the process at the positions' times: one vehicle at least, three positions each.
-
-        Args:
-            positions: by vehicle.
-        """
         counts = np.array([len(each) for each in positions])
         n = int(counts.max())
         self._real = np.arange(n) < counts[:, None]
@@ -257,14 +229,11 @@ def estimate_variance_components(
 ) -> VarianceComponents:
     """Variance components by restricted maximum likelihood (Fisher scoring).
 
-    A contrast of gain g is normal with variance noise + σ²_a g, so the squares regress on
-    (1, g) with weights that the estimate itself gives. A weak prior stands in where vehicles are
-    few. A mean acceleration follows by weighted least squares, with the process's own variance as
-    prior: a lone vehicle's acceleration is as likely its own.
-
-    Args:
-        smoother: with the contrasts.
-        around_mean: whether the accelerations have a common mean, else 0.
+    A contrast of gain g is normal with variance noise + σ²_a g, so the squares regress on (1, g)
+    with weights that the estimate itself gives. A weak prior stands in where vehicles are few.
+    `around_mean`: the common mean acceleration follows by weighted least squares, with the
+    process's own variance as prior, as a lone vehicle's acceleration is as likely its own; else it
+    is 0.
     """
     gains, common = smoother.gains, 0.0
     design = np.stack([np.ones_like(gains), gains])

@@ -1,9 +1,7 @@
-"""Features → the stability flag y_e, or unknown with a reason.
+"""Features → the stability flag y_e, or unknown with a reason (paper, section V-A).
 
-The paper's rule (section V-A): stable if CV = σ_v/v̄ ≤ 0.12 and σ²_a ≤ 0.5 m²/s⁴. A flag is only
-given where the data carry it: everything else is unknown, which gates like turbulent. Hysteresis
-makes the rule stricter, never looser: stable always means that the paper's rule holds, or, with
-`keep_s`, that it held when traffic was last dense enough to tell.
+Hysteresis makes the paper's rule stricter, never looser: stable always means that it holds, or,
+with `keep_s`, that it held when traffic was last dense enough to tell.
 """
 
 from __future__ import annotations
@@ -15,6 +13,8 @@ from typing import Final, Literal
 from edge_daemon.settings import StabilitySettings
 from slipstream.messages import Estimate, KinematicFeatures, UnknownReason
 
+MIN_COVERAGE: Final = 0.8
+"""Share of the window that frames must cover."""
 _MIN_SPEED_SHARE: Final = 0.7
 """A kept flag ends below this share of the mean speed at which it was judged: a vehicle that stands
 on an empty road is not light traffic."""
@@ -57,12 +57,9 @@ class StabilityJudge:
         *,
         sparse: bool = False,
     ) -> Flag:
-        """The flag of a segment's latest window; windows come in the order of their ends.
-
-        Args:
-            segment: its id.
-            time_ns: UTC of the window's end. After a step back of the clock nothing is kept.
-            features: as in `classify`, as are the others.
+        """The flag of a segment's latest window; windows come in the order of their ends,
+        `time_ns`, and after a step back of the clock nothing is kept. The other arguments are those
+        of `classify`.
         """
         before = self._stable.get(segment)
         flag = classify(
@@ -117,13 +114,12 @@ def classify(
         vehicles: with a usable track.
         frames: processed in the window.
         coverage: share of the window with frames, in [0, 1].
-        settings: the thresholds.
         was_stable: the segment's flag was 1 so far: it stays so up to the threshold itself.
         sparse: frames come too seldom for vehicles to be followed from one to the next.
     """
     if frames == 0:
         return Flag(None, "no_frames")
-    if coverage < settings.min_coverage:
+    if coverage < MIN_COVERAGE:
         return Flag(None, "low_frame_rate" if sparse else "window_not_covered")
     if features is None or vehicles < settings.min_vehicles:
         return Flag(None, "too_few_vehicles")

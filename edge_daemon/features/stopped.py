@@ -1,9 +1,5 @@
-"""Vehicles that stand on a segment: each an event of its own, whatever the flag says.
-
-A vehicle stands if it has moved less than 2.5 m in 5 s (0.5 m/s). It is known by its place, not
-by its track: what hides it for some seconds ends the track, and the vehicle is there again under
-another number. It has moved on when its track has left the place by more than its length, and is
-gone when nothing slow has been seen there for 15 s.
+"""Vehicles that stand on a segment: each an event of its own, whatever the flag says, known by its
+place and not by its track. See docs/perception.md, "Vehicles that stand".
 """
 
 from __future__ import annotations
@@ -38,11 +34,9 @@ class Standing:
     """A vehicle that stands.
 
     Attributes:
-        lane: lane index.
         along_m: place of its middle from the segment's upstream end.
         across_m: and from its right edge.
         since_s: media time at which it came to stand, or was first seen.
-        seen_s: media time at which it was last seen.
         track: its latest track.
     """
 
@@ -55,10 +49,8 @@ class Standing:
 
 
 class StoppedVehicleJudge:
-    """The vehicles that stand on one segment, from one state to the next.
-
-    Attributes:
-        standing: the longest first.
+    """The vehicles that stand on one segment, from one state to the next: `standing`, the longest
+    first.
     """
 
     def __init__(self, segment: WatchedSegment) -> None:
@@ -72,11 +64,8 @@ class StoppedVehicleJudge:
         self._from_s = max(self._from_s, from_s)
 
     def update(self, now_s: float, sightings: Sightings | None) -> None:
-        """Take in the sightings so far.
-
-        Args:
-            now_s: media time, later than the last one.
-            sightings: of the last ten seconds or so, in order of time.
+        """Take in the sightings of the last ten seconds or so, in order of time, at a media time
+        later than the last one.
         """
         paths = dict(self._paths(sightings))
         known_tracks = {known.track for known in self.standing}

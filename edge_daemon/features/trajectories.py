@@ -34,15 +34,8 @@ VehicleKey = tuple[int, float, float, int]
 
 @dataclass(frozen=True)
 class Trajectory:
-    """One vehicle's trajectory along a segment.
-
-    Attributes:
-        track: the vehicle's track.
-        positions: binned, of its centre; three at least.
-        first_s: time of its first sighting near the segment.
-        last_s: and of its last.
-        lane: lane index.
-        length_m: nominal length.
+    """One vehicle's trajectory along a segment: binned positions of its centre, three at least, and
+    when it was first and last seen near the segment.
     """
 
     track: int
@@ -55,12 +48,8 @@ class Trajectory:
 
 @dataclass(frozen=True)
 class GroupedSightings:
-    """Sightings of vehicles, one vehicle after the other, each in order of time.
-
-    Attributes:
-        sightings: of these vehicles and of others.
-        rows: those of these vehicles, shape (n,).
-        vehicle: number of each row's vehicle, from 0 without gaps, shape (n,).
+    """The rows (n,) of a table of sightings that are of some vehicles, one vehicle after the other,
+    each in order of time, and each row's vehicle, numbered from 0 without gaps.
     """
 
     sightings: Sightings
@@ -109,12 +98,7 @@ def find_trajectories(
     centreline: Centreline,
 ) -> list[Trajectory | None]:
     """Each vehicle's trajectory; None for one that is not of this segment or seen too little.
-
-    Args:
-        grouped: the vehicles.
-        segment: the watched segment.
-        pose: of the camera; without one, vehicles' middles are guessed from their lengths.
-        centreline: of the road.
+    Without a pose, vehicles' middles are guessed from their lengths.
     """
     rows, vehicle = grouped.rows, grouped.vehicle
     if not len(rows):

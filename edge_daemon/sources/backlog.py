@@ -17,9 +17,8 @@ class Arrival(NamedTuple):
     """Classification of a frame by its arrival.
 
     Attributes:
-        old: True if it was queued: its time of arrival says nothing of when it was taken.
-        cut: True if it does not follow the last one that was not old as their times of arrival
-            say.
+        old: it was queued: its time of arrival says nothing of when it was taken.
+        cut: it does not follow the last one that was not old as their times of arrival say.
     """
 
     old: bool
@@ -42,11 +41,8 @@ class Backlog:
         self._dropped = False
 
     def classify(self, arrival_s: float, stamp_s: float | None) -> Arrival:
-        """Classify the frame that has just arrived.
-
-        Args:
-            arrival_s: when it came.
-            stamp_s: its time stamp in the stream; None where it has none.
+        """Classify the frame that has just arrived, with its time stamp in the stream, if it has
+        one.
         """
         last_s, previous_s = self._arrival_s, self._stamp_s
         self._arrival_s, self._stamp_s = arrival_s, stamp_s

@@ -37,13 +37,9 @@ def without_password(url: str) -> str:
 def open_camera(
     url: str, stall_timeout_s: float, size: tuple[int, int] | None = None
 ) -> LiveSource:
-    """Watch a camera; it need not be there yet.
-
-    Args:
-        url: RTSP or HTTP address.
-        stall_timeout_s: reconnect after so many seconds without a frame.
-        size: (width, height) of the frames that are wanted, px; others are counted and left
-            out. None takes any.
+    """Watch a camera by its RTSP or HTTP address; it need not be there yet. It is connected again
+    after `stall_timeout_s` without a frame; frames of another size than (width, height) are counted
+    and left out.
     """
     shown = without_password(url)
     limiter = LogLimiter()

@@ -52,16 +52,11 @@ class ClipFrame:
 
 
 class ClipReader:
-    """Decodes video files in turn, with times that go on where the next one or a loop begins."""
+    """Decodes video files in turn, with times that go on where the next one or a loop begins; one
+    may be there twice. Frames of another shape than (height, width, 3) are left out.
+    """
 
     def __init__(self, clips: Sequence[Clip], shape: tuple[int, ...], *, loop: bool) -> None:
-        """Read from captures that stand at their first frames.
-
-        Args:
-            clips: in order; one may be there twice.
-            shape: (height, width, 3) of their frames; others are left out.
-            loop: start again after the last one.
-        """
         self._clips = clips
         self.path, self.rate = clips[0].path, clips[0].rate
         self._shape = shape
@@ -169,10 +164,10 @@ def _is_whole(capture: cv2.VideoCapture, times: Timeline) -> bool:
 def open_clip(
     *paths: Path, loop: bool, size: tuple[int, int] | None = None, fps: float | None = None
 ) -> ClipReader:
-    """Open video files that are played in turn.
+    """Open video files that are played in turn, at least one.
 
     Args:
-        paths: the files, at least one.
+        paths: the files.
         loop: start again after the last one.
         size: (width, height) that they must have, px; None takes that of the first one.
         fps: frames a second that they were filmed at; None: as they say.

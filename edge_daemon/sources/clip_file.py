@@ -23,12 +23,8 @@ _DIFFERS: Final = 0.02
 
 @dataclass(frozen=True)
 class Clip:
-    """A video file.
-
-    Attributes:
-        path: of the file.
-        capture: stands at its first frame.
-        rate: at which it was filmed.
+    """A video file, its capture, which stands at its first frame, and the rate at which it was
+    filmed.
     """
 
     path: Path
@@ -39,15 +35,8 @@ class Clip:
 def open_file(
     path: Path, size: tuple[int, int] | None, fps: float | None
 ) -> tuple[Clip, tuple[int, int]]:
-    """Open one: (it, its width and height).
-
-    Args:
-        path: the file.
-        size: (width, height) that it must have, px; None: any.
-        fps: frames a second that it was filmed at; None: as it says.
-
-    Raises:
-        InputError: see `edge_daemon.sources.clip.open_clip`.
+    """Open one: (it, its width and height); arguments and errors of
+    `edge_daemon.sources.clip.open_clip`.
     """
     if not path.is_file():
         raise InputError(path, "no such video", "check the path")

@@ -28,8 +28,8 @@ class MediaTime(NamedTuple):
 
     Attributes:
         time_s: media time.
-        cut: True if a new time line begins with it: times before are not comparable.
-        jumped: True if that is because the stream's clock ran back or leapt.
+        cut: a new time line begins with it: times before are not comparable.
+        jumped: that is because the stream's clock ran back or leapt.
     """
 
     time_s: float
@@ -38,14 +38,11 @@ class MediaTime(NamedTuple):
 
 
 class StreamClock:
-    """Assigns media times to the frames of one connection; they never decrease."""
+    """Assigns media times to the frames of one connection, none before `not_before_s`; they never
+    decrease.
+    """
 
     def __init__(self, not_before_s: float = 0.0) -> None:
-        """Start a connection.
-
-        Args:
-            not_before_s: media time that has been given already.
-        """
         self._last_s = not_before_s
         self._arrival_s: float | None = None
         self._stream_s: float | None = None
@@ -59,11 +56,8 @@ class StreamClock:
         self._steps: deque[float] = deque(maxlen=_LEARNED)
 
     def media_time(self, arrival_s: float, stream_s: float | None) -> MediaTime:
-        """The media time of the frame that has just come.
-
-        Args:
-            arrival_s: when it came, on the time line that media times shall follow.
-            stream_s: its time stamp in the stream; None where it has none.
+        """The media time of the frame that has just come, at a time on the line that media times
+        follow, with its time stamp in the stream, if it has one.
         """
         resets = self._resets
         if stream_s is not None and self._stream_s is not None:

@@ -12,11 +12,8 @@ _MAX_ANSWER_BYTES = 4096
 
 
 def diagnose(url: str, timeout_s: float) -> str:
-    """Send the server one request and describe its answer, without the password.
-
-    Args:
-        url: HTTP or RTSP address, with user and password if it needs them.
-        timeout_s: for connecting, and for the answer.
+    """Send the server of an HTTP or RTSP address one request and describe its answer, without the
+    password.
     """
     try:
         parts = urlsplit(url)

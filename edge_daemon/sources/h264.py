@@ -16,10 +16,8 @@ _ANY_SHAPE: Final = 255
 
 
 def h264_rate(head: bytes) -> float | None:
-    """Frames a second; None where it is no such stream, or does not state a plausible rate.
-
-    Args:
-        head: the beginning of the file, start codes included.
+    """Frames a second by the beginning of a file; None where it is no such stream, or does not
+    state a plausible rate.
     """
     found = _SEQUENCE_SET.search(head) if _STREAM.match(head) else None
     if found is None:

@@ -1,7 +1,5 @@
-"""A pool of memory for decoded frames, reused as soon as a frame is no longer referenced.
-
-A 720p frame is 2.8 MB. If each were allocated and freed on the heap, the memory that the allocator
-keeps would depend on thread timing.
+"""A pool of memory for decoded frames: if each were allocated and freed on the heap, the memory
+that the allocator keeps would depend on thread timing.
 """
 
 from __future__ import annotations
@@ -19,14 +17,9 @@ _MAX_KEPT: Final = 6
 
 
 class ImagePool:
-    """Arrays to decode frames into; for one thread."""
+    """Arrays (height, width, 3) to decode frames into; for one thread."""
 
     def __init__(self, shape: tuple[int, ...]) -> None:
-        """Set it up.
-
-        Args:
-            shape: of the frames, (height, width, 3).
-        """
         self._shape = shape
         self._kept = [_blank(shape)]
         # References of an array that only the pool holds; what a loop adds depends on Python.

@@ -32,20 +32,14 @@ Capture = Callable[[Offer, threading.Event, SourceCounters], None]
 
 
 class LiveSource:
-    """Runs a capture function in a thread and queues its frames.
+    """Runs ``capture(offer, stopping, counters)`` in a thread and queues its frames, until it
+    returns.
 
     Frames may wait up to a second for a reader that was busy for a moment, then the oldest is
     skipped. For a reader that stays slower than the camera they wait `_OVERLOADED_WAIT_S`.
     """
 
     def __init__(self, capture: Capture, name: str) -> None:
-        """Start capturing.
-
-        Args:
-            capture: called as ``capture(offer, stopping, counters)``; the source ends when it
-                returns.
-            name: for the log.
-        """
         self.counters = SourceCounters()
         self._changed = threading.Condition()
         self._waiting: deque[Frame] = deque()
@@ -94,10 +88,8 @@ class LiveSource:
         return self._waits_s(newest) > self._limit.seconds or held > MAX_WAITING_BYTES
 
     def frames(self) -> Iterator[Frame | None]:
-        """Frames as they come; None once a second while there is none.
-
-        Raises:
-            Exception: what ended the capture, if it was a fault.
+        """Frames as they come; None once a second while there is none. A fault of the capture ends
+        them.
         """
         while True:
             with self._changed:
@@ -121,10 +113,6 @@ class _WaitLimit:
     A backlog that stands is told from a burst by its duration, as in CoDel (RFC 8289). The limit
     then falls by a second a second, so that the frames left out while the backlog goes are spread
     over it, and returns to `MAX_WAIT_S` after `_RECOVERED_S` in which none was left out.
-
-    Attributes:
-        seconds: the limit.
-        skipped_s: time of the last frame at which one was left out.
     """
 
     def __init__(self) -> None:

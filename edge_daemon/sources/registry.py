@@ -10,15 +10,11 @@ from slipstream.errors import InputError
 
 
 def open_source(settings: SourceSettings, size: tuple[int, int] | None = None) -> FrameSource:
-    """Open the source that the settings ask for.
-
-    Args:
-        settings: clip or camera.
-        size: (width, height) of the calibrated frame, px; None takes any.
+    """Open the clip or camera that the settings ask for, with frames of (width, height), or of any
+    size.
 
     Raises:
-        InputError: a clip that is missing, no video, of another size, or that does not say its
-            rate. A camera need not be reachable yet.
+        InputError: as of `open_clip`. A camera need not be reachable yet.
     """
     if settings.clips:
         reader = open_clip(*settings.clips, loop=settings.loop, size=size, fps=settings.fps)

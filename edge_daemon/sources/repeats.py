@@ -1,8 +1,7 @@
 """Frames that show the frame before once more, as converters of frame rates and busy cameras send.
 
-Tracks take a repeated frame for vehicles that stopped and then leapt. A repeat differs from its
-predecessor by what encoding it again does, a small part of what noise and traffic change from one
-new frame to the next.
+A repeat differs from its predecessor by what encoding it again does, a small part of what noise and
+traffic change from one new frame to the next.
 """
 
 from __future__ import annotations

@@ -34,7 +34,8 @@ class Moment:
 
 
 class Timeline:
-    """Assigns media times to the frames of a clip; they never decrease.
+    """Assigns media times to the frames of a clip; they never decrease. `begin_s` is that of the
+    first, `step_s` the distance of frames before it, None: there were none.
 
     Attributes:
         frames: how many have been shown.
@@ -44,13 +45,6 @@ class Timeline:
     """
 
     def __init__(self, rate: Rate, begin_s: float, step_s: float | None = None) -> None:
-        """Begin with the first frame.
-
-        Args:
-            rate: of the clip.
-            begin_s: media time of its first frame.
-            step_s: distance of frames before it; None: none was.
-        """
         self._rate = rate
         self._shift_s = begin_s
         self._first_s = self._position_s = 0.0
@@ -70,11 +64,7 @@ class Timeline:
         return self._position_s - self._first_s + self.step_s
 
     def next(self, position_s: float) -> Moment:
-        """The time of the next frame.
-
-        Args:
-            position_s: its time stamp, as FFmpeg says it.
-        """
+        """The time of the next frame, by its time stamp, as FFmpeg says it."""
         if self.frames == 0:
             self._first_s = self._position_s = position_s
         before_s, self._position_s = self._position_s, position_s

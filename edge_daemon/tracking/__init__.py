@@ -2,9 +2,10 @@
 
 from edge_daemon.tracking.measurement import RoadPoints, to_road_points
 from edge_daemon.tracking.sightings import Indices, SightingBuffer, Sightings
-from edge_daemon.tracking.tracker import Track, Tracker
+from edge_daemon.tracking.tracker import HIGH_SCORE, Track, Tracker
 
 __all__ = [
+    "HIGH_SCORE",
     "Indices",
     "RoadPoints",
     "SightingBuffer",

@@ -24,15 +24,9 @@ _SURE_SCORE = 0.8
 
 @dataclass(frozen=True)
 class RoadPoints:
-    """Where detected vehicles touch the road.
-
-    Attributes:
-        points_m: the middle of the box's lower edge on the road plane, m, shape (n, 2).
-        covariances_m2: of the points, shape (n, 2, 2).
-        away: unit vectors along which the camera looks past them, shape (n, 2).
-        scores: of the detections, shape (n,).
-        boxes: of the detections, px, shape (n, 4).
-        classes: of the detections, shape (n,).
+    """Where detected vehicles touch the road: the middles of their boxes' lower edges, m (n, 2),
+    with covariances (n, 2, 2), unit vectors along which the camera looks past them, and their
+    detections.
     """
 
     points_m: Array

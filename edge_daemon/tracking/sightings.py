@@ -20,11 +20,11 @@ class Sightings:
 
     Attributes:
         track: the track's id, shape (n,).
-        time_s: media time, shape (n,).
+        time_s: media time.
         point_m: measured point on the road, m, shape (n, 2).
         covariance_m2: of the point, shape (n, 2, 2).
         away: unit vector along which the camera looks past the point, shape (n, 2).
-        vehicle_class: index into VEHICLE_CLASSES, of the track so far, shape (n,).
+        vehicle_class: index into VEHICLE_CLASSES, of the track so far.
         box: of the detection, px, shape (n, 4).
     """
 

@@ -42,12 +42,12 @@ class FrameTiming:
         return variance if variance > _NEGLIGIBLE_STD_S**2 else 0.0
 
     def learn(self, step_s: float, innovations: Array, velocities: Array, variances: Array) -> None:
-        """Take in a frame whose detections have just been associated.
+        """Take in a frame, `step_s` after the one before, whose detections have just been
+        associated.
 
         Args:
-            step_s: time since the frame before, s.
-            innovations: detected less predicted positions of tracks whose speed is known, m,
-                shape (n, 2).
+            innovations: detected less predicted positions of tracks whose speed is known, m, (n,
+                2).
             velocities: of these tracks, m/s, shape (n, 2).
             variances: covariances of the innovations if the time were right, m², shape (n, 2, 2).
         """

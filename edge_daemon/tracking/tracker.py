@@ -1,27 +1,34 @@
 """Tracking vehicles on the road plane: a Kalman filter in metres, association in two stages.
 
-Each track is a Kalman filter with constant acceleration, state (x, y, vx, vy, ax, ay). Detections
-are assigned by the Hungarian method on squared Mahalanobis distances: first those with a high
-score, then the others to the remaining tracks (as in ByteTrack, Zhang et al., ECCV 2022). The
-states of all tracks are in one array, so that a frame costs few array operations for any number of
-vehicles.
+Each track has constant acceleration, state (x, y, vx, vy, ax, ay). Detections are assigned by the
+Hungarian method on squared Mahalanobis distances: first those with a high score, then the others to
+the remaining tracks (as in ByteTrack, Zhang et al., ECCV 2022). The states of all tracks are in one
+array, so that a frame costs few array operations.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from edge_daemon.camera import Array
-from edge_daemon.settings import TrackerSettings
 from edge_daemon.tracking.association import associate, overlap
 from edge_daemon.tracking.measurement import RoadPoints
 from edge_daemon.tracking.sightings import Indices, Sightings
 from edge_daemon.tracking.timing import FrameTiming
 
+HIGH_SCORE: Final = 0.5
+"""Detections from this score on are assigned first and may start a track."""
+_CONFIRM_HITS: Final = 3
+_LOST_AFTER_S: Final = 1.2
+_JERK_NOISE: Final = 1.0
+"""Root of the spectral density of the jerk in the motion model, m/s^2.5."""
+_MAX_SPEED_MPS: Final = 45.0
+"""A new track's speed has half of it as its standard deviation."""
 # In a jam the next vehicle is a few metres ahead: no track may jump there, however uncertain.
 _MAX_JUMP_M = 3.0
 _NEW_TRACK_HITS = 5
@@ -32,15 +39,9 @@ _MAX_POSITION_STD_M = 4.0
 
 @dataclass(frozen=True)
 class Track:
-    """The present state of one vehicle.
-
-    Attributes:
-        id: number, unique while the daemon runs.
-        state: x, y, vx, vy, ax, ay in m and s.
-        first_seen_s: media time of its first detection.
-        last_seen_s: media time of its last detection.
-        box: last detection's box, px.
-        vehicle_class: the class with most votes.
+    """The present state of one vehicle: x, y, vx, vy, ax, ay in m and s, media times of its first
+    and last detection, the last one's box, px, and the class with most votes. Its id is unique
+    while the daemon runs.
     """
 
     id: int
@@ -74,14 +75,11 @@ class _Record:
 
 
 class Tracker:
-    """Tracks the vehicles of one camera.
-
-    Attributes:
-        timing: how wrong the frames' times are; no scene's, so that it outlasts `reset`.
+    """Tracks the vehicles of one camera. `timing`, how wrong the frames' times are, outlasts
+    `reset`.
     """
 
-    def __init__(self, settings: TrackerSettings) -> None:
-        self._settings = settings
+    def __init__(self) -> None:
         self._next_id = 1
         self.timing = FrameTiming()
         self.reset()
@@ -107,25 +105,20 @@ class Tracker:
                 record.vehicle_class,
             )
             for record, state in zip(self._records, self._states, strict=True)
-            if record.hits >= self._settings.confirm_hits
+            if record.hits >= _CONFIRM_HITS
         )
 
     def update(self, time_s: float, found: RoadPoints) -> Sightings:
-        """Process one frame's detections.
+        """Process one frame's detections, at a media time later than the last one.
 
-        Args:
-            time_s: media time, later than the last one.
-            found: the detections on the road.
-
-        Returns:
-            New sightings of confirmed tracks; those from before a track was confirmed come with
-            the detection that confirms it.
+        Returns new sightings of confirmed tracks; those from before a track was confirmed come with
+        the detection that confirms it.
         """
         # First: after a pause of the source, a lost track must not continue on another vehicle.
         self._drop_lost(time_s)
         step_s = 0.0 if self._time_s is None else max(time_s - self._time_s, 1e-4)
         if step_s > 0 and len(self._states):
-            move, noise = _motion(step_s, self._settings.jerk_noise)
+            move, noise = _motion(step_s)
             self._states = self._states @ move.T
             self._covariances = move @ self._covariances @ move.T + noise
         self._time_s = time_s
@@ -133,9 +126,7 @@ class Tracker:
         young = np.array(
             [record.hits < _NEW_TRACK_HITS for record in self._records], dtype=np.bool_
         )
-        self._reach_m = np.where(
-            young, _MAX_JUMP_M + self._settings.max_speed_mps * step_s, _MAX_JUMP_M
-        )
+        self._reach_m = np.where(young, _MAX_JUMP_M + _MAX_SPEED_MPS * step_s, _MAX_JUMP_M)
         tracks, detections = self._assign_in_two_stages(found)
         known = ~young[tracks]
         self._learn_timing(step_s, tracks[known], detections[known], found)
@@ -145,7 +136,7 @@ class Tracker:
             found.covariances_m2[detections] + self._late(tracks),
         )
         sightings = self._seen(tracks, detections, time_s, found)
-        new = found.scores >= self._settings.high_score
+        new = found.scores >= HIGH_SCORE
         new[detections] = False
         self._merge(tracks, found.away[detections])
         new[new] = ~self._occupied(found.points_m[new], found.away[new])
@@ -170,7 +161,7 @@ class Tracker:
         return np.asarray(self.timing.variance_s2 * squares)
 
     def _assign_in_two_stages(self, found: RoadPoints) -> tuple[Indices, Indices]:
-        sure = found.scores >= self._settings.high_score
+        sure = found.scores >= HIGH_SCORE
         everyone = np.arange(len(self._states))
         first = self._assign(everyone, np.flatnonzero(sure), found)
         second = self._assign(np.setdiff1d(everyone, first[0]), np.flatnonzero(~sure), found)
@@ -200,9 +191,7 @@ class Tracker:
 
     def _occupied(self, points: Array, away: Array) -> npt.NDArray[np.bool_]:
         """Which points lie on a tracked vehicle: a second box on it is no second vehicle."""
-        confirmed = np.array(
-            [record.hits >= self._settings.confirm_hits for record in self._records]
-        )
+        confirmed = np.array([record.hits >= _CONFIRM_HITS for record in self._records])
         if not confirmed.any():
             return np.zeros(len(points), dtype=np.bool_)
         sure = confirmed & (
@@ -240,9 +229,7 @@ class Tracker:
             record.votes[kind] = record.votes.get(kind, 0.0) + float(found.scores[detection])
         seen = _sightings(chosen, time_s, found, detections)
         parts = [seen.take(slice(0, 0))]
-        sure = np.array(
-            [record.hits >= self._settings.confirm_hits for record in chosen], dtype=np.bool_
-        )
+        sure = np.array([record.hits >= _CONFIRM_HITS for record in chosen], dtype=np.bool_)
         for row, record in enumerate(chosen):
             if not sure[row]:
                 record.early.append(seen.take(slice(row, row + 1)))
@@ -258,7 +245,7 @@ class Tracker:
         states[:, :2] = found.points_m[detections]
         covariances = np.zeros((len(detections), 6, 6))
         covariances[:, :2, :2] = found.covariances_m2[detections]
-        covariances[:, 2:4, 2:4] = np.eye(2) * (self._settings.max_speed_mps / 2) ** 2
+        covariances[:, 2:4, 2:4] = np.eye(2) * (_MAX_SPEED_MPS / 2) ** 2
         covariances[:, 4:, 4:] = np.eye(2) * 2.0**2
         self._states = np.concatenate([self._states, states])
         self._covariances = np.concatenate([self._covariances, covariances])
@@ -281,8 +268,8 @@ class Tracker:
             self._states, self._covariances = self._states[kept], self._covariances[kept]
 
     def _is_followed(self, record: _Record, time_s: float) -> bool:
-        limit_s = self._settings.lost_after_s
-        if record.hits < self._settings.confirm_hits:
+        limit_s = _LOST_AFTER_S
+        if record.hits < _CONFIRM_HITS:
             limit_s /= 4  # a single false detection ends soon
         return time_s - record.last_seen_s <= limit_s
 
@@ -301,10 +288,10 @@ def _sightings(
     )
 
 
-def _motion(dt: float, jerk_noise: float) -> tuple[Array, Array]:
+def _motion(dt: float) -> tuple[Array, Array]:
     """Transition and process noise of constant acceleration under white jerk, both (6, 6)."""
     one: Array = np.array([[1.0, dt, dt**2 / 2], [0, 1, dt], [0, 0, 1]])
-    noise: Array = jerk_noise**2 * np.array(
+    noise: Array = _JERK_NOISE**2 * np.array(
         [
             [dt**5 / 20, dt**4 / 8, dt**3 / 6],
             [dt**4 / 8, dt**3 / 3, dt**2 / 2],

@@ -1,7 +1,4 @@
-"""What in the picture is not the usual background, by a model of each pixel.
-
-The model is a mixture of Gaussians a pixel (Zivkovic, ICPR 2004).
-"""
+"""What is not the usual background: a mixture of Gaussians a pixel (Zivkovic, ICPR 2004)."""
 
 from __future__ import annotations
 
@@ -29,7 +26,6 @@ class Background:
     """
 
     def __init__(self) -> None:
-        """Know nothing yet."""
         self.restart()
 
     def restart(self) -> None:

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 
 class Debounce:
-    """Turns momentary evidence into a fault that begins and ends once."""
+    """Turns momentary evidence into a fault: `after_s` of it without a break begin it, `clear_s`
+    without any end it.
+    """
 
     def __init__(self, after_s: float, clear_s: float) -> None:
-        """Set it up.
-
-        Args:
-            after_s: evidence without a break for so long begins the fault, s.
-            clear_s: no evidence for so long ends it, s.
-        """
         self._after_s = after_s
         self._clear_s = clear_s
         self._since_s: float | None = None

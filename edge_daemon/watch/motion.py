@@ -1,6 +1,5 @@
-"""What moves in the picture, and which of it lies in a detector's boxes.
-
-A background model of the small grey picture alone tells what moves, whatever the detector finds.
+"""What moves in the picture, by a background model alone, and which of it lies in a detector's
+boxes.
 """
 
 from __future__ import annotations
@@ -28,20 +27,19 @@ _BOX_MARGIN: Final = 0.15
 
 
 class MotionFinder:
-    """Finds moving things of a vehicle's size in the small grey pictures of one view."""
+    """Finds moving things of a vehicle's size in the small grey pictures of one view.
+
+    Args:
+        background: of the view; the caller updates it before each `find`.
+        road: where to look in the small grey picture.
+        zoom: width of the small grey picture over that of the frame.
+        camera: tells how large a vehicle is in the picture; without one, anything counts from the
+            size on that a car needs to count, up to a quarter of the picture.
+    """
 
     def __init__(
         self, background: Background, road: Mask, zoom: float, camera: Camera | None
     ) -> None:
-        """Set it up.
-
-        Args:
-            background: of the view; the caller updates it before each `find`.
-            road: where to look in the small grey picture.
-            zoom: width of the small grey picture over that of the frame.
-            camera: tells how large a vehicle is in the picture; without one, anything counts from
-                the size on that a car needs to count, up to a quarter of the picture.
-        """
         self._background = background
         self._road = road
         self._zoom = zoom

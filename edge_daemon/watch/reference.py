@@ -8,11 +8,7 @@ from slipstream.errors import InputError
 
 
 def read_reference(camera: Camera) -> Image | None:
-    """Read it, BGR; None where the calibration names none.
-
-    Raises:
-        InputError: the file is no frame, or has another size than the calibration.
-    """
+    """Read it, BGR; None where the calibration names none."""
     path = camera.reference
     if path is None:
         return None

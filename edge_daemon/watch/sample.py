@@ -28,7 +28,6 @@ class Sample:
     """A frame as the judges examine it; each part is made when it is first asked for.
 
     Attributes:
-        frame: the frame.
         number: of the sampled frames so far, this one included.
         boxes: of the vehicles detected in it, px, shape (n, 4); None where nobody looked.
         all_boxes: those and what may be a vehicle, px, shape (m, 4); None: `boxes`.
@@ -51,9 +50,8 @@ class Sample:
 
     @cached_property
     def colours(self) -> Image:
-        """Every n-th pixel of every n-th row, BGR, shape (h, w, 3), about 160 columns.
-
-        The pixels are not averaged, so that noise is kept.
+        """Every n-th pixel of every n-th row, not averaged, so that noise is kept, BGR, shape (h,
+        w, 3), about 160 columns.
         """
         return sampled(self.frame.image)
 
@@ -108,11 +106,8 @@ def texture(small: Grey | Floats) -> Floats:
 
 
 def sharpness(small: Grey, fine_and_coarse: Floats) -> float:
-    """Fine contrast as a share of all contrast: it falls out of focus, but not in dim light.
-
-    Args:
-        small: a small grey image.
-        fine_and_coarse: its `texture`.
+    """Fine contrast as a share of all contrast of a small grey image, given its `texture`: it falls
+    out of focus, but not in dim light.
     """
     fine = small - cv2.GaussianBlur(small.astype(np.float32), (0, 0), 1.0)
     coarse = float(np.abs(fine_and_coarse).mean())
@@ -120,12 +115,8 @@ def sharpness(small: Grey, fine_and_coarse: Floats) -> float:
 
 
 def road_mask(camera: Camera, shape: tuple[int, int], margin: float) -> Mask:
-    """Where the watched road is in a scaled image of (height, width).
-
-    Args:
-        camera: whose segments are meant.
-        shape: of the mask.
-        margin: how far vehicles extend beyond the road's outline, as a share of the height.
+    """Where the watched road is in a scaled image of (height, width), vehicles included, which
+    extend beyond its outline by `margin` of the height.
     """
     height, width = shape
     scale = np.array([width / camera.size[0], height / camera.size[1]])

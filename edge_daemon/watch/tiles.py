@@ -28,11 +28,8 @@ _NEAR_PX = 3
 
 @dataclass(frozen=True)
 class Tiles:
-    """Pieces of one frame.
-
-    Attributes:
-        centres: column and row of each, px of the small frame, shape (n, 2).
-        pieces: `texture` around each centre, (2·HALF_PX+1)² each.
+    """Pieces of one frame's `texture`, (2·HALF_PX+1)² each, around centres (column, row), px, shape
+    (n, 2).
     """
 
     centres: npt.NDArray[np.int64]
@@ -54,11 +51,8 @@ class Tiles:
 
 
 def choose_tiles(picture: Floats, allowed: Mask) -> Tiles:
-    """Pick pieces with corners in them, far apart, that resemble nothing nearby.
-
-    Args:
-        picture: the `texture` of a frame.
-        allowed: where their centres may lie.
+    """Pick pieces of a `texture` with corners in them, far apart, that resemble nothing nearby and
+    have allowed centres.
     """
     corners = cv2.cornerMinEigenVal(picture, 2 * HALF_PX + 1)
     inside = np.zeros_like(allowed)

@@ -28,16 +28,11 @@ class BareRoad:
     """Remembers what the road looks like where nothing covers it.
 
     What lies under a box, or moves, is not learned: a queue does not become road. What lies on the
-    road for a minute or two does.
+    road for a minute or two does. The road is a mask of the small grey image, `zoom` times as wide
+    as the frame.
     """
 
     def __init__(self, road: Mask, zoom: float) -> None:
-        """Set it up.
-
-        Args:
-            road: where vehicles drive in the small grey image.
-            zoom: width of the small grey image over that of the frame.
-        """
         self._road = road
         self._zoom = zoom
         self.restart()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 import numpy.typing as npt
 
@@ -9,25 +11,29 @@ from edge_daemon.camera import Camera
 from edge_daemon.frame import Frame, Image
 from edge_daemon.settings import WatchSettings
 from edge_daemon.watch.debounce import Debounce
-from edge_daemon.watch.judges import Explains, make_judges
+from edge_daemon.watch.judges import make_judges
 from edge_daemon.watch.sample import Sample
 from slipstream.messages import CameraFault
 
+SAMPLE_INTERVAL_S: Final = 0.2
+"""Media time between two frames that are examined."""
+STALE_AFTER_S: Final = 3.0
+"""Time without a new frame."""
+_CLEAR_AFTER_S: Final = 2.0
+"""Every fault ends after so long without evidence of it."""
+
 
 class Watch:
-    """Looks at the frames of one camera for faults; no I/O and no clock of its own.
-
-    Of several faults it reports the first one in the order of `make_judges`.
+    """Looks at the frames of one camera for faults; no I/O and no clock of its own. Of several
+    faults it reports the first one in the order of `make_judges`, whose arguments it takes.
     """
 
     def __init__(
         self, camera: Camera, settings: WatchSettings, reference: Image | None = None
     ) -> None:
-        """Set it up; arguments of `make_judges`."""
-        self._settings = settings
         self._judges = make_judges(camera, settings, reference)
         self._debounces = {
-            judge.fault: Debounce(judge.after_s, settings.clear_after_s) for judge in self._judges
+            judge.fault: Debounce(judge.after_s, _CLEAR_AFTER_S) for judge in self._judges
         }
         self._sampled_s: float | None = None
         self._samples = 0
@@ -36,8 +42,7 @@ class Watch:
     @property
     def detail(self) -> str:
         """What is known of the fault beside its name; empty: nothing."""
-        judge = next((judge for judge in self._judges if judge.fault == self.fault), None)
-        return judge.detail if isinstance(judge, Explains) else ""
+        return next((judge.detail for judge in self._judges if judge.fault == self.fault), "")
 
     def look(
         self,
@@ -45,19 +50,12 @@ class Watch:
         boxes: npt.NDArray[np.float32] | None = None,
         all_boxes: npt.NDArray[np.float32] | None = None,
     ) -> CameraFault | None:
-        """Judge one frame of the calibrated size.
-
-        Args:
-            frame: the frame.
-            boxes: of the vehicles detected in it, px, shape (n, 4); None where nobody looked.
-            all_boxes: those and what may be a vehicle, px, shape (m, 4); None: `boxes`.
-
-        Returns:
-            Why the camera cannot be trusted now; None while it can.
+        """Judge one frame of the calibrated size, with the boxes of a `Sample`: why the camera
+        cannot be trusted now; None while it can.
         """
         now_s = frame.media_time_s
         is_sampled = self._sampled_s is None or not (
-            0 <= now_s - self._sampled_s < self._settings.sample_interval_s
+            0 <= now_s - self._sampled_s < SAMPLE_INTERVAL_S
         )
         sample = Sample(frame, self._samples + is_sampled, boxes, all_boxes)
         seen = {judge.fault for judge in self._judges if judge.every_frame and judge.look(sample)}
@@ -74,12 +72,8 @@ class Watch:
         return self.fault
 
     def absent(self, idle_s: float) -> CameraFault | None:
-        """The fault while no frame comes.
-
-        Args:
-            idle_s: time since the last one.
-        """
-        if idle_s >= self._settings.stale_after_s:
+        """The fault while no frame comes, `idle_s` after the last one."""
+        if idle_s >= STALE_AFTER_S:
             self._interrupt()
             return "stale"
         return self.fault

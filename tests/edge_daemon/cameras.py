@@ -14,6 +14,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from edge_daemon.frame import Frame
+
 Picture = npt.NDArray[np.uint8]
 QUALITY = 80
 
@@ -196,3 +198,15 @@ def _fragments(picture: Picture) -> Iterator[tuple[bytes, bool]]:
         head = struct.pack(">I", offset)  # the top byte is the type-specific one, 0
         head += bytes([1, QUALITY, width // 8, height // 8])
         yield head + part, offset + len(part) >= len(scan)
+
+
+def take(frames: Iterator[Frame | None], count: int, seconds: float = 60.0) -> list[Frame]:
+    """The next frames that are some."""
+    deadline = time.monotonic() + seconds
+    got: list[Frame] = []
+    while len(got) < count:
+        assert time.monotonic() < deadline, "no frames came"
+        frame = next(frames)
+        if frame is not None:
+            got.append(frame)
+    return got

@@ -30,6 +30,8 @@ from edge_daemon.sources import FrameSource, SourceCounters
 from edge_daemon.sources.camera import open_camera
 from edge_daemon.sources.live import MAX_WAIT_S, LiveSource
 from edge_daemon.watch import Watch
+from edge_daemon.watch.faults.exposure import BrightJudge, DarkJudge
+from edge_daemon.watch.faults.obscured import ObscuredJudge
 from slipstream.config import ServiceSettings
 from slipstream.messages import (
     CameraFault,
@@ -48,14 +50,29 @@ Picture = npt.NDArray[np.uint8]
 
 WINDOW_S = 4.0
 FPS = 15
-QUICK = WatchSettings(
-    sample_interval_s=0.1,
-    frozen_after_s=1.5,
-    exposure_after_s=0.3,
-    moved_after_s=1.5,
-    stale_after_s=1.0,
-    clear_after_s=0.5,
-)
+QUICK = WatchSettings(moved_after_s=1.5)
+
+
+@pytest.fixture
+def usual_times() -> None:
+    """Leaves the times of faults as they are."""
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> None:
+    """Faults begin and end some times sooner than they do on roads."""
+    if "usual_times" in request.fixturenames:
+        return
+    for name, seconds in (
+        ("watch.watch.SAMPLE_INTERVAL_S", 0.1),
+        ("watch.watch.STALE_AFTER_S", 1.0),
+        ("daemon.STALE_AFTER_S", 1.0),
+        ("watch.watch._CLEAR_AFTER_S", 0.5),
+        ("watch.faults.frozen._STILL_S", 1.5),
+    ):
+        monkeypatch.setattr(f"edge_daemon.{name}", seconds)
+    for judge in (DarkJudge, BrightJudge, ObscuredJudge):
+        monkeypatch.setattr(judge, "after_s", 0.3)
 
 
 class Recorder:
@@ -140,9 +157,7 @@ def a_daemon(
     )
     recorder = Recorder()
     service = Service("edge", ServiceSettings())
-    pipeline = Pipeline(
-        "r", camera, detector, settings.tracker, settings.stability, settings.window_s
-    )
+    pipeline = Pipeline("r", camera, detector, settings.stability, settings.window_s)
     watch = Watch(camera, settings.watch)
     daemon = EdgeDaemon(
         settings,
@@ -195,9 +210,9 @@ BEGIN, END = 6 * FPS, 9 * FPS
     ("reason", "spoil"),
     [
         ("frozen", None),
-        ("dark", np.zeros_like),
-        ("corrupt", torn),
-        ("camera_moved", turned),
+        pytest.param("dark", np.zeros_like, marks=pytest.mark.long),
+        pytest.param("corrupt", torn, marks=pytest.mark.long),
+        pytest.param("camera_moved", turned, marks=pytest.mark.long),
     ],
 )
 def test_a_fault_closes_all_segments_and_a_window_later_they_are_back(
@@ -243,8 +258,9 @@ def test_a_fault_closes_all_segments_and_a_window_later_they_are_back(
     assert ["has a fault" in line for line in lines] == [True, False]
 
 
+@pytest.mark.long
 def test_a_road_on_which_nothing_that_moves_is_detected_is_not_empty(
-    calm: tuple[Camera, list[Picture], list[Detections]],
+    calm: tuple[Camera, list[Picture], list[Detections]], usual_times: None
 ) -> None:
     """A detector that finds nothing: named within 10 s, and until it finds what moves again."""
     camera, pictures, seen = calm
@@ -279,6 +295,7 @@ def test_a_blind_detector_closes_the_segments(
     assert recorder.health[-1].fault == "blind"
 
 
+@pytest.mark.long
 def test_a_clock_that_steps_empties_the_window(
     calm: tuple[Camera, list[Picture], list[Detections]],
 ) -> None:
@@ -475,6 +492,7 @@ def stopped_lines(caplog: pytest.LogCaptureFixture) -> list[str]:
     return [line for line in lines if "stopped" in line or "stands" in line]
 
 
+@pytest.mark.slow
 def test_who_stands_is_told_until_once_that_nobody_does(
     camera: Camera, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -491,6 +509,7 @@ def test_who_stands_is_told_until_once_that_nobody_does(
     assert stopped_lines(caplog) == []
 
 
+@pytest.mark.slow
 def test_a_breakdown_is_logged_at_most_once_a_minute(
     camera: Camera, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -506,6 +525,7 @@ def test_a_breakdown_is_logged_at_most_once_a_minute(
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("cut_s", "fault_s"), [(7.0, np.inf), (np.inf, 7.0)])
 def test_nobody_says_that_the_road_is_clear_who_cannot_see_it(
     camera: Camera,

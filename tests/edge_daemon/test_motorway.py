@@ -47,10 +47,10 @@ def test_the_road_s_part_keeps_what_the_whole_picture_finds(
 ) -> None:
     """One carriageway takes half of the input; scores may differ by some hundredths."""
     model = str(shared_data / "coco_yolo11n_int8_openvino")
-    whole = open_detector(DetectorSettings(model=model, min_score=0.5, region=False))
+    whole = open_detector(DetectorSettings(model=model))
     road = copy(camera)
     road.segments = camera.segments[1:]
-    part = open_detector(DetectorSettings(model=model, min_score=0.45), road)
+    part = open_detector(DetectorSettings(model=model), road)
     capture = cv2.VideoCapture(str(shared_data / "real_highway_640x360.mp4"))
     chance = np.random.default_rng(1)
     there = kept = 0
@@ -60,7 +60,8 @@ def test_the_road_s_part_keeps_what_the_whole_picture_finds(
         assert ok
         noisy = picture + chance.normal(0, noise, picture.shape)
         image = np.clip(noisy, 0, 255).astype(np.uint8)
-        boxes, found = whole.detect(image).boxes, part.detect(image).boxes
+        boxes = whole.detect(image).boxes_above(0.5)
+        found = part.detect(image).boxes_above(0.45)
         feet = camera.to_road(np.column_stack([(boxes[:, 0] + boxes[:, 2]) / 2, boxes[:, 3]]))
         on_road = np.any([segment.contains(feet) for segment in road.segments], axis=0)
         for box in boxes[on_road]:

@@ -16,7 +16,6 @@ from edge_daemon.settings import (
     DetectorSettings,
     SourceSettings,
     StabilitySettings,
-    TrackerSettings,
 )
 from edge_daemon.sources import open_source
 from slipstream.errors import InputError
@@ -40,7 +39,6 @@ def a_pipeline(camera: Camera, detector: object = None) -> Pipeline:
         "rsu",
         camera,
         detector or Blind(),  # type: ignore[arg-type]
-        TrackerSettings(),
         StabilitySettings(),
         10.0,
     )
@@ -82,6 +80,7 @@ def calm(street_clips: dict[str, Path]) -> SegmentState:
     return watch(street_clips["stable"])
 
 
+@pytest.mark.long
 def test_calm_video_is_stable(street_clips: dict[str, Path], calm: SegmentState) -> None:
     """y_e = 1, and the features are close to the truth behind the video."""
     state = calm
@@ -142,6 +141,7 @@ def blank(time_s: float, *, cut: bool = False) -> Frame:
     return Frame(np.zeros((720, 1280, 3), np.uint8), time_s, 0, 0.0, cut)
 
 
+@pytest.mark.slow
 def test_an_empty_road_is_unknown_and_never_stable(camera: Camera) -> None:
     """No vehicle, no flag."""
     pipeline = a_pipeline(camera)
@@ -152,6 +152,7 @@ def test_an_empty_road_is_unknown_and_never_stable(camera: Camera) -> None:
     assert state.frames == pytest.approx(300, abs=1)
 
 
+@pytest.mark.slow
 def test_a_camera_that_falls_silent_becomes_unknown(camera: Camera) -> None:
     """The window empties with the time since the last frame."""
     pipeline = a_pipeline(camera)

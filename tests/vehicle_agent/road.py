@@ -8,6 +8,7 @@ from slipstream.messages import (
     PhaseState,
     PlannedCrossing,
     PlannedSegment,
+    SegmentState,
     SignalPhaseAndTiming,
 )
 from vehicle_agent.leg import Leg
@@ -111,3 +112,20 @@ def timings(*messages: SignalPhaseAndTiming) -> SignalTimings:
     for message in messages:
         found.receive(message)
     return found
+
+
+def state(segment_id: str, time_s: float, y_e: int | None = 1) -> SegmentState:
+    """What an RSU says of a segment without vehicles."""
+    return SegmentState(
+        rsu="r",
+        segment=segment_id,
+        sequence=0,
+        time_ns=ns(time_s),
+        window_s=10.0,
+        features=None,
+        y_e=y_e,
+        reason=None if y_e is not None else "no_frames",
+        vehicles=0,
+        frames=1,
+        coverage=1.0,
+    )

@@ -18,7 +18,6 @@ from slipstream.messages import (
     PlanAcknowledgement,
     PlatoonControl,
     PlatoonManagement,
-    SegmentState,
     SensedVehicle,
     SignalPhaseAndTiming,
     SignalRequest,
@@ -27,7 +26,7 @@ from slipstream.messages import (
     VehicleProgress,
     spat_key,
 )
-from tests.vehicle_agent.road import course, crossing, ns, segment, spat
+from tests.vehicle_agent.road import course, crossing, ns, segment, spat, state
 from tests.vehicle_agent.tours import VAN, ahead, continued, plan, report, sensing
 from vehicle_agent.agent import Agent, AgentParameters
 from vehicle_agent.host import AgentHost
@@ -40,23 +39,6 @@ ROUGH = KinematicFeatures(
     speed_std_mps=Estimate(value=4.0),
     acceleration_variance_m2ps4=Estimate(value=2.0),
 )
-
-
-def state(segment_id: str, time_s: float, y_e: int | None = 1) -> SegmentState:
-    """What an RSU says of a segment without vehicles."""
-    return SegmentState(
-        rsu="r",
-        segment=segment_id,
-        sequence=0,
-        time_ns=ns(time_s),
-        window_s=10.0,
-        features=None,
-        y_e=y_e,
-        reason=None if y_e is not None else "no_frames",
-        vehicles=0,
-        frames=1,
-        coverage=1.0,
-    )
 
 
 def agent(**fields: Any) -> Agent:
@@ -311,6 +293,7 @@ speeds = st.floats(0, 80, allow_nan=False)
 near = st.one_of(st.none(), st.sampled_from(["front", "other"]))
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(
     front_m=st.floats(0, 399),

@@ -33,7 +33,6 @@ from slipstream.messages import (
     sensing_key,
 )
 from tests.vehicle_agent.tours import VAN, plan, report, sensing
-from vehicle_agent.wire import message_of
 
 pytestmark = pytest.mark.process
 
@@ -221,19 +220,10 @@ def test_an_agent_whose_vehicle_is_silent_stops_advising(tmp_path: Path, router:
             end(process)
 
 
-@pytest.mark.parametrize(
-    ("text", "named"),
-    [
-        ("vehicles = []\n", "agents.a.vehicles"),
-        ('vehicles = [{ id = "a" }, { id = "a" }]\n', "twice"),
-        ('vehicles = [{ id = "a", type.length_m = -1 }]\n', "agents.a.vehicles.a.type.length_m"),
-        ('state = "/dev/null/x"\nvehicles = [{ id = "a" }]\n', "state"),
-    ],
-)
-def test_bad_settings_are_one_line(tmp_path: Path, text: str, named: str) -> None:
+def test_a_folder_that_cannot_be_used_is_one_line(tmp_path: Path) -> None:
     """Exit status 2, naming the key."""
     config = tmp_path / "agent.toml"
-    config.write_text(f"[agents.a]\n{text}")
+    config.write_text('[agents.a]\nstate = "/dev/null/x"\nvehicles = [{ id = "a" }]\n')
     done = subprocess.run(
         [sys.executable, "-m", "slipstream_cli", "agent", "--config", str(config)],
         capture_output=True,
@@ -242,13 +232,4 @@ def test_bad_settings_are_one_line(tmp_path: Path, text: str, named: str) -> Non
     )
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
-    assert named in done.stderr
-
-
-def test_keys_promise_their_messages() -> None:
-    """An unknown key is refused."""
-    key = f"slipstream/v1/vehicle/{VAN}/sensing"
-    assert message_of(key, sensing(1).to_bytes()) == sensing(1)
-    for unknown in ("slipstream/v1/fleet/x/else", "elsewhere", "slipstream/v1/vehicle"):
-        with pytest.raises(Exception, match="not a key"):
-            message_of(unknown, b"{}")
+    assert "state" in done.stderr

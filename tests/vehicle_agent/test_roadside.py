@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from slipstream.freshness import STALE_AFTER_S
-from tests.vehicle_agent.road import ns
-from tests.vehicle_agent.test_agent import state
+from tests.vehicle_agent.road import ns, state
 from tests.vehicle_agent.tours import VAN, sensing
 from vehicle_agent.agent import Agent, AgentParameters
 from vehicle_agent.daemon import is_news

@@ -274,6 +274,7 @@ def test_slack_is_what_the_tightest_stop_leaves() -> None:
 Step = st.sampled_from(["drive", "served", "restart", "plan", "again"])
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(st.lists(Step, max_size=30))
 def test_a_restart_loses_nothing(steps: list[str]) -> None:

@@ -94,3 +94,12 @@ def test_a_message_is_of_the_sender_of_its_key(
     for key in others:
         with pytest.raises(InputError, match="not the sender"):
             message_of(key, message.to_bytes())
+
+
+@pytest.mark.parametrize(
+    "key", ["slipstream/v1/fleet/x/else", "elsewhere", "slipstream/v1/vehicle"]
+)
+def test_an_unknown_key_is_refused(key: str) -> None:
+    """It promises nothing."""
+    with pytest.raises(InputError, match="not a key"):
+        message_of(key, b"{}")

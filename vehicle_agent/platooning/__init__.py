@@ -1,7 +1,4 @@
-"""Platooning of one vehicle: catch up, join, keep a close gap where gates are open, leave.
-
-Pure: messages, motion and gates in, speeds and messages out. Each vehicle decides for itself.
-"""
+"""Platooning of one vehicle: catch up, join, keep a close gap where gates are open, leave."""
 
 from vehicle_agent.platooning.controller import Platooning
 from vehicle_agent.platooning.gap_control import CLOSE_GAP_M, MIN_SPEED_MPS

@@ -1,10 +1,5 @@
-"""The agreement of two vehicles that the front one waits for the rear one, from either side.
-
-The rear vehicle asks the front one, or the leader of its platoon, to take a share b off its speed,
-and asks again each second, with what it needs by then. The other one agrees if it has heard the
-rear one behind it on its road, nobody else has asked it, and it has not waited for others for 300 s
-in an hour already. It goes on as before when the rear one has come, leaves, or has not asked for
-5 s.
+"""The agreement of two vehicles that the front one waits for the rear one, from either side; its
+terms are in docs/platooning.md, "Catching up".
 """
 
 from __future__ import annotations
@@ -32,11 +27,8 @@ EXPIRY_NS: Final = 5 * RENEW_NS
 
 @dataclass
 class Joined:
-    """The front vehicle's side: whom it waits for.
-
-    Attributes:
-        by: the vehicle that has asked; None: none.
-        slowdown: b.
+    """The front vehicle's side: whom it waits for, if anybody, and the share b of its speed that it
+    takes off.
     """
 
     by: str | None = None
@@ -65,10 +57,9 @@ class Joined:
 
 @dataclass
 class Waits:
-    """For how long a vehicle has driven more slowly for others, whoever they were.
-
-    It counts for an hour from the first wait on, then anew; and anew once another vehicle than the
-    last one has come, as the own sensing has it.
+    """For how long a vehicle has driven more slowly for others, whoever they were: within an hour
+    from the first wait on, and anew once another vehicle than the last one has come, as the own
+    sensing has it.
     """
 
     _spent_ns: int = 0
@@ -140,13 +131,7 @@ class Joining:
 
 
 class Agreements:
-    """A vehicle's agreements, and the management messages about them.
-
-    Attributes:
-        joined: whom it waits for.
-        joining: whom it catches up with.
-        waits: for how long it has waited.
-    """
+    """A vehicle's agreements, and the management messages about them."""
 
     def __init__(self, vehicle: str) -> None:
         self.joined, self.joining, self.waits = Joined(), Joining(), Waits()

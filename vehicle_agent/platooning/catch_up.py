@@ -54,7 +54,6 @@ class CatchUp:
     Attributes:
         front: vehicle that it will follow.
         asked: front, or the leader of its platoon; None: that one is waiting for another vehicle.
-        rendezvous: at which speeds.
         lane: wanted; None: any.
         drop_back: whether the vehicle is beside the other one, and must come behind it first.
     """
@@ -67,10 +66,8 @@ class CatchUp:
 
 
 def find_catch_up(situation: Situation, vehicle: str, neighbours: Neighbours) -> CatchUp | None:
-    """The rendezvous with a vehicle ahead on the same path, if it saves energy.
-
-    That is the next one of the plan's platoon while it is within the synchronisation window, else
-    the nearest one.
+    """The rendezvous with a vehicle ahead on the same path, if it saves energy: with the next one
+    of the plan's platoon while it is within the synchronisation window, else with the nearest one.
     """
     s = situation
     # Near enough to join or to be refused.
@@ -101,10 +98,11 @@ def asked_of(front: PlatoonControl) -> str:
 
 
 def closing_slowdown(situation: Situation, followers: Iterable[PlatoonControl]) -> float:
-    """Share of its speed that a leader takes off so that its followers' open gaps close.
+    """Share of its speed that a leader takes off so that its followers' open gaps close, who drive
+    no faster than the limit.
 
-    They drive no faster than the limit. It is slow enough for all gaps together, and takes its
-    speed up again no faster than they can slow down by coasting: see `closing_mps`.
+    It is slow enough for all gaps together, and takes its speed up again no faster than they can
+    slow down by coasting: see `closing_mps`.
     """
     own, lag_m = situation.own, 0.0
     for follower in followers:
@@ -117,10 +115,9 @@ def closing_slowdown(situation: Situation, followers: Iterable[PlatoonControl]) 
 def _front(
     s: Situation, vehicle: str, neighbours: Neighbours
 ) -> tuple[PlatoonControl, float, bool] | None:
-    """Who may be joined, the age of its message, and whether the plan has it ahead.
-
-    Nobody beyond it is asked while another one joins it, or its leader: to get there, all between
-    would have to be overtaken.
+    """Who may be joined, the age of its message, and whether the plan has it ahead. Nobody beyond
+    it is asked while another one joins it, or its leader: to get there, all between would have to
+    be overtaken.
     """
     followed = {h.message.ahead: h.message.vehicle for h in neighbours if h.message.ahead}
     best: tuple[tuple[bool, int, float], PlatoonControl, float] | None = None
@@ -174,9 +171,8 @@ def _rendezvous(
 
 
 def _is_worth_speed(s: Situation, shared: SharedPath) -> bool:
-    """Whether a speed that is gained here lasts to where the gates are open.
-
-    On a ramp or a side street it does not: vehicles slow down to turn at its end.
+    """Whether a speed that is gained here lasts to where the gates are open; on a ramp or a side
+    street it does not: vehicles slow down to turn at its end.
     """
     for i, (segment, _) in enumerate(shared.parts):
         if s.gates.is_open(segment):
@@ -185,9 +181,8 @@ def _is_worth_speed(s: Situation, shared: SharedPath) -> bool:
 
 
 def _is_blocked(s: Situation, front: PlatoonControl, shared: SharedPath) -> bool:
-    """Whether a vehicle between the two blocks the rear one, which could only brake behind it.
-
-    On a motorway with free lanes it overtakes.
+    """Whether a vehicle between the two blocks the rear one, which could only brake behind it; on a
+    motorway with free lanes it overtakes.
     """
     if s.ahead is None or s.ahead.vehicle == front.vehicle or _can_pass(s):
         return False
@@ -201,10 +196,8 @@ def _can_pass(s: Situation) -> bool:
 
 
 def _spacings_aside(s: Situation, front: PlatoonControl, shared: SharedPath) -> float | None:
-    """Distance to a vehicle on another lane of the same segment, in car-following gaps.
-
-    None where it is not on another lane, or where neither a plan has it behind that one nor
-    overtaking is possible.
+    """Distance to a vehicle on another lane of the same segment, in car-following gaps; None where
+    it is on none, or where neither a plan has it behind that one nor overtaking is possible.
     """
     crossing = s.state.crossing or front.crossing
     if shared.meets > 0 or crossing or s.state.lane == front.lane:

@@ -15,12 +15,7 @@ _MAX_TAIL_M: Final = 1000.0
 
 
 class ControlMessages:
-    """Makes a vehicle's platoon control messages.
-
-    Args:
-        vehicle: its id.
-        length_m: of it.
-    """
+    """Makes a vehicle's platoon control messages."""
 
     def __init__(self, vehicle: str, length_m: float) -> None:
         self._vehicle, self._length_m = vehicle, length_m

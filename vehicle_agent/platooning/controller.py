@@ -38,13 +38,8 @@ class Platooning:
 
     Two vehicles drive as a platoon where one is directly behind the other on its lane, both go the
     same way, the gates there are open, and the open distance ahead pays for the manoeuvre. The rear
-    one decides that; others are asked to wait for it, and told when it leaves.
-
-    It leaves at once when the segment that it is on has no open gate or turbulent traffic, its
-    partner is silent for 0.5 s or leaves, another vehicle cuts in, or its own sensing is late; and
-    early enough to be apart where the gates or the shared path end. Then it opens its gap by
-    coasting until its driver's own gap is reached. It does not join again within 2 s, nor on the
-    segment whose turbulence it has left for.
+    one decides that; others are asked to wait for it, and told when it leaves. When it leaves:
+    docs/platooning.md.
 
     Args:
         vehicle: its id.
@@ -81,10 +76,9 @@ class Platooning:
 
     @staticmethod
     def segments_of_interest(leg: Leg, state: VehicleState) -> tuple[str, ...]:
-        """Segments whose vehicles' PlatoonControl it must hear, in the order of the path.
-
-        The path as far ahead and behind as a rendezvous may be from anywhere on the present
-        segment, so that they stay the same on it however long it is.
+        """Segments whose vehicles' PlatoonControl it must hear, in the order of the path, as far
+        ahead and behind as a rendezvous may be from anywhere on the present segment: they stay the
+        same on it, however long it is.
         """
         first = bisect_left(leg.ends_m, leg.begins_m[state.number] - MAX_DISTANCE_M)
         last = bisect_right(leg.begins_m, leg.ends_m[state.number] + MAX_DISTANCE_M)
@@ -104,14 +98,11 @@ class Platooning:
                 self._agreements.joining.refuse(message.vehicle, now_ns)
 
     def reset(self, reason: str) -> tuple[PlatoonManagement, ...]:
-        """End platooning: the plan is superseded, or advice ends. The gap opens at once.
+        """End platooning, the plan being superseded or advice at its end: the gap opens at once.
+        Returns what partners must be told now.
 
         While the mode is not yet alone, go on with `step`, on the former leg if there is no other,
-        with gates that are closed. It does not join again within 2 s. It may be called as often as
-        the reason holds.
-
-        Returns:
-            What partners must be told now.
+        with gates that are closed. It may be called as often as the reason holds.
         """
         agreements = self._agreements
         told = {agreements.joined.by, agreements.joining.asked}

@@ -64,12 +64,10 @@ class Own:
     """A follower.
 
     Attributes:
-        speed_mps: now.
         max_mps: that it may drive here.
         desired_mps: that it would drive here alone.
         advised_gap_m: g_advised.
         interval_s: Δt, of its control.
-        vehicle: its physics.
         drafting: law of its drag reduction.
     """
 
@@ -124,10 +122,9 @@ IDM: Final = Idm()
 
 
 def following_mps(own: Own, ahead: AheadMotion) -> float:
-    """Speed of a follower at the end of the coming interval.
-
-    Far behind, it closes up no faster than it can slow down again by coasting, so that the energy
-    put into catching up is not braked away, and brakes no more than it must.
+    """Speed of a follower at the end of the coming interval. Far behind, it closes up no faster
+    than it can slow down again by coasting, so that the energy put into catching up is not braked
+    away, and brakes no more than it must.
     """
     dt, error_m = own.interval_s, ahead.gap_m - own.wanted_gap_m
     room_m = ahead.gap_m - own.advised_gap_m
@@ -163,9 +160,8 @@ def closing_mps(error_m: float, coasting: float) -> float:
 
 
 def _required_braking_mps2(speed_mps: float, ahead: AheadMotion, room_m: float) -> float:
-    """Smallest deceleration that avoids the vehicle ahead, m/s².
-
-    That vehicle keeps its speed, or goes on braking to a stand: the larger result of the two.
+    """Smallest deceleration that avoids the vehicle ahead, which keeps its speed or goes on braking
+    to a stand, m/s²: the larger result of the two.
     """
     needed = max(0.0, speed_mps - ahead.speed_mps) ** 2 / (2 * room_m)
     if ahead.slowing_mps2 > _BRAKING_THRESHOLD_MPS2:
@@ -175,10 +171,9 @@ def _required_braking_mps2(speed_mps: float, ahead: AheadMotion, room_m: float) 
 
 
 def leaving_mps(own: Own, ahead: AheadMotion) -> float:
-    """Speed at the end of the coming interval of a vehicle that opens its gap.
-
-    It coasts, and brakes comfortably while it still approaches, as after a cut-in. It never drives
-    faster than a follower.
+    """Speed at the end of the coming interval of a vehicle that opens its gap: it coasts, and
+    brakes comfortably while it still approaches, as after a cut-in. It never drives faster than a
+    follower.
     """
     nearer = own.speed_mps > ahead.speed_mps + _APPROACH_MPS
     lower = -COMFORTABLE_MPS2 if nearer else -own.coasting_mps2
@@ -189,12 +184,8 @@ def leaving_mps(own: Own, ahead: AheadMotion) -> float:
 
 
 def waiting_mps(before_mps: float, target_mps: float, own: Own) -> float:
-    """Set speed of a vehicle that another one catches up with: it sinks as by coasting only.
-
-    Args:
-        before_mps: the one of the interval before.
-        target_mps: that it is to reach.
-        own: the vehicle.
+    """Set speed, after the one of the interval before, of a vehicle that another one catches up
+    with: it sinks towards its target as by coasting only.
     """
     return max(target_mps, before_mps - SLOWING_SHARE * own.coasting_mps2 * own.interval_s)
 
@@ -206,10 +197,9 @@ def has_left(own: Own, ahead: AheadMotion) -> bool:
 
 
 def leaving_distance_m(speed_mps: float, gap_m: float, vehicle: VehicleParameters) -> float:
-    """Distance driven until a gap is open (`has_left`), m.
-
-    Coasting at c, the gap grows by ½ c t² and the IDM's wanted one shrinks by v c t / 2√(ab); at
-    1.3 times the wanted one the IDM coasts too.
+    """Distance driven until a gap is open (`has_left`), m. Coasting at c, the gap grows by ½ c t²
+    and the IDM's wanted one shrinks by v c t / 2√(ab); at 1.3 times the wanted one the IDM coasts
+    too.
     """
     c = coasting_mps2(speed_mps, vehicle)
     shrinks = 1.3 * (IDM.desired_gap_m(speed_mps) - IDM.desired_gap_m(speed_mps, -1.0)) * c

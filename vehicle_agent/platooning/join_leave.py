@@ -33,10 +33,8 @@ NONE_AHEAD: Final = "no vehicle is sensed ahead"
 
 
 def obstacle(situation: Situation, *, keeps: bool) -> str | None:
-    """Why a vehicle may not follow the one directly ahead, in words for people; None: it may.
-
-    Args:
-        keeps: whether it follows that one already.
+    """Why a vehicle may not follow, or go on following (`keeps`), the one directly ahead, in words
+    for people; None: it may.
     """
     s = situation
     if not s.sensing_in_time:
@@ -72,11 +70,6 @@ def followers(
 
     Believed is who comes from behind, is not so far from the one ahead of it that it would leave
     it, and, directly behind, is where the own sensing has it.
-
-    Args:
-        situation: of the vehicle.
-        neighbours: that it has heard.
-        vehicle: its id.
     """
     s, found, chain = situation, [], [vehicle]
     told = [heard.message for heard in neighbours if heard.message.mode == "following"]

@@ -77,9 +77,8 @@ class Membership:
         return True
 
     def partners_lane(self, s: Situation, neighbours: Neighbours) -> int | None:
-        """The lane of the vehicle that it follows, while both are on one segment and go on alike.
-
-        For a moment also of the one that it has just left: that may have changed its lane.
+        """The lane of the vehicle that it follows, while both are on one segment and go on alike;
+        for a moment also of the one that it has just left: that may have changed its lane.
         """
         front, state = neighbours.get(self.partner), s.state
         if front is None or state.crossing or front.crossing or front.front_m < state.front_m:
@@ -91,10 +90,8 @@ class Membership:
         return front.lane if alike else None
 
     def _is_merely_hidden(self, s: Situation, found: str | None, neighbours: Neighbours) -> bool:
-        """Whether its partner, still heard, is not sensed ahead for a moment.
-
-        That is a dropout of the sensor, or it has told of another lane and is sensed ahead once the
-        vehicle is there too.
+        """Whether its partner, still heard, is not sensed ahead for a moment: a dropout of the
+        sensor, or it has told of another lane and is sensed ahead once the vehicle is there too.
         """
         front = neighbours.get(self.partner)
         aside = front is not None and on_another_lane(s, front)

@@ -35,12 +35,7 @@ class Heard:
 
 
 class Neighbours:
-    """Vehicles of the fleet that were heard lately.
-
-    Args:
-        vehicle: the own one, whose messages are not heard.
-        interval_s: between two messages of a vehicle.
-    """
+    """Vehicles of the fleet that were heard lately, but the own one; each sends once a step."""
 
     def __init__(self, vehicle: str, interval_s: float) -> None:
         self._vehicle = vehicle

@@ -37,8 +37,6 @@ class AheadMotion:
     """The vehicle directly ahead.
 
     Attributes:
-        gap_m: to it now.
-        speed_mps: its, now.
         coming_mps: the latest speed that is known of it: what it announced for a moment that is
             still to come, or the sensed one.
         trusted_s: how much of the control interval its announcement covers; 0: none of it.
@@ -69,12 +67,8 @@ def front_way_m(ahead: AheadMotion) -> float:
 
 
 def safe_mps(speed_mps: float, ahead: AheadMotion, interval_s: float) -> float:
-    """The highest safe command; 0 where none is: then nothing but the strongest braking is left.
-
-    Args:
-        speed_mps: own, now.
-        ahead: the vehicle directly ahead.
-        interval_s: in which the command is reached.
+    """The highest safe command, reached at the end of the interval; 0 where none is: then nothing
+    but the strongest braking is left.
     """
     room_m = ahead.gap_m - STANDING_M + front_way_m(ahead)
     room_m -= max(speed_mps, ahead.speed_mps) / 2 * interval_s

@@ -83,13 +83,8 @@ def comes_behind(leg: Leg, state: VehicleState, rear: PlatoonControl) -> bool:
 def find_shared_path(
     leg: Leg, number: int, place_m: float, front: PlatoonControl, age_s: float
 ) -> SharedPath | None:
-    """What a vehicle has in common with one ahead of it; None if it is not ahead or too far.
-
-    Args:
-        number: of the rear vehicle's segment on its leg.
-        place_m: of its front along its leg.
-        front: what the other vehicle told.
-        age_s: of that; it has driven on since.
+    """What a vehicle has in common with one ahead of it, as of `spacing_m`; None if it is not ahead
+    or too far.
     """
     spacing = spacing_m(leg, number, place_m, front, age_s)
     if spacing > MAX_DISTANCE_M:

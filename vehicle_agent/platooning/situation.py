@@ -34,22 +34,14 @@ class Situation:
     """Input of one interval's decisions.
 
     Attributes:
-        now_ns: by the own clock.
-        leg: driven.
-        state: of the vehicle.
         place_m: of its front along the leg.
         limit_mps: speed limit here.
         lowest_mps: at the end of the interval, by the strongest braking.
-        own: its speeds and gap.
         planned: the segment that it is on.
-        ahead: the vehicle directly ahead; None: none is sensed.
-        motion: that one's; None: as before.
-        behind: the vehicle directly behind; None: none is sensed.
+        motion: of the vehicle ahead; None: none is sensed.
         margin_m: added to the wanted gap: its way within the age of its own sensing.
-        partner: what that one told; None: it is not of the fleet, or silent.
-        partner_age_s: of that.
+        partner: what the vehicle ahead told; None: it is not of the fleet, or silent.
         sensing_in_time: whether the own sensing is neither late nor of the future.
-        gates: of segments.
     """
 
     now_ns: int
@@ -93,10 +85,9 @@ def look(
     drafting: DragLaw,
     commanded_mps: float | None,
 ) -> Situation:
-    """The situation of a vehicle now; see `Platooning`.
-
-    Sensing that is late is taken on to now: the vehicle has come to the speed that it was last
-    commanded as far as it can have, and the one ahead has gone on as it moved and told.
+    """The situation of a vehicle now; see `Platooning`. Sensing that is late is taken on to now:
+    the vehicle has come to the speed that it was last commanded as far as it can have, and the one
+    ahead has gone on as it moved and told.
     """
     late_ns = now_ns - sensing.time_ns
     late_s = _within(late_ns, 0, SILENT_NS) / 1e9
@@ -158,15 +149,8 @@ def ahead_motion(
     age_s: float,
     interval_s: float,
 ) -> AheadMotion:
-    """Motion of the vehicle ahead by the own sensors and, while it is fresh, by what it told.
-
-    Args:
-        sensed: by the own sensors.
-        late_s: age of that.
-        moved_m: own way within it.
-        told: by itself; None: nothing.
-        age_s: of that.
-        interval_s: of its messages.
+    """Motion of the vehicle ahead by the own sensors, `late_s` ago, the own way within which was
+    `moved_m`, and, while it is fresh, by what it told `age_s` ago, once an interval.
     """
     slowing = 0.0
     if told is not None:

@@ -23,20 +23,16 @@ _OBEYED_MPS: Final = 0.05
 def commanded_mps(
     situation: Situation, mode: PlatoonMode, front: PlatoonControl | None, cap_mps: float
 ) -> float | None:
-    """Speed at the end of the interval, m/s; None while it drives alone.
+    """Speed at the end of the interval, m/s, within `cap_mps` of the rest of the agent; None while
+    it drives alone.
 
     At most the limit here. Otherwise never less than the strongest braking reaches: where the gap
     is unsafe at any speed, or a limit was missed, that is what is commanded. The age of the own
     sensing widens the gap by coasting, or comfortable braking where the gap is not safe at that
     age; never harder for the age alone.
 
-    Args:
-        situation: now.
-        mode: of the vehicle.
-        front: last message of the vehicle that it follows; while no vehicle is sensed ahead, it
-            drives no faster than that one. Where that one has told of another lane it is not in
-            the way, and coasting is enough.
-        cap_mps: what the rest of the agent allows.
+    While no vehicle is sensed ahead, it drives no faster than `front`, which it follows, told.
+    Where that one has told of another lane it is not in the way, and coasting is enough.
     """
     if mode == "alone":
         return None
@@ -68,15 +64,9 @@ def on_another_lane(situation: Situation, front: PlatoonControl) -> bool:
 
 
 def leading_mps(situation: Situation, set_mps: float, cap_mps: float) -> float:
-    """Speed at the end of the interval of a leader, m/s: it is commanded as its followers are.
-
-    So it drives what it announces. Behind others it keeps the gap of a driver alone. A lower set
-    speed it reaches by coasting.
-
-    Args:
-        situation: now.
-        set_mps: highest speed that it would like.
-        cap_mps: what the rest of the agent allows.
+    """Speed at the end of the interval of a leader, m/s: it is commanded as its followers are, so
+    it drives what it announces. Behind others it keeps the gap of a driver alone. A lower set speed
+    it reaches by coasting.
     """
     own, ahead = situation.own, situation.motion
     gently = own.speed_mps - 0.9 * own.coasting_mps2 * own.interval_s
@@ -93,15 +83,10 @@ def leading_mps(situation: Situation, set_mps: float, cap_mps: float) -> float:
 def cruise_mps(
     situation: Situation, slowdown: float, joining: Joining, before_mps: float | None
 ) -> float | None:
-    """Highest set speed of a vehicle alone, m/s; None: as without platooning.
+    """Highest set speed of a vehicle alone, m/s, after that of the interval before, if there was
+    one; None: as without platooning.
 
     A vehicle that catches up with another one itself waits no more than half as much as that one.
-
-    Args:
-        situation: now.
-        slowdown: share of its speed that it takes off.
-        joining: whom it catches up with.
-        before_mps: the set speed of the interval before; None: there was none.
     """
     own = situation.own
     if joining.slowdown > 0:
@@ -117,9 +102,8 @@ def cruise_mps(
 
 
 def announced_mps(situation: Situation, commanded: float | None, cap_mps: float) -> float:
-    """Speed that others may reckon with at the end of the interval, m/s.
-
-    That of a vehicle alone is its present motion continued, within the cap.
+    """Speed that others may reckon with at the end of the interval, m/s: of a vehicle alone its
+    present motion continued, within the cap.
     """
     own, state = situation.own, situation.state
     if commanded is None:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from slipstream.energy.traction import PAPER_CAR, VehicleParameters
@@ -31,15 +30,25 @@ _NEAR_DESIRED: Final = 0.9995
 
 _ITERATIONS: Final = 6
 
+_ACCELERATION_MPS2: Final = 1.8
+"""The IDM's largest one."""
+_BRAKING_MPS2: Final = 1.0
+"""Before turns and the end."""
+_SLOWING_MPS2: Final = 1.5
+"""Before a signal that turns green while it comes near."""
+_STARTUP_S: Final = 1.5
+"""From green to passing the stop line, where others may stand before."""
+YIELDING_MPS: Final = 3.0
+"""Where the vehicle may have to give way."""
+_LATE_S: Final = 1.0
+"""After the end of green it still passes."""
+_UNKNOWN_WAIT_S: Final = 4.0
+"""Wait at a signal whose state at the arrival is unknown."""
+
 
 class RoadPart(NamedTuple):
-    """A part of a path with one desired speed.
-
-    Attributes:
-        length_m: of it.
-        speed_mps: desired, > 0.
-        movement: the movement at the signal at its end; None without one.
-        end_mps: allowed at its end.
+    """A part of a path with one desired speed, > 0, the movement through the signal at its end, if
+    there is one, and the speed allowed there.
     """
 
     length_m: float
@@ -48,41 +57,11 @@ class RoadPart(NamedTuple):
     end_mps: float = math.inf
 
 
-@dataclass(frozen=True)
-class DriveParameters:
-    """How a vehicle drives in predictions.
-
-    Attributes:
-        acceleration_mps2: the IDM's largest one.
-        braking_mps2: before turns and the end.
-        slowing_mps2: before a signal that turns green while it comes near.
-        startup_s: from green to passing the stop line, where others may stand before.
-        yielding_mps: speed where the vehicle may have to give way.
-        late_s: time after the end of green in which it still passes.
-        unknown_wait_s: wait at a signal whose state at the arrival is unknown.
-    """
-
-    acceleration_mps2: float = 1.8
-    braking_mps2: float = 1.0
-    slowing_mps2: float = 1.5
-    startup_s: float = 1.5
-    yielding_mps: float = 3.0
-    late_s: float = 1.0
-    unknown_wait_s: float = 4.0
-
-
 class PredictedDrive(NamedTuple):
-    """Predicted drive.
-
-    Attributes:
-        duration_s: from rest to rest.
-        energy_kwh: of it.
-        stops: at signals; slowing down counts by the part of the speed that is lost.
-    """
+    """Predicted drive from rest to rest."""
 
     duration_s: float
     energy_kwh: float
-    stops: float
 
 
 class Gain(NamedTuple):
@@ -93,11 +72,11 @@ class Gain(NamedTuple):
     squares_m3ps2: float
 
 
-def drive_on(speed_mps: float, desired_mps: float, length_m: float, a: float) -> Gain:
+def drive_on(speed_mps: float, desired_mps: float, length_m: float) -> Gain:
     """The IDM alone on a road; a vehicle that is faster than it likes drops to that at once."""
     if length_m <= 0:
         return Gain(speed_mps, 0.0, 0.0)
-    v0 = desired_mps
+    v0, a = desired_mps, _ACCELERATION_MPS2
     x0 = min(speed_mps / v0, _NEAR_DESIRED)
     c = math.atanh(x0 * x0)
     rate = 2 * a / (v0 * v0)
@@ -124,23 +103,13 @@ def predict_drive(
     way: Sequence[RoadPart],
     depart_s: float,
     greens: Greens,
-    parameters: DriveParameters,
     vehicle: VehicleParameters = PAPER_CAR,
 ) -> PredictedDrive:
-    """A leg from rest to rest.
-
-    Args:
-        way: its stretches.
-        depart_s: when it begins.
-        greens: what is known of movements.
-        parameters: of driving.
-        vehicle: physical data.
-    """
+    """A leg from rest to rest, by what is known of movements."""
     rolling_n, drag = vehicle.rolling_force_n, vehicle.drag_factor_kgpm
-    now_s, speed, work_j, stops = depart_s, 0.0, 0.0, 0.0
-    caps = _caps(way, parameters.braking_mps2)
-    for stretch, cap in zip(way, caps, strict=True):
-        gain, braked_m = _towards(speed, stretch, cap, parameters)
+    now_s, speed, work_j = depart_s, 0.0, 0.0
+    for stretch, cap in zip(way, _caps(way), strict=True):
+        gain, braked_m = _towards(speed, stretch, cap)
         work_j += 0.5 * vehicle.mass_kg * max(0.0, gain.speed_mps**2 - speed**2)
         work_j += rolling_n * (stretch.length_m - braked_m) + drag * gain.squares_m3ps2
         now_s += gain.seconds
@@ -150,32 +119,29 @@ def predict_drive(
             speed = cap
         if stretch.movement is None:
             continue
-        waiting_s, protected = wait_s(greens(stretch.movement), now_s, parameters)
-        b = parameters.slowing_mps2
+        waiting_s, protected = wait_s(greens(stretch.movement), now_s)
+        b = _SLOWING_MPS2
         slowest = max(0.0, speed - math.sqrt(2 * b * speed * waiting_s))
         if not protected:
-            slowest = min(slowest, parameters.yielding_mps)
+            slowest = min(slowest, YIELDING_MPS)
         if slowest < speed:
             work_j -= _traction_free_j(speed, slowest, b, stretch.length_m, vehicle)
-            stops += 1 - slowest / speed
             now_s += max(waiting_s, _braking_loss_s(speed, slowest, b))
             speed = slowest
-    return PredictedDrive(now_s - depart_s, vehicle.electrical_kwh(max(0.0, work_j)), stops)
+    return PredictedDrive(now_s - depart_s, vehicle.electrical_kwh(max(0.0, work_j)))
 
 
-def wait_s(
-    greens: Sequence[Green], arrival_s: float, parameters: DriveParameters
-) -> tuple[float, bool]:
+def wait_s(greens: Sequence[Green], arrival_s: float) -> tuple[float, bool]:
     """Wait at a stop line, and whether the movement is protected then."""
     protected = True
     for green in greens:
         protected = green.protected
-        if arrival_s <= green.end_s + parameters.late_s:
-            return max(0.0, green.begin_s + parameters.startup_s - arrival_s), protected
-    return parameters.unknown_wait_s, protected
+        if arrival_s <= green.end_s + _LATE_S:
+            return max(0.0, green.begin_s + _STARTUP_S - arrival_s), protected
+    return _UNKNOWN_WAIT_S, protected
 
 
-def _caps(way: Sequence[RoadPart], braking_mps2: float) -> list[float]:
+def _caps(way: Sequence[RoadPart]) -> list[float]:
     """The highest speed at the end of each stretch from which the next ones can be driven."""
     caps = [0.0] * len(way)
     after = 0.0
@@ -183,25 +149,23 @@ def _caps(way: Sequence[RoadPart], braking_mps2: float) -> list[float]:
         stretch = way[number]
         after = caps[number] = min(after, stretch.end_mps)
         after = min(
-            stretch.speed_mps, math.sqrt(after * after + 2 * braking_mps2 * stretch.length_m)
+            stretch.speed_mps, math.sqrt(after * after + 2 * _BRAKING_MPS2 * stretch.length_m)
         )
     return caps
 
 
-def _towards(
-    speed_mps: float, stretch: RoadPart, cap_mps: float, parameters: DriveParameters
-) -> tuple[Gain, float]:
+def _towards(speed_mps: float, stretch: RoadPart, cap_mps: float) -> tuple[Gain, float]:
     """Drive on, then brake to a cap: the drive before braking, and the braking distance."""
-    length_m, a = stretch.length_m, parameters.acceleration_mps2
-    gain = drive_on(speed_mps, stretch.speed_mps, length_m, a)
+    length_m = stretch.length_m
+    gain = drive_on(speed_mps, stretch.speed_mps, length_m)
     if gain.speed_mps <= cap_mps:
         return gain, 0.0
     braked_m = 0.0
     for _ in range(_ITERATIONS):
         # The later it brakes, the faster it is, the earlier it must: halfway between both.
-        needed_m = (gain.speed_mps**2 - cap_mps**2) / (2 * parameters.braking_mps2)
+        needed_m = (gain.speed_mps**2 - cap_mps**2) / (2 * _BRAKING_MPS2)
         braked_m = min(length_m, 0.5 * (braked_m + needed_m))
-        gain = drive_on(speed_mps, stretch.speed_mps, length_m - braked_m, a)
+        gain = drive_on(speed_mps, stretch.speed_mps, length_m - braked_m)
     return gain, braked_m
 
 

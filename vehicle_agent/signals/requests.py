@@ -1,7 +1,5 @@
-"""Requests for green (SRM): which signals a vehicle asks, for when, and when it takes that back.
-
-Once a second it asks the signals that a free drive reaches within HORIZON_S, up to the first that
-is not green. How a signal serves requests, and which queues it clears before, is its own affair.
+"""Requests for green (SRM), once a second: signals that a free drive reaches within HORIZON_S, up
+to the first that is not green. How a signal serves requests is its own affair.
 """
 
 from __future__ import annotations
@@ -29,12 +27,7 @@ INTERVAL_S: Final = 1.0
 
 
 class SignalRequests:
-    """The requests of one vehicle.
-
-    Args:
-        vehicle: that asks.
-        timings: what the intersections tell.
-    """
+    """The requests of one vehicle, by what the intersections tell."""
 
     def __init__(self, vehicle: str, timings: SignalTimings) -> None:
         self._vehicle = vehicle
@@ -49,13 +42,8 @@ class SignalRequests:
     ) -> tuple[SignalRequest, ...]:
         """The requests to send now: new ones, updates, cancellations; at most once a second.
 
-        A request for a line that lies behind, or is not on the way any more, is cancelled.
-
-        Args:
-            now_s: UTC, or the simulated time.
-            leg: that the vehicle drives, as it is now.
-            state: where it is on it.
-            tail_m: from its front to the rear of its platoon's last vehicle.
+        A request for a line that lies behind, or is not on the way any more, is cancelled. `tail_m`
+        is from the vehicle's front to the rear of its platoon's last one.
         """
         if now_s < self._next_s:
             return ()

@@ -44,12 +44,8 @@ class Green(NamedTuple):
 
 
 class Indication(NamedTuple):
-    """What a movement's signal shows.
-
-    Attributes:
-        may_go: green, protected or permissive.
-        clearing: yellow.
-        red_s: when red begins: past where it shows, infinite where that is open.
+    """What a movement's signal shows: green, yellow, and when red begins, past where it shows,
+    infinite where that is open.
     """
 
     may_go: bool
@@ -96,15 +92,11 @@ class SignalTimings:
         self._heard[message.intersection] = _Heard(message, message.time_ns / 1e9, movements)
 
     def upcoming(self, intersection: str, group: int, now_s: float) -> tuple[Green, ...]:
-        """When a movement may go, soonest first, from now on; empty: not known.
+        """When the movement of a signal group may go, soonest first, from now on, UTC or simulated;
+        empty: not known.
 
         Fixed times: all greens that were told. Actuated: the running green and its earliest end, or
         the next one from its earliest begin on.
-
-        Args:
-            intersection: whose signals.
-            group: signal group of the movement.
-            now_s: UTC, or the simulated time, as the messages have it.
         """
         heard = self._fresh(intersection, now_s)
         return () if heard is None else _to_come(_told(heard, group), now_s)
@@ -134,9 +126,8 @@ class SignalTimings:
         return _to_come(found, now_s)
 
     def indication(self, intersection: str, group: int, now_s: float) -> Indication | None:
-        """What a movement's signal shows now; None: not known, or no signal works there.
-
-        A green is known only until its earliest end, or as long as messages still tell it.
+        """What a movement's signal shows now; None: not known, or no signal works there. A green is
+        known only until its earliest end, or as long as messages still tell it.
         """
         heard = self._fresh(intersection, now_s)
         if heard is None:
@@ -197,9 +188,8 @@ def _to_come(greens: Sequence[Green], now_s: float) -> tuple[Green, ...]:
 
 
 def _greens(events: Sequence[_Event]) -> tuple[Green, ...]:
-    """Phases in a row in which the movement may go are one green; none is told behind an open one.
-
-    What follows a green of open end may come at any later time, so it is of no use.
+    """Phases in a row in which the movement may go are one green; none is told behind an open one,
+    for what follows that may come at any later time.
     """
     found: list[Green] = []
     for before, event in zip((None, *events), events, strict=False):
@@ -232,7 +222,6 @@ def _pattern(
     greens: Sequence[Green], told_s: float, tolerance_s: float = 1e-6
 ) -> tuple[float, tuple[Green, ...]] | None:
     """The period of greens of fixed times and those of its last turn; None: they do not repeat.
-
     Begins are compared but for the running green's, which may have begun before it was told.
     """
     if len(greens) < 2 or not all(green.certain for green in greens):

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from typing import Final
 
 from slipstream.energy.drive import DrivingStyle, plan_drive
 from slipstream.energy.traction import PAPER_CAR, VehicleParameters
@@ -11,32 +12,20 @@ from slipstream.messages import DrivingAdvice, SensedVehicle
 from vehicle_agent.free_drive import free_drive_s
 from vehicle_agent.leg import Leg, StopLine, VehicleState
 from vehicle_agent.signals import HORIZON_M, SignalTimings
-from vehicle_agent.speed.approach import Margins, arrival_speed_mps, choose_arrival_s
+from vehicle_agent.speed.approach import MIN_MPS, arrival_speed_mps, choose_arrival_s
 from vehicle_agent.speed.coasting import CoastingModel, braked_mps
 from vehicle_agent.speed.envelope import HARD_MPS2
 from vehicle_agent.speed.lead_vehicle import is_closing, queue_length
 from vehicle_agent.speed.value_of_time import leg_value_of_time_w
 
-
-@dataclass(frozen=True)
-class AdviceParameters:
-    """How vehicles of the fleet drive.
-
-    Attributes:
-        braking_mps2: comfortable deceleration before turns and stops.
-        hard_mps2: deceleration up to which a vehicle stops for a yellow light.
-        closing_mps2: deceleration behind a slower vehicle.
-        slowing_mps2: deceleration towards the speed for a signal that is far off.
-        acceleration_mps2: in predictions.
-        margins: at signals.
-    """
-
-    braking_mps2: float = 1.5
-    hard_mps2: float = HARD_MPS2
-    closing_mps2: float = 0.3
-    slowing_mps2: float = 1.5
-    acceleration_mps2: float = 1.3
-    margins: Margins = field(default_factory=Margins)
+_BRAKING_MPS2: Final = 1.5
+"""Comfortable deceleration before turns and stops."""
+_CLOSING_MPS2: Final = 0.3
+"""Deceleration behind a slower vehicle."""
+_SLOWING_MPS2: Final = 1.5
+"""Deceleration towards the speed for a signal that is far off."""
+_ACCELERATION_MPS2: Final = 1.3
+"""In predictions."""
 
 
 @dataclass
@@ -53,27 +42,18 @@ class _Drive:
 
 
 class SpeedAdvisor:
-    """Speeds for one vehicle, where its plan has eco-approach, coasting, or both.
-
-    Args:
-        timings: what intersections tell of their signals.
-        interval_s: between two advices.
-        vehicle: physical data.
-        parameters: how the vehicle drives.
-    """
+    """Speeds for one vehicle, where its plan has eco-approach, coasting, or both."""
 
     def __init__(
         self,
         timings: SignalTimings,
         interval_s: float,
         vehicle: VehicleParameters = PAPER_CAR,
-        parameters: AdviceParameters | None = None,
     ) -> None:
         self._timings = timings
         self._interval_s = interval_s
         self._vehicle = vehicle
         self._coasting = CoastingModel.of(vehicle)
-        self._parameters = parameters or AdviceParameters()
         self._drive: _Drive | None = None
 
     def begin(self, leg: Leg, advice: DrivingAdvice) -> None:
@@ -92,7 +72,7 @@ class SpeedAdvisor:
         free_s = plan_drive(leg.lengths_m, leg.limits_mps, DrivingStyle()).duration_s
         budget_s = advice.coasting_budget * free_s
         value_of_time_w = leg_value_of_time_w(
-            leg, budget_s, self._coasting, self._parameters.braking_mps2, self._vehicle
+            leg, budget_s, self._coasting, _BRAKING_MPS2, self._vehicle
         )
         self._drive = _Drive(leg, advice, value_of_time_w, budget_s)
 
@@ -103,13 +83,8 @@ class SpeedAdvisor:
     def cap_mps(
         self, now_s: float, state: VehicleState, ahead: SensedVehicle | None, tail_m: float = 0.0
     ) -> float | None:
-        """Largest speed after the coming interval, m/s; None: no advice.
-
-        Args:
-            now_s: UTC, or the simulated time.
-            state: of the vehicle now, on the leg that it began last.
-            ahead: the vehicle ahead, as the own sensors measure it.
-            tail_m: from the own front to the rear of the last vehicle that goes with it.
+        """Largest speed after the coming interval, m/s; None: no advice. `tail_m` is from the own
+        front to the rear of the last vehicle that goes with it.
         """
         drive = self._drive
         if drive is None:
@@ -126,7 +101,7 @@ class SpeedAdvisor:
         if ahead is not None:
             steady = ahead.track == drive.track and ahead.speed_mps <= drive.track_mps + 0.05
             drive.track, drive.track_mps = ahead.track, ahead.speed_mps
-            if steady and is_closing(ahead, state.speed_mps, self._parameters.closing_mps2):
+            if steady and is_closing(ahead, state.speed_mps, _CLOSING_MPS2):
                 cap = min(cap, self._coasting.after(state.speed_mps, self._interval_s))
         return None if cap == math.inf else cap
 
@@ -138,13 +113,11 @@ class SpeedAdvisor:
     def _is_committed(
         self, line: StopLine, now_s: float, state: VehicleState, place_m: float
     ) -> bool:
-        """Whether the light ahead is no longer green and the vehicle too near to stop for it.
-
-        It may go on while it is yellow; advice to slow down would bring it to the line when it is
-        red.
+        """Whether the light ahead is no longer green and the vehicle too near to stop for it. It
+        may go on while it is yellow; advice to slow down would bring it to the line when it is red.
         """
         speed = state.speed_mps
-        stopping_m = speed**2 / (2 * self._parameters.hard_mps2) + speed * self._interval_s
+        stopping_m = speed**2 / (2 * HARD_MPS2) + speed * self._interval_s
         if line.at_m - place_m > stopping_m:
             return False
         greens = self._timings.upcoming(line.intersection, _group(line, state), now_s)
@@ -152,7 +125,7 @@ class SpeedAdvisor:
 
     def _coast_speed(self, drive: _Drive, state: VehicleState, place_m: float) -> float:
         """The speed of rolling, if it is time to roll towards a place where speed must be lower."""
-        speed, braking = state.speed_mps, self._parameters.braking_mps2
+        speed, braking = state.speed_mps, _BRAKING_MPS2
         limit = drive.leg.limits_mps[state.number]
         for slow in drive.leg.slow_ahead(place_m):
             ahead_m = slow.at_m - place_m
@@ -178,15 +151,13 @@ class SpeedAdvisor:
         ahead: SensedVehicle | None,
     ) -> float:
         """The speed that reaches the next stop line at green."""
-        speed, margins = state.speed_mps, self._parameters.margins
+        speed = state.speed_mps
         limit = leg.limits_mps[state.number]
         ahead_m = line.at_m - place_m
         greens = self._timings.upcoming(line.intersection, _group(line, state), now_s)
-        earliest_s = now_s + free_drive_s(ahead_m, speed, limit, self._parameters.acceleration_mps2)
+        earliest_s = now_s + free_drive_s(ahead_m, speed, limit, _ACCELERATION_MPS2)
         tail_s = tail_m / line.passing_mps
-        arrive_s = choose_arrival_s(
-            greens, now_s, earliest_s, tail_s, queue_length(ahead, ahead_m), margins
-        )
+        arrive_s = choose_arrival_s(greens, now_s, earliest_s, tail_s, queue_length(ahead, ahead_m))
         if arrive_s is None or arrive_s <= earliest_s:
             return math.inf
         interval_s = self._interval_s
@@ -194,11 +165,10 @@ class SpeedAdvisor:
             self._coasting,
             ahead_m - speed * interval_s,
             arrive_s - now_s - interval_s,
-            margins.min_mps,
         )
         if wanted is None:
-            return max(margins.min_mps, self._coasting.after(speed, interval_s))
-        return max(wanted, speed - self._parameters.slowing_mps2 * interval_s)
+            return max(MIN_MPS, self._coasting.after(speed, interval_s))
+        return max(wanted, speed - _SLOWING_MPS2 * interval_s)
 
 
 def _group(line: StopLine, state: VehicleState) -> int:

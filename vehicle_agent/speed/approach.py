@@ -11,28 +11,19 @@ slow down to it, slower ones may still gain speed, and a vehicle at it coasts.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from typing import Final
 
 from vehicle_agent.signals import Green
 from vehicle_agent.speed.coasting import CoastingModel
 
-
-@dataclass(frozen=True)
-class Margins:
-    """How carefully signals are approached.
-
-    Attributes:
-        certain_s: between the begin of a green that is fixed and the arrival, and between the
-            platoon's last vehicle and the end.
-        uncertain_s: of a green whose begin is the earliest one.
-        min_mps: no slower approach than this; who would have to be slower stops at the line.
-        queued_s: what each vehicle that waits at the line needs to get away.
-    """
-
-    certain_s: float = 1.5
-    uncertain_s: float = 3.0
-    min_mps: float = 5.0
-    queued_s: float = 2.0
+CERTAIN_S: Final = 1.5
+"""From a fixed green's begin to the arrival, and from the platoon's last vehicle to its end."""
+UNCERTAIN_S: Final = 3.0
+"""The former for a green whose begin is the earliest one."""
+MIN_MPS: Final = 5.0
+"""No slower approach than this; who would have to be slower stops at the line."""
+_QUEUED_S: Final = 2.0
+"""What each vehicle that waits at the line needs to get away."""
 
 
 def choose_arrival_s(
@@ -41,30 +32,22 @@ def choose_arrival_s(
     earliest_s: float,
     tail_s: float,
     queue: int,
-    margins: Margins,
 ) -> float | None:
-    """The earliest time to reach a signal at.
+    """The earliest time to reach a signal at: `earliest_s`, unhindered, if it can pass then; a
+    later time in a green; None if nothing is known of the next green that it can take.
 
-    Args:
-        greens: coming ones, soonest first.
-        now_s: UTC, or the simulated time.
-        earliest_s: when the vehicle would be there unhindered.
-        tail_s: from its passing to that of the last vehicle behind it that goes with it.
-        queue: vehicles that wait at the line.
-
-    Returns:
-        earliest_s, if it can pass then; a later time in a green; None if nothing is known of the
-        next green that it can take.
+    `tail_s` is from its passing to that of the last vehicle behind it that goes with it, `queue`
+    how many wait at the line.
     """
     for green in greens:
         running = green.begin_s <= now_s
-        margin_s = margins.certain_s if green.certain else margins.uncertain_s
-        opens_s = green.begin_s + margin_s + queue * margins.queued_s
+        margin_s = CERTAIN_S if green.certain else UNCERTAIN_S
+        opens_s = green.begin_s + margin_s + queue * _QUEUED_S
         arrive_s = earliest_s if running and not queue else max(earliest_s, opens_s)
         if not green.certain:
             # An actuated green is extended for vehicles that arrive after its earliest end.
             return arrive_s
-        if arrive_s + tail_s <= green.end_s - margins.certain_s:
+        if arrive_s + tail_s <= green.end_s - CERTAIN_S:
             return arrive_s
     return None
 
@@ -73,17 +56,15 @@ def arrival_speed_mps(
     coasting: CoastingModel,
     distance_m: float,
     remaining_s: float,
-    min_mps: float,
 ) -> float | None:
-    """The speed from which rolling reaches the line in time; None: too slow, it will stop there.
-
-    Where rolling would end below the least speed, it is one speed all the way.
+    """The speed from which rolling reaches the line in time, or one speed all the way where rolling
+    would end below the least; None: too slow, it will stop there.
     """
     if distance_m <= 0 or remaining_s <= 0:
         return None
-    if distance_m / remaining_s < min_mps:
+    if distance_m / remaining_s < MIN_MPS:
         return None
     speed = coasting.speed_for(distance_m, remaining_s)
-    if coasting.after(speed, remaining_s) < min_mps:
+    if coasting.after(speed, remaining_s) < MIN_MPS:
         return distance_m / remaining_s
     return speed

@@ -32,14 +32,7 @@ from slipstream.energy.traction import PAPER_CAR, VehicleParameters
 
 @dataclass(frozen=True)
 class CoastingModel:
-    """The motion of a vehicle without traction and without brakes.
-
-    Attributes:
-        rolling_n: rolling resistance r.
-        drag_kgpm: k, drag over speed squared.
-        mass_kg: of the vehicle.
-        efficiency: η of its powertrain.
-    """
+    """The motion of a vehicle without traction and without brakes: r, k, m and η."""
 
     rolling_n: float
     drag_kgpm: float
@@ -81,10 +74,9 @@ class CoastingModel:
         return (math.atan(from_mps * scale) - math.atan(to_mps * scale)) / self._rate_per_s
 
     def speed_for(self, distance_m: float, seconds: float) -> float:
-        """The speed from which rolling a distance takes a time, m/s.
-
-        v = √(r/k) (exp(kd/m) − cos τ) / sin τ with τ = t √(rk)/m: the distance rolled in t solved
-        for the first speed. May be one from which the vehicle would stand still before.
+        """The speed from which rolling a distance takes a time, m/s: v = √(r/k) (exp(kd/m) − cos τ)
+        / sin τ with τ = t √(rk)/m, the distance rolled in t solved for the first speed. May be one
+        from which the vehicle would stand still before.
         """
         tau = min(seconds * self._rate_per_s, 1.5)
         reach = math.exp(self.drag_kgpm * distance_m / self.mass_kg)

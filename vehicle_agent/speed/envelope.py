@@ -47,11 +47,8 @@ _NEAR_S: Final = 1.0
 
 
 class Ceiling(NamedTuple):
-    """The ceiling of advice for the coming interval.
-
-    Attributes:
-        speed_mps: largest speed at the interval's end.
-        signal_unknown: the driver alone sees what the signal ahead shows.
+    """The ceiling of advice at the end of the coming interval; `signal_unknown`: the driver alone
+    sees what the signal ahead shows.
     """
 
     speed_mps: float
@@ -66,15 +63,8 @@ def ceiling(
     interval_s: float,
     ahead: SensedVehicle | None,
 ) -> Ceiling:
-    """The largest speed that may be advised.
-
-    Args:
-        leg: that is driven.
-        state: of the vehicle on it.
-        timings: what intersections tell of their signals.
-        now_s: UTC, or the simulated time.
-        interval_s: until the next advice.
-        ahead: vehicle to keep a safe gap to; None: none, or platooning keeps the gap.
+    """The largest speed that may be advised until the next advice. `ahead` is a vehicle to keep a
+    safe gap to; None: none, or platooning keeps the gap.
     """
     place_m, speed = leg.place_m(state), state.speed_mps
     crossing = leg.planned[state.number].crossing if state.crossing else None
@@ -113,9 +103,8 @@ def braked_after_mps(
     """Largest speed after some time from which braking still meets a lower speed at a place, m/s.
 
     The root c of c² + 2b t max(c, (v + c)/2) = s² + 2bd: on the way to c the vehicle drives at the
-    mean of both speeds where it slows down, and at c at most where it speeds up. One on its braking
-    curve, v² = s² + 2bd, gets v − bt. Not less than the lower speed itself; 0 for values so large
-    that the root is not a number.
+    mean of both speeds where it slows down, and at c at most where it speeds up. Not less than the
+    lower speed itself; 0 for values so large that the root is not a number.
     """
     b, t = braking_mps2, seconds
     square = slow_mps * slow_mps + 2 * b * distance_m

@@ -13,12 +13,7 @@ _QUEUED_MPS: Final = 1.0
 
 
 def queue_length(lead: SensedVehicle | None, line_m: float) -> int:
-    """Vehicles that wait at a stop line, estimated from the last one.
-
-    Args:
-        lead: the vehicle ahead.
-        line_m: distance to the stop line.
-    """
+    """Vehicles that wait at a stop line, estimated from the last one, the vehicle ahead."""
     if lead is None or lead.speed_mps > _QUEUED_MPS:
         return 0
     before_m = line_m - lead.gap_m - _CAR_M

@@ -1,8 +1,4 @@
-"""`blind`: things move on the road that the detector does not find.
-
-Night, rain, fog or weights that were trained on another world leave a road that looks empty and is
-not. What moves (`motion`) is held against the detector's boxes.
-"""
+"""`blind`: things move (`motion`) on the road that the detector does not find."""
 
 from __future__ import annotations
 
@@ -11,6 +7,7 @@ from typing import ClassVar, Final
 
 import numpy as np
 
+from edge_daemon.watch.judge import FaultJudge
 from edge_daemon.watch.motion import MotionFinder, covered
 from edge_daemon.watch.sample import Sample
 from slipstream.messages import CameraFault
@@ -20,26 +17,16 @@ _MIN_MISSED: Final = 12
 MISSED_TO_FOUND: Final = 3
 
 
-class BlindJudge:
-    """Counts moving things with and without a box over the last seconds.
+class BlindJudge(FaultJudge):
+    """Counts moving things with and without a box over the last seconds; another judge updates the
+    background of the motion.
 
     Once seen, the fault is seen until boxes cover what moves again: an empty road proves nothing.
-
-    Attributes:
-        is_blind: what it said last.
     """
 
     fault: ClassVar[CameraFault] = "blind"
-    every_frame: ClassVar[bool] = False
-    hides_scene: ClassVar[bool] = False
 
     def __init__(self, motion: MotionFinder) -> None:
-        """Set it up.
-
-        Args:
-            motion: finds what moves; another judge updates its background.
-        """
-        self.after_s = 0.0
         self._motion = motion
         self.is_blind = False
         self._counts: deque[tuple[float, int, int]] = deque()

@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 
 from edge_daemon.camera import Array
+from edge_daemon.watch.judge import FaultJudge
 from edge_daemon.watch.sample import Floats, Grey, Mask, Sample, sharpness, texture
 from edge_daemon.watch.tiles import Tiles, choose_tiles
 from slipstream.messages import CameraFault
@@ -36,24 +37,14 @@ _SHAKE_TO_SHIFT: Final = 1.5
 """Shaking is averaged out by the tracker, a shift is not: it may be larger."""
 
 
-class CameraMovedJudge:
-    """Looks for a view that has shifted.
-
-    Attributes:
-        sharpness: of the calibrated view; None while that is not known.
+class CameraMovedJudge(FaultJudge):
+    """Looks for a view that has shifted. `sharpness` is that of the calibrated view; None while
+    that is not known.
     """
 
     fault: ClassVar[CameraFault] = "camera_moved"
-    every_frame: ClassVar[bool] = False
-    hides_scene: ClassVar[bool] = False
 
     def __init__(self, view: ViewShift) -> None:
-        """Set it up.
-
-        Args:
-            view: measures the shift.
-        """
-        self.after_s = 0.0
         self._view = view
         self._moved = False
         self.sharpness = view.reference_sharpness
@@ -74,20 +65,18 @@ class CameraMovedJudge:
 
 
 class ViewShift:
-    """Measures the shift of a camera's view against the calibrated one."""
+    """Measures the shift of a camera's view against the calibrated one.
+
+    Args:
+        max_share: allowed shift, as a share of the frame's width.
+        median_s: time over which the median of the shifts is taken.
+        road: where vehicles drive in the small grey image.
+        reference: small grey image of the calibrated view; None: learned from the first seconds.
+    """
 
     def __init__(
         self, max_share: float, median_s: float, road: Mask, reference: Grey | None
     ) -> None:
-        """Set it up.
-
-        Args:
-            max_share: allowed shift, as a share of the frame's width.
-            median_s: time over which the median of the shifts is taken, s.
-            road: where vehicles drive in the small grey image.
-            reference: small grey image of the calibrated view; None: learned from the first
-                seconds.
-        """
         self._max_px = max_share * road.shape[1]
         self._median_s = median_s
         self._road = road
@@ -111,12 +100,8 @@ class ViewShift:
         return self._calibrated is not None
 
     def is_shifted(self, time_s: float, small: Grey, view: Floats) -> bool:
-        """Whether the camera shows another view than when it was calibrated.
-
-        Args:
-            time_s: media time, in order.
-            small: grey image of the mask's shape, of a scene that can be seen.
-            view: its `texture`.
+        """Whether the camera shows another view than when it was calibrated, by the small grey
+        image of a scene that can be seen, and its `texture`.
         """
         if self._calibrated is None:
             self._learn(time_s, small)

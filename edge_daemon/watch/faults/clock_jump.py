@@ -5,28 +5,25 @@ from __future__ import annotations
 from typing import ClassVar, Final
 
 from edge_daemon.frame import Frame
+from edge_daemon.watch.judge import FaultJudge
 from edge_daemon.watch.sample import Sample
 from slipstream.messages import CameraFault
 
+_STEP_S: Final = 0.5
+"""From here up a step of the wall clock counts."""
 _MAX_LEAP_S: Final = 5.0
 _SLACK_S: Final = 2.0
 
 
-class ClockJumpJudge:
-    """Compares media time and wall clock with the monotonic clock, which never steps."""
+class ClockJumpJudge(FaultJudge):
+    """Compares media time and wall clock with the monotonic clock, which never steps; a step of the
+    wall clock counts from `step_s` on.
+    """
 
     fault: ClassVar[CameraFault] = "clock_jump"
     every_frame: ClassVar[bool] = True
-    hides_scene: ClassVar[bool] = False
 
-    def __init__(self, step_s: float) -> None:
-        """Set it up.
-
-        Args:
-            step_s: a step of the wall clock from here up counts, s.
-        """
-        self.after_s = 0.0
-        self._step_s = step_s
+    def __init__(self) -> None:
         self._last: Frame | None = None
         self._wall_s: float | None = None
         self._steps = 0
@@ -38,13 +35,10 @@ class ClockJumpJudge:
         jumped = frame.clock_jump or (last is not None and _leapt(last, frame))
         return self._wall_stepped(frame) or jumped
 
-    def interrupt(self, by: CameraFault | None) -> None:
-        """Clocks run on, whatever the frames show."""
-
     def _wall_stepped(self, frame: Frame) -> bool:
         # Since 1970 a double resolves 0.2 µs: enough here.
         wall_s = frame.captured_ns / 1e9 - frame.captured_s
-        if self._wall_s is None or abs(wall_s - self._wall_s) < self._step_s:
+        if self._wall_s is None or abs(wall_s - self._wall_s) < _STEP_S:
             # Slewing, as NTP does it, is no step: the comparison moves along.
             self._wall_s = wall_s
             self._steps = 0

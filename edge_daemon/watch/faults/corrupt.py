@@ -17,10 +17,13 @@ import numpy as np
 
 from edge_daemon.frame import Image
 from edge_daemon.watch.background import Background
+from edge_daemon.watch.judge import FaultJudge
 from edge_daemon.watch.sample import Mask, Sample, grid_step, to_grey
 from edge_daemon.watch.trails import BareRoad
 from slipstream.messages import CameraFault
 
+_MAX_REPEATED_SHARE: Final = 0.25
+"""A frame is damaged if so much of what is not usually `repeated` is."""
 _BLOCK_PX: Final = 16
 _MAX_BLOCK_LEVELS: Final = 6.0
 _BLACK: Final = 16
@@ -36,18 +39,13 @@ _MASK_S: Final = 60.0
 
 
 def repeated(image: Image) -> Mask:
-    """Which sampled pixels lie in long runs of exactly one colour, down or (if more) across.
+    """Which sampled pixels, BGR (h, w, 3), lie in long runs of exactly one colour, down or (if
+    more) across, shape (h, w).
 
     A decoder fills lost parts with one colour or with streaks, over a good part of the picture.
     Smooth roads and low bit rates make neighbours agree too, but over short distances: in 18 real
     clips at most 3 % of a picture lie in runs of `_RUN_SHARE`. Black and white do not count: night,
     glare and drawn text agree too.
-
-    Args:
-        image: sampled pixels, BGR, shape (h, w, 3).
-
-    Returns:
-        Shape (h, w).
     """
     down, across = _same(image)
     lost_down, lost_across = _in_runs(down), _in_runs(across.T).T
@@ -60,12 +58,6 @@ def repeated_share(image: Image) -> float:
 
     Healthy views have 0.02 to 0.6, by how smooth they are and how they are encoded: it tells
     something only beside what is usual.
-
-    Args:
-        image: as for `repeated`.
-
-    Returns:
-        A share in [0, 1].
     """
     down, across = _same(image)
     return max(np.count_nonzero(down), np.count_nonzero(across)) / max(1, image.size // 3)
@@ -81,13 +73,8 @@ def _same(image: Image) -> tuple[Mask, Mask]:
 
 
 def _in_runs(same: Mask) -> Mask:
-    """Which pixels lie in runs along the first axis that span `_RUN_SHARE` of it or more.
-
-    Args:
-        same: whether a pixel equals the one before it, shape (n - 1, m).
-
-    Returns:
-        Shape (n, m).
+    """Which pixels (n, m) lie in runs along the first axis that span `_RUN_SHARE` of it or more, by
+    whether each equals the one before it, shape (n - 1, m).
     """
     length = len(same) + 1
     needed = max(1, round(_RUN_SHARE * length) - 1)
@@ -112,39 +99,28 @@ def blockiness(image: Image) -> float:
     return float(steps[at_edge].mean() - steps[~at_edge].mean())
 
 
-class CorruptJudge:
+class CorruptJudge(FaultJudge):
     """Looks for damaged frames, of which a single one does no harm, and for trails.
 
-    Attributes:
-        detail: the figure that was last found above its limit.
+    Args:
+        usual_share: what is `repeated` in the calibrated view; 0 where it is not known.
+        road: which of the sampled pixels show the road.
+        background: of the view; this judge takes the samples in.
+        bare_road: what trails are told from.
+        is_blind: whether vehicles are not detected, which then look like trails.
     """
 
     fault: ClassVar[CameraFault] = "corrupt"
-    every_frame: ClassVar[bool] = False
     hides_scene: ClassVar[bool] = True
 
     def __init__(
         self,
-        max_repeated_share: float,
         usual_share: float,
         road: Mask,
         background: Background,
         bare_road: BareRoad,
         is_blind: Callable[[], bool],
     ) -> None:
-        """Set it up.
-
-        Args:
-            max_repeated_share: a frame is damaged if so much of what is not usually `repeated` is.
-            usual_share: what is `repeated` in the calibrated view; 0 where it is not known.
-            road: which of the sampled pixels show the road.
-            background: of the view; this judge takes the samples in.
-            bare_road: what trails are told from.
-            is_blind: whether vehicles are not detected, which then look like trails.
-        """
-        self.after_s = 0.0
-        self.detail = ""
-        self._max_repeated_share = max_repeated_share
         self._usual_share = usual_share
         self._road = road
         self._damaged_since_s: float | None = None
@@ -169,7 +145,7 @@ class CorruptJudge:
         """Whether more of the frame is flat or streaked than the view's own history explains."""
         lost = repeated(sample.colours)
         share = float(lost.mean())
-        limit = self._usual_share + self._max_repeated_share * (1 - self._usual_share)
+        limit = self._usual_share + _MAX_REPEATED_SHARE * (1 - self._usual_share)
         if share <= limit:
             self._damaged_since_s = None
             self._usual_share += (share - self._usual_share) / _MEMORY_SAMPLES
@@ -177,16 +153,15 @@ class CorruptJudge:
         self.detail = f"{share:.2f} of the picture is flat or streaked, limit {limit:.2f}"
         if self._damaged_since_s is None:
             self._damaged_since_s = sample.time_s
-        hides_road = self._road.any() and lost[self._road].mean() > self._max_repeated_share
+        hides_road = self._road.any() and lost[self._road].mean() > _MAX_REPEATED_SHARE
         if sample.time_s - self._damaged_since_s >= _MASK_S and not hides_road:
             # Beside the road, and there to stay: a mask, or what the camera draws.
             self._usual_share = share
         return True
 
     def _is_sudden(self, colours: Image) -> bool:
-        """Whether far more pixels equal their neighbours than did over the last minute.
-
-        It is learned from each frame: an encoder that is set anew is unusual for a minute only.
+        """Whether far more pixels equal their neighbours than did over the last minute. It is
+        learned from each frame: an encoder that is set anew is unusual for a minute only.
         """
         share = repeated_share(colours)
         limit = self._usual_repeated + _MAX_SUDDEN * (1 - self._usual_repeated)

@@ -16,9 +16,12 @@ import numpy.typing as npt
 
 from edge_daemon.camera import Array, Camera
 from edge_daemon.detection import box_feet
+from edge_daemon.watch.judge import FaultJudge
 from edge_daemon.watch.sample import Mask, Sample
 from slipstream.messages import CameraFault
 
+_STILL_S: Final = 5.0
+"""Without any change on the road, not even noise, for so long the frame is frozen."""
 _STILL_LEVELS: Final = 0.12
 LEVELS: Final = 12
 SHARE: Final = 0.002
@@ -37,33 +40,26 @@ _STEADY_M: Final = 0.5
 _MIN_AT_REST: Final = 0.8
 
 
-class FrozenJudge:
-    """Compares the road's pixels and its vehicles' places with those of the sample before."""
+class FrozenJudge(FaultJudge):
+    """Compares the road's pixels and its vehicles' places with those of the sample before, for
+    `still_s`.
+
+    Other pixels are left out, as a clock drawn into the frame may go on; all count where little of
+    the frame is road.
+    """
 
     fault: ClassVar[CameraFault] = "frozen"
-    every_frame: ClassVar[bool] = False
-    hides_scene: ClassVar[bool] = False
 
-    def __init__(self, still_s: float, road: Mask, camera: Camera) -> None:
-        """Set it up.
-
-        Args:
-            still_s: without any change for so long the frame is frozen, s.
-            road: which of the sampled pixels show the road. The rest is left out, as a clock drawn
-                into the frame may go on; all count where little of the frame is road.
-            camera: what the frames show.
-        """
-        self.after_s = 0.0
-        self._still_s = still_s
+    def __init__(self, road: Mask, camera: Camera) -> None:
         self._road = road if road.mean() >= _MIN_ROAD_SHARE else np.ones_like(road)
         self._last: npt.NDArray[np.int16] | None = None
         self._still: deque[tuple[float, bool]] = deque()
         self._halt = _Halt(camera)
 
     def look(self, sample: Sample) -> bool:
-        """True if the road has not changed, or all vehicles have stood at once, for `still_s`."""
+        """True if the road has not changed, or all vehicles have stood at once, for so long."""
         halted_s = self._halt.update(sample)
-        return self._is_unchanged(sample) or halted_s >= self._still_s
+        return self._is_unchanged(sample) or halted_s >= _STILL_S
 
     def interrupt(self, by: CameraFault | None) -> None:
         """The next frame has no predecessor."""
@@ -83,11 +79,11 @@ class FrozenJudge:
             return False
         self._still.append((time_s, bool(change.mean() < _STILL_LEVELS)))
         began = self._still[0][0]
-        while len(self._still) > 1 and self._still[1][0] <= time_s - self._still_s:
+        while len(self._still) > 1 and self._still[1][0] <= time_s - _STILL_S:
             self._still.popleft()
         # A key frame changes many pixels a little even where the scene is frozen.
         still = sum(is_still for _, is_still in self._still)
-        long_enough = time_s - began >= self._still_s and len(self._still) >= _MIN_FRAMES
+        long_enough = time_s - began >= _STILL_S and len(self._still) >= _MIN_FRAMES
         return long_enough and still >= _MIN_STILL_SHARE * len(self._still)
 
 
@@ -130,12 +126,8 @@ class _Halt:
 
 @dataclass(frozen=True)
 class _Places:
-    """Where the vehicles of a sample are.
-
-    Attributes:
-        time_s: media time.
-        road_m: places on the road, shape (n, 2).
-        error_m: how far a box that is off by `_BOX_ERROR_PX` displaces each, shape (n,).
+    """Where the vehicles of a sample are on the road, shape (n, 2), and how far a box that is off
+    by `_BOX_ERROR_PX` displaces each, shape (n,).
     """
 
     time_s: float
@@ -150,10 +142,9 @@ class _Places:
         return np.asarray(apart.min(axis=1))
 
     def fast_ones(self, last: _Places, earlier: _Places) -> int:
-        """How many vehicles surely went faster than `_FAST_MPS` through three samples.
-
-        One that was not detected for a moment has others beside it, not behind it: a place that
-        was left counts only if nobody stands there now.
+        """How many vehicles surely went faster than `_FAST_MPS` through three samples. One that was
+        not detected for a moment has others beside it, not behind it: a place that was left counts
+        only if nobody stands there now.
         """
         step_s, step_before_s = self.time_s - last.time_s, last.time_s - earlier.time_s
         if not (len(self.road_m) and len(last.road_m) and len(earlier.road_m)) or step_s <= 0:

@@ -10,6 +10,8 @@ from typing import ClassVar, Final
 import cv2
 import numpy as np
 
+from edge_daemon.watch.faults.exposure import EXPOSURE_AFTER_S
+from edge_daemon.watch.judge import FaultJudge
 from edge_daemon.watch.sample import Grey, Sample, sharpness
 from slipstream.messages import CameraFault
 
@@ -22,21 +24,16 @@ _RECENT_S: Final = 300.0
 _MIN_RECENT: Final = 8
 
 
-class ObscuredJudge:
-    """Looks for frames without detail, or less sharp than the calibrated or the recent view."""
+class ObscuredJudge(FaultJudge):
+    """Looks for frames without detail, or less sharp than the calibrated or the recent view;
+    `usual_sharpness` gives that of the calibrated one, None while unknown.
+    """
 
     fault: ClassVar[CameraFault] = "obscured"
-    every_frame: ClassVar[bool] = False
     hides_scene: ClassVar[bool] = True
+    after_s: ClassVar[float] = EXPOSURE_AFTER_S
 
-    def __init__(self, after_s: float, usual_sharpness: Callable[[], float | None]) -> None:
-        """Set it up.
-
-        Args:
-            after_s: evidence without a break for so long begins the fault, s.
-            usual_sharpness: gives the `sharpness` of the calibrated view, None while unknown.
-        """
-        self.after_s = after_s
+    def __init__(self, usual_sharpness: Callable[[], float | None]) -> None:
         self._usual_sharpness = usual_sharpness
         self._obscured = False
         self._recent: deque[tuple[float, float]] = deque()

@@ -16,7 +16,7 @@ from slipstream_cli.clip_options import add_config, add_fps, settings_of
 from slipstream_cli.progress import ProgressLine
 
 if TYPE_CHECKING:
-    from edge_daemon.coverage import Coverage
+    from slipstream_lab.research.perception.coverage import Coverage
     from slipstream_lab.simulation.training.export import ExportReport
 
 _BUILTIN = "yolo11n-streetdrive.pt"
@@ -210,7 +210,7 @@ def run_train(options: argparse.Namespace) -> int:
 def run_check(options: argparse.Namespace) -> int:
     """Measure, and print what is covered."""
     from edge_daemon.camera import load_camera
-    from edge_daemon.coverage import measure_coverage
+    from slipstream_lab.research.perception.coverage import measure_coverage
 
     settings = settings_of(options)
     detector = settings.detector.model_copy(update={"model": options.model, "backend": None})
@@ -222,8 +222,6 @@ def run_check(options: argparse.Namespace) -> int:
             camera,
             progress.update,
             fps=options.fps,
-            sample_interval_s=settings.watch.sample_interval_s,
-            min_score=settings.tracker.high_score,
         )
     if options.json:
         print(json.dumps(asdict(coverage) | {"things": coverage.things, "share": coverage.share}))
@@ -234,7 +232,7 @@ def run_check(options: argparse.Namespace) -> int:
 
 def coverage_text(coverage: Coverage) -> str:
     """The figures as people read them, the verdict last."""
-    from edge_daemon.coverage import MIN_COVERED, MIN_THINGS
+    from slipstream_lab.research.perception.coverage import MIN_COVERED, MIN_THINGS
 
     lines = ["        range             moving  covered  at any score"]
     for band in coverage.bands:

@@ -67,7 +67,7 @@ def test_exact_points_give_the_camera_back() -> None:
 
 @pytest.mark.slow
 @given(wrong=st.integers(0, len(ROAD) - 1), east=st.floats(25, 200), seed=st.integers(0, 99))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=8, deadline=None)
 def test_one_mistake_among_ten_is_named_and_left_out(wrong: int, east: float, seed: int) -> None:
     """Whichever point has a wrong road coordinate, it alone is left out of the fit."""
     image = project(ROAD) + np.random.default_rng(seed).normal(0, 0.7, ROAD.shape)
@@ -79,6 +79,7 @@ def test_one_mistake_among_ten_is_named_and_left_out(wrong: int, east: float, se
     assert result.reprojection_error_px < 3
 
 
+@pytest.mark.slow
 def test_the_stated_accuracy_is_what_repeated_clicking_shows() -> None:
     """Spread of positions and of speeds over 300 calibrations with 1 px clicks, at both ends."""
     stated = {end.end: end for end in calibrated().accuracy}
@@ -97,6 +98,7 @@ def test_the_stated_accuracy_is_what_repeated_clicking_shows() -> None:
         assert stated[end].speed_error == pytest.approx(np.std(speeds, axis=0)[i], rel=0.15)
 
 
+@pytest.mark.long
 def test_clicks_that_are_worse_than_a_pixel_are_told_from_the_misses() -> None:
     """The error of the clicks comes from the misses where these show more than 1 px."""
     told = [calibrated(2.0, seed).click_px for seed in range(8)]
@@ -130,6 +132,7 @@ def test_an_end_that_a_click_puts_beyond_the_horizon_is_warned_of() -> None:
     assert any("far end cannot be measured with clicks" in said for said in result.warnings)
 
 
+@pytest.mark.slow
 @given(shift=st.floats(-12, 12))
 def test_shared_area_is_that_of_the_shared_rectangle(shift: float) -> None:
     """Two rectangles of 10 m by 4 m, one moved along."""

@@ -29,8 +29,8 @@ from edge_daemon.detection import Detections
 from edge_daemon.settings import BUILTIN_MODEL, PointsSettings
 from slipstream.errors import InputError
 
-from ..camera.test_curved import SCENES
 from ..conftest import project
+from ..curved_roads import SCENES
 
 ROAD = [(x, y) for x in (18.0, 30.0, 45.0, 65.0, 90.0) for y in (-8.0, 8.0)]
 SEGMENT = {
@@ -134,6 +134,7 @@ def test_a_points_file_keeps_its_name_and_terms_and_is_for_its_picture(tmp_path:
         Session(record(str(view)), view, out, BUILTIN_MODEL, other, None)
 
 
+@pytest.mark.slow
 def test_a_length_on_a_bend_is_that_between_the_places(session: Session) -> None:
     """Two places 40 m of stations apart, 10 m inside a bend of 150 m: the chord between them."""
     bend = SCENES["bend of 150 m to the left"]
@@ -160,6 +161,7 @@ def test_a_point_far_off_draws_no_more_grid(session: Session) -> None:
     assert len(answer["grid"]) < 80
 
 
+@pytest.mark.slow
 def test_one_row_of_dashes_and_two_edges_can_be_dragged(session: Session) -> None:
     """The lines hold the width while a point moves, as they do when it has moved."""
     sag = SCENES["sag"]

@@ -75,6 +75,7 @@ def test_segments_know_their_length_lanes_and_inside(camera: Camera) -> None:
     assert segment.along(points)[0] == pytest.approx(-50.0)
 
 
+@pytest.mark.slow
 @given(
     corners=st.lists(
         st.tuples(st.floats(-50, 50), st.floats(-50, 50)), min_size=3, max_size=8, unique=True

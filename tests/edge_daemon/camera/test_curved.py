@@ -26,10 +26,9 @@ from edge_daemon.detection.region import road_region
 from edge_daemon.settings import CalibrationLine, CalibrationPoint, SegmentSettings
 from slipstream.errors import InputError
 
-from ..conftest import FOCAL_PX, POLE_M, TILT
+from ..conftest import FOCAL_PX, POLE_M
+from ..curved_roads import SCENES, SIZE, road
 
-SIZE = (1280, 720)
-MIDDLE, HALF_M = np.array([54.0, 0.0]), 36.0
 STATIONS = (18.0, 23.0, 29.0, 35.0, 42.0, 50.0, 58.0, 67.0, 78.0, 90.0)
 ROAD = np.array([(x, y) for x in STATIONS for y in (-3.5, 3.5)])
 WIDE = ROAD * (1.0, 2.6)
@@ -38,33 +37,6 @@ SOURCE = Path("points.toml")
 SEGMENT = SegmentSettings(
     id="bend", polygon=((22, -3.5), (80, -3.5), (80, 3.5), (22, 3.5)), direction=(-1, 0), lanes=2
 )
-
-
-def road(arc: float = 0.0, crest: float = 0.0, lens: float = 0.0) -> CurvedRoad:
-    """Such a road before a camera on a pole at station 0 that looks along the chord."""
-    cos, sin = np.cos(TILT), np.sin(TILT)
-    level = np.array([[0, -1, 0], [-sin, 0, -cos], [cos, 0, -sin]])
-    yaw = -0.4 * 54 * arc
-    turn = np.array([[np.cos(yaw), np.sin(yaw), 0], [-np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
-    rotation = level @ turn
-    vector = cv2.Rodrigues(rotation)[0].ravel()
-    bare = CurvedRoad(
-        MIDDLE, HALF_M, SIZE, FOCAL_PX, vector, np.zeros(3), lens, arc, crest
-    )  # fmt: skip
-    centre = bare.surface(np.zeros((1, 2)))[0] + (0, 0, POLE_M)
-    return CurvedRoad(
-        MIDDLE, HALF_M, SIZE, FOCAL_PX, vector, -rotation @ centre, lens, arc, crest
-    )  # fmt: skip
-
-
-SCENES = {
-    "bend of 150 m to the left": road(arc=1 / 150),
-    "bend of 200 m to the right": road(arc=-1 / 200),
-    "crest": road(crest=-1 / 2000),
-    "sag": road(crest=1 / 1500),
-    "barrel": road(lens=-0.12),
-    "bend, crest and barrel": road(arc=1 / 200, crest=-1 / 2500, lens=-0.1),
-}
 
 
 def points_of(image: Array, places: Array = ROAD) -> tuple[CalibrationPoint, ...]:
@@ -119,7 +91,7 @@ def test_a_barrel_lens_shows_no_place_twice() -> None:
     segment = WatchedSegment("s", outline, np.array([-1.0, 0.0]), 60.0, 2, 3.5)
     camera = Camera("c", SIZE, ROAD, true.to_image(ROAD), (segment,), projection=true)
     assert np.isnan(true.to_image([[1.0, 3.5]])).all()
-    region = road_region(camera, 3.0)
+    region = road_region(camera)
     assert region is not None
     (left, top), (right, _) = (f(true.to_image(GRID), axis=0) for f in (np.min, np.max))
     assert region.left <= left
@@ -143,7 +115,13 @@ def test_a_crest_hides_what_is_behind_it_and_the_sky_is_no_road() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("true", SCENES.values(), ids=SCENES.keys())
+@pytest.mark.parametrize(
+    "true",
+    [
+        pytest.param(true, id=name, marks=[] if " and " in name else [pytest.mark.long])
+        for name, true in SCENES.items()
+    ],
+)
 def test_careful_points_give_true_speeds_where_a_plane_is_far_off(true: CurvedRoad) -> None:
     """Twenty points to 0.3 px: speeds to 1 % on average, 2 % anywhere."""
     # What a lens does shows at the sides of the picture only.
@@ -200,13 +178,15 @@ def test_what_is_written_loads_as_the_same_camera(tmp_path: Path) -> None:
     assert (offset[:, 0] > 1).all()
     assert (offset[:, 0] < 4).all()
     assert len(camera.outline_px(camera.segments[0])) > 20
-    region = road_region(camera, 3.0)
+    region = road_region(camera)
     assert region is not None
     assert region.width < SIZE[0]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("true", [road(), SCENES["sag"]], ids=["plane", "sag"])
+@pytest.mark.parametrize(
+    "true", [road(), pytest.param(SCENES["sag"], marks=pytest.mark.long)], ids=["plane", "sag"]
+)
 def test_lines_of_known_offset_steady_the_width(true: CurvedRoad) -> None:
     """With rough points and twelve sharp places on two lines, offsets are truer than without."""
     places = np.array([(x, y) for x in np.linspace(20, 85, 12) for y in (-3.5, 3.5)])
@@ -222,7 +202,7 @@ def test_lines_of_known_offset_steady_the_width(true: CurvedRoad) -> None:
     assert np.median(with_lines) < 0.7 * np.median(without)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_no_file_where_an_end_or_a_fifth_contradicts() -> None:
     """Points that are wrong together are named, and nothing is fitted round them."""
     flat = road().to_image(ROAD)
@@ -267,7 +247,7 @@ def test_old_files_and_constructors_give_a_plane(camera: Camera) -> None:
     assert len(camera.outline_px(camera.segments[0])) == 4
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_points_in_a_small_part_of_the_picture_are_fitted() -> None:
     """Nine times as large as the part with points: OpenCV refuses some of the starts."""
     given = read_points(Path(__file__).parents[1] / "data" / "motorway-sag-points.toml")

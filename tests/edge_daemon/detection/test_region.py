@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from edge_daemon.camera import Camera, load_camera
 from edge_daemon.camera.segment import WatchedSegment
 from edge_daemon.detection.placement import Placement, place_aligned, place_dynamic, place_static
-from edge_daemon.detection.region import Region, road_region
+from edge_daemon.detection.region import MARGIN_M, Region, road_region
 
 PICTURE = (1280, 720)
 
@@ -29,11 +29,10 @@ def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("margin_m", [0.0, 3.0])
-def test_every_vehicle_on_a_segment_is_whole(clip: Path, margin_m: float) -> None:
+def test_every_vehicle_on_a_segment_is_whole(clip: Path) -> None:
     """True boxes of vehicles that stand on a segment, the margin included, lie in the region."""
     camera = load_camera(clip / "camera.toml")
-    region = road_region(camera, margin_m)
+    region = road_region(camera)
     assert region is not None
     assert region.width * region.height < 0.8 * PICTURE[0] * PICTURE[1]
     seen = 0
@@ -43,7 +42,7 @@ def test_every_vehicle_on_a_segment_is_whole(clip: Path, margin_m: float) -> Non
             continue
         foot = camera.to_road([[(x1 + x2) / 2, y2]])[0]
         for segment in camera.segments:
-            shifts = np.array([-margin_m, 0.0, margin_m])[:, None] * segment.direction
+            shifts = np.array([-MARGIN_M, 0.0, MARGIN_M])[:, None] * segment.direction
             if segment.contains(foot + shifts).any():
                 seen += 1
                 assert x1 >= region.left
@@ -64,10 +63,10 @@ def straight_down(height_m: float) -> Camera:
 
 def test_seen_from_above_a_lorry_needs_half_its_length_at_both_ends() -> None:
     """There the middle of the lower edge is half a length from each end of the box."""
-    region = road_region(straight_down(50.0), 0.0)
+    region = road_region(straight_down(50.0))
     assert region is not None
     per_m = 1000 / 50
-    half = (10 + 16.5 / 2) * per_m
+    half = (10 + MARGIN_M + 16.5 / 2) * per_m
     assert region.left == pytest.approx(640 - half - 8, abs=2)
     assert region.right == pytest.approx(640 + half + 8, abs=2)
 
@@ -81,7 +80,7 @@ def test_a_road_at_the_horizon_has_no_region() -> None:
     )
     outline = np.array([[1.0, -2.0], [50.0, -2.0], [50.0, 2.0], [1.0, 2.0]])
     segment = WatchedSegment("s", outline, np.array([1.0, 0.0]), 49.0, 1, 4.0)
-    assert road_region(Camera("low", PICTURE, road, pixels, (segment,)), 0.0) is None
+    assert road_region(Camera("low", PICTURE, road, pixels, (segment,))) is None
 
 
 @given(

@@ -119,7 +119,7 @@ def test_a_stable_segment_stays_so_up_to_the_thresholds_themselves() -> None:
 
 def test_a_window_covered_as_far_as_needed_is_judged() -> None:
     """The least coverage is enough."""
-    assert classify(features(), 5, 300, 0.8, StabilitySettings(min_coverage=0.8)).y_e == 1
+    assert classify(features(), 5, 300, 0.8, StabilitySettings()).y_e == 1
 
 
 @given(

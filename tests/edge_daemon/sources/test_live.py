@@ -24,7 +24,7 @@ from edge_daemon.sources.clock import StreamClock
 from edge_daemon.sources.diagnosis import diagnose
 from slipstream.errors import InputError
 
-from ..cameras import Feed, MjpegServer, Picture, RtspServer
+from ..cameras import Feed, MjpegServer, Picture, RtspServer, take
 
 SIZE = (320, 176)
 PICTURE = np.random.default_rng(1).integers(0, 255, (SIZE[1], SIZE[0], 3), dtype=np.uint8)
@@ -34,18 +34,6 @@ SMALLER = np.ascontiguousarray(PICTURE[:144, :256])
 def a_feed() -> Feed:
     """Always the same picture, 25 times a second."""
     return Feed(lambda _: PICTURE)
-
-
-def take(frames: Iterator[Frame | None], count: int, seconds: float = 15.0) -> list[Frame]:
-    """The next frames that are some."""
-    deadline = time.monotonic() + seconds
-    got: list[Frame] = []
-    while len(got) < count:
-        assert time.monotonic() < deadline, "no frames came"
-        frame = next(frames)
-        if frame is not None:
-            got.append(frame)
-    return got
 
 
 def roughness_s(times_s: list[float], fps: float) -> float:
@@ -74,10 +62,13 @@ def test_rtsp_frames_carry_the_streams_own_time() -> None:
 
 
 @pytest.mark.long
-def test_a_camera_that_stalls_or_restarts_is_found_again() -> None:
+@pytest.mark.parametrize("serve", [RtspServer, MjpegServer])
+def test_a_camera_that_stalls_or_restarts_is_found_again(
+    serve: type[RtspServer | MjpegServer],
+) -> None:
     """An open connection without pictures is given up; the next one begins with a cut."""
     feed = a_feed()
-    server = RtspServer(feed)
+    server = serve(feed)
     source = open_camera(server.url, 1.0)
     frames = source.frames()
     before = take(frames, 3)

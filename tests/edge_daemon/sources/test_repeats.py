@@ -39,8 +39,11 @@ def marks(images: list[Image], fps: float = FPS, cut_at: int | None = None) -> l
     return marked
 
 
-@pytest.mark.parametrize("pattern", [[2], [1, 1, 1, 2], [6], [1, 2, 1, 3, 2]])
-@pytest.mark.parametrize("codec", ["mp4v", "MJPG"])
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("codec", "pattern"),
+    [("mp4v", [2]), ("MJPG", [1, 1, 1, 2]), ("mp4v", [6]), ("MJPG", [1, 2, 1, 3, 2])],
+)
 def test_repeats_are_found_however_they_come_and_no_new_frame_is_lost(
     tmp_path: Path, pattern: list[int], codec: str
 ) -> None:
@@ -77,6 +80,7 @@ def test_a_camera_that_repeats_nothing_loses_no_frame_while_vehicles_move(
         assert sum(not one for one in marked) >= 90 / FPS / 0.45
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, 1.0])
 def test_a_car_that_comes_after_busy_traffic_is_not_taken_for_a_repeat(noise: float) -> None:
     """Much less changes than a moment before, but something moves."""
@@ -85,7 +89,7 @@ def test_a_car_that_comes_after_busy_traffic_is_not_taken_for_a_repeat(noise: fl
     assert not any(marked)
 
 
-@pytest.mark.parametrize("fps", [4, 5, 7, 10, 12.5, 15, 30, 60])
+@pytest.mark.parametrize("fps", [4, 5, 12.5, 60])
 def test_the_window_stays_covered_at_any_rate(fps: float) -> None:
     """The pipeline takes a gap of more than 0.5 s between frames for a hole."""
     moving = [road(n) for n in range(20)]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from queue import Queue
 from types import SimpleNamespace
@@ -23,6 +22,8 @@ from edge_daemon.sources.live import Capture, LiveSource
 from edge_daemon.sources.protocol import SourceCounters
 from slipstream.config import check
 from slipstream.errors import InputError
+
+from ..cameras import take
 
 FRAMES, FPS = 45, 30
 
@@ -229,80 +230,6 @@ def test_contradicting_settings_are_refused(data: dict[str, object], problem: st
         check(data, SourceSettings, "edge.toml")
 
 
-class MjpegCamera:
-    """An HTTP MJPEG camera on loopback that can be switched off and on."""
-
-    def __init__(self) -> None:
-        camera = self
-
-        class Handler(BaseHTTPRequestHandler):
-            def do_GET(self) -> None:
-                self.send_response(200)
-                self.send_header("Content-Type", "multipart/x-mixed-replace; boundary=f")
-                self.end_headers()
-                while camera.sending:
-                    ok, data = cv2.imencode(".jpg", np.full((180, 320, 3), 128, dtype=np.uint8))
-                    assert ok
-                    part = b"--f\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n"
-                    try:
-                        self.wfile.write(part % len(data) + data.tobytes() + b"\r\n")
-                    except OSError:
-                        return
-                    time.sleep(1 / 25)
-
-            def log_message(self, *_: object) -> None:
-                pass
-
-        self.sending = True
-        self._server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-        self._server.daemon_threads = True
-        self.url = f"http://user:secret@127.0.0.1:{self._server.server_port}/stream"
-        threading.Thread(target=self._server.serve_forever, daemon=True).start()
-
-    def close(self) -> None:
-        self.sending = False
-        self._server.shutdown()
-        self._server.server_close()
-
-
-@pytest.fixture
-def mjpeg() -> Iterator[MjpegCamera]:
-    """A running camera."""
-    camera = MjpegCamera()
-    yield camera
-    camera.close()
-
-
-@pytest.mark.long
-def test_a_camera_that_goes_away_is_found_again(mjpeg: MjpegCamera) -> None:
-    """Frames come, stop, and come again, the first of them marked as a cut."""
-    source = open_camera(mjpeg.url, stall_timeout_s=2.0)
-    frames = source.frames()
-    first = _next_frames(frames, 5)
-    assert all(f.image.shape == (180, 320, 3) for f in first)
-    mjpeg.sending = False
-    deadline = time.monotonic() + 15
-    while source.counters.reconnects == 0 and time.monotonic() < deadline:
-        next(frames)
-    assert source.counters.reconnects >= 1
-    mjpeg.sending = True
-    again = _next_frames(frames, 3)
-    assert any(f.cut for f in again)
-    assert again[-1].media_time_s > first[-1].media_time_s
-    source.close()
-
-
-def _next_frames(frames: Iterator[Frame | None], count: int, seconds: float = 20) -> list[Frame]:
-    deadline = time.monotonic() + seconds
-    got: list[Frame] = []
-    while len(got) < count:
-        assert time.monotonic() < deadline, "no frames came"
-        frame = next(frames)
-        if frame is not None:
-            got.append(frame)
-    return got
-
-
 @pytest.mark.slow
 def test_an_absent_camera_is_waited_for_without_a_crash() -> None:
     """The reader hears None about once a second meanwhile."""
@@ -348,7 +275,7 @@ def test_a_backlog_after_a_stall_is_dropped(monkeypatch: pytest.MonkeyPatch) -> 
     clock = SimpleNamespace(monotonic=lambda: now_s, time_ns=time.time_ns)
     monkeypatch.setattr("edge_daemon.sources.camera.time", clock)
     source = open_camera("rtsp://camera", stall_timeout_s=1.0)
-    frames = _next_frames(source.frames(), 7)
+    frames = take(source.frames(), 7)
     source.close()
     assert [f.cut for f in frames] == [False, False, False, True, True, False, False]
     assert source.counters.skipped == 10

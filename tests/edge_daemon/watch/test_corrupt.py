@@ -39,7 +39,7 @@ def judge(usual: float = 0.0) -> CorruptJudge:
     """One without a history."""
     small = small_grey(smooth())
     lanes = np.zeros(small.shape, np.bool_)
-    return CorruptJudge(0.25, usual, ROAD, Background(), BareRoad(lanes, 0.5), lambda: False)
+    return CorruptJudge(usual, ROAD, Background(), BareRoad(lanes, 0.5), lambda: False)
 
 
 def said(
@@ -77,6 +77,7 @@ def streaked_aside(picture: Picture) -> Picture:
     return picture
 
 
+@pytest.mark.slow
 def test_a_smooth_view_is_not_corrupt() -> None:
     """Half of its neighbouring pixels agree, but in no run as long as a lost part's."""
     pictures = [smooth(number) for number in range(30)]
@@ -126,6 +127,7 @@ def test_a_mask_beside_the_road_is_not_unknown_for_good() -> None:
     assert not any(said(judge(float(repeated(sampled(views[0])).mean())), views))
 
 
+@pytest.mark.slow
 def test_an_encoder_that_is_set_anew_is_unusual_for_a_minute_only() -> None:
     """The view becomes smooth from one picture to the next, and stays so."""
     watch = judge()

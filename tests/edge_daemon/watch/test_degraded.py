@@ -22,11 +22,17 @@ NONE = np.zeros((0, 4), np.float32)
 WIDTH_PX, HEIGHT_PX = 60.0, 45.0
 
 
+@pytest.fixture(autouse=True)
+def every_frame_is_sampled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Frames are as far apart as samples, to the last bit or not."""
+    monkeypatch.setattr("edge_daemon.watch.watch.SAMPLE_INTERVAL_S", 0.1)
+
+
 def faults(
     road: Road, change: Change | None, boxes: Callable[[int], Boxes], count: int
 ) -> list[CameraFault | None]:
     """What the watch says of each sample; the change begins after `GOOD` of them."""
-    watch = Watch(road.camera, WatchSettings(sample_interval_s=0.1))
+    watch = Watch(road.camera, WatchSettings())
     return [
         watch.look(at(n * EVERY_S, road.seen(n, change if n >= GOOD else None)), boxes(n))
         for n in range(count)
@@ -100,8 +106,8 @@ def shaking(pixels: float) -> Change:
         (trails, "corrupt", 5.0),
         (blurred(3.0), "obscured", 3.0),
         (rolled(0.5), "camera_moved", 6.0),
-        (shaking(5.0), "camera_moved", 6.0),
-        (shifted(40.0), "camera_moved", 6.0),
+        pytest.param(shaking(5.0), "camera_moved", 6.0, marks=pytest.mark.long),
+        pytest.param(shifted(40.0), "camera_moved", 6.0, marks=pytest.mark.long),
     ],
     ids=["trails", "out of focus", "rolled", "shaking", "turned"],
 )
@@ -126,6 +132,7 @@ def test_a_poor_picture_is_no_fault(road: Road, change: Change) -> None:
     assert set(faults(road, change, lambda _: NONE, GOOD + 40)) == {None}
 
 
+@pytest.mark.long
 def test_vehicles_that_are_detected_are_no_trails(road: Road) -> None:
     """The same patches, each with a box around it: traffic that stands."""
     chance = np.random.default_rng(1)
@@ -165,10 +172,11 @@ def parked(road: Road, count: int) -> tuple[Change, Boxes]:
     return change, np.array([[u, v, u + 120, v + 80] for u, v in places], np.float32)
 
 
+@pytest.mark.long
 def test_a_queue_that_drives_off_leaves_no_trails(road: Road) -> None:
     """It stood when the view was learned: the road that it bares was never seen."""
     change, boxes = parked(road, 5)
-    watch = Watch(road.camera, WatchSettings(sample_interval_s=0.1))
+    watch = Watch(road.camera, WatchSettings())
     said = [
         watch.look(at(n * EVERY_S, road.seen(n, change if n < GOOD else None)), here)
         for n in range(GOOD + 60)
@@ -181,7 +189,7 @@ def test_a_queue_that_drives_off_leaves_no_trails(road: Road) -> None:
 def test_a_long_stand_does_not_become_road(road: Road) -> None:
     """The road was known, then a queue stood for three minutes, and drives off."""
     change, boxes = parked(road, 5)
-    watch = Watch(road.camera, WatchSettings(sample_interval_s=0.1))
+    watch = Watch(road.camera, WatchSettings())
     picture = {queue: road.seen(0, change if queue else None) for queue in (True, False)}
     noise = [road.seen(n) for n in range(3)]
     said = set()
@@ -193,12 +201,13 @@ def test_a_long_stand_does_not_become_road(road: Road) -> None:
     assert "corrupt" not in said
 
 
+@pytest.mark.long
 def test_a_vehicle_that_is_not_detected_is_no_trail(road: Road) -> None:
     """Two that stand near the camera, or five with a low score: more than a fiftieth of it."""
     change, boxes = parked(road, 2)
     assert set(faults(road, change, lambda _: NONE, GOOD + 40)) == {None}
     change, boxes = parked(road, 5)
-    watch = Watch(road.camera, WatchSettings(sample_interval_s=0.1))
+    watch = Watch(road.camera, WatchSettings())
     said = [
         watch.look(at(n * EVERY_S, road.seen(n, change if n >= GOOD else None)), NONE, boxes)
         for n in range(GOOD + 40)
@@ -228,6 +237,7 @@ def test_a_repeated_picture_with_fresh_noise_is_frozen(road: Road) -> None:
     assert set(said[GOOD + 30 :]) == {"frozen"}
 
 
+@pytest.mark.long
 def test_a_frozen_picture_that_moves_again_is_none(road: Road) -> None:
     """The fault ends `clear_after_s` later."""
     begin_s, end_s = GOOD * EVERY_S, GOOD * EVERY_S + 8.0
@@ -237,6 +247,7 @@ def test_a_frozen_picture_that_moves_again_is_none(road: Road) -> None:
     assert said[-1] is None
 
 
+@pytest.mark.long
 def test_traffic_that_brakes_or_leaves_is_not_frozen(road: Road) -> None:
     """An emergency stop at 9 m/s² by all, and a queue that the last moving ones drive away from."""
     stop_s = GOOD * EVERY_S
@@ -252,6 +263,7 @@ def test_traffic_that_brakes_or_leaves_is_not_frozen(road: Road) -> None:
     assert "frozen" not in faults(road, None, leaving, GOOD + 50)
 
 
+@pytest.mark.long
 def test_boxes_that_flicker_in_a_queue_are_not_frozen(road: Road) -> None:
     """Two of eight are hidden for a moment, then found again: nothing moved."""
     queue = np.array([box_at(road, 24.0 + 7 * k, 0.5) for k in range(8)], np.float32)

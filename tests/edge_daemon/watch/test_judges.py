@@ -11,27 +11,24 @@ from edge_daemon.camera import Camera
 from edge_daemon.frame import Frame, Image
 from edge_daemon.settings import WatchSettings
 from edge_daemon.watch import Watch
-from edge_daemon.watch.judges import FaultJudge, make_judges
+from edge_daemon.watch.judge import FaultJudge
+from edge_daemon.watch.judges import make_judges
 from edge_daemon.watch.sample import Sample
 from slipstream.messages import CAMERA_FAULTS, CameraFault
 
 ROAD = np.random.default_rng(0).integers(60, 200, (720, 1280, 3), dtype=np.uint8)
 
 
-class OnesJudge:
+class OnesJudge(FaultJudge):
     """A judge of a test's own: frames whose first pixel is 1."""
 
     fault: ClassVar[CameraFault] = "obscured"
-    every_frame: ClassVar[bool] = False
     hides_scene: ClassVar[bool] = True
-    after_s: float = 0.5
+    after_s: ClassVar[float] = 0.5
 
     def look(self, sample: Sample) -> bool:
         """Whether the first pixel is 1."""
         return bool((sample.frame.image[0, 0] == 1).all())
-
-    def interrupt(self, by: CameraFault | None) -> None:
-        """Nothing is kept."""
 
 
 def at(time_s: float, image: Image) -> Frame:
@@ -69,11 +66,11 @@ def test_a_judge_in_the_list_is_debounced_and_reported(
 
     judges: tuple[FaultJudge, ...] = (OnesJudge(), Later())
     monkeypatch.setattr("edge_daemon.watch.watch.make_judges", lambda *_: judges)
-    watch = Watch(camera, WatchSettings(sample_interval_s=0.2, clear_after_s=1.0))
+    watch = Watch(camera, WatchSettings())
     ones = ROAD.copy()
     ones[0, 0] = 1
-    faults = [watch.look(at(0.25 * n, ones if 5 <= n < 10 else ROAD)) for n in range(20)]
+    faults = [watch.look(at(0.25 * n, ones if 5 <= n < 10 else ROAD)) for n in range(25)]
     began, ended = faults.index("obscured"), len(faults) - faults[::-1].index("obscured")
-    assert (began, ended) == (7, 13)
+    assert (began, ended) == (7, 17)
     assert set(faults) == {None, "obscured"}
     assert interrupted == ["obscured"] * 5

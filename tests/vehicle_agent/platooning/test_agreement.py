@@ -7,8 +7,7 @@ import pytest
 from slipstream.energy.consumption import PAPER_CAR
 from slipstream.energy.drafting import DragLaw
 from slipstream.messages import PlatoonControl, PlatoonManagement, SensedVehicle
-from tests.vehicle_agent.platooning.test_limits import sensing_of, told
-from tests.vehicle_agent.platooning.world import BEGIN_NS, Roadside, planned, road
+from tests.vehicle_agent.platooning.world import BEGIN_NS, Roadside, planned, road, sensing_of, told
 from vehicle_agent.leg import Leg, VehicleState
 from vehicle_agent.platooning import Platooning, PlatoonStep
 from vehicle_agent.platooning.neighbours import MAX_NEIGHBOURS, Neighbours
@@ -272,7 +271,7 @@ def test_a_leader_waits_for_followers_only_where_they_can_be(
     assert (front.step().cruise_mps is not None) == believed
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_followers_that_never_close_up_are_waited_for_no_longer_than_askers() -> None:
     """A made-up one that tells all that can be told; both count to the same 300 s."""
     front = Front()

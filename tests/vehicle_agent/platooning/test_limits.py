@@ -16,10 +16,9 @@ from slipstream.messages import (
     PlatoonControl,
     PlatoonManagement,
     SensedVehicle,
-    VehicleSensing,
     decode,
 )
-from tests.vehicle_agent.platooning.world import BEGIN_NS, Roadside, planned
+from tests.vehicle_agent.platooning.world import BEGIN_NS, Roadside, planned, sensing_of, told
 from vehicle_agent.leg import Leg, VehicleState
 from vehicle_agent.platooning import Platooning, PlatoonStep
 
@@ -115,51 +114,6 @@ def legs(draw: st.DrawFn) -> Leg:
             )
         )
     return Leg(1, 0, tuple(parts))
-
-
-def sensing_of(
-    state: VehicleState, ahead: SensedVehicle | None, time_ns: int, acceleration: float = 0.0
-) -> VehicleSensing:
-    """Of a vehicle in that state."""
-    return VehicleSensing(
-        vehicle="me",
-        time_ns=time_ns,
-        on_road=True,
-        segment=state.segment,
-        crossing=state.crossing,
-        lane=state.lane,
-        front_m=state.front_m,
-        speed_mps=state.speed_mps,
-        acceleration_mps2=acceleration,
-        driven_m=0.0,
-        ahead=ahead,
-        behind=None,
-    )
-
-
-def told(
-    now_ns: int, sequence: int, front_m: float, speed: float, announced: float
-) -> PlatoonControl:
-    """A partner ahead that can be followed."""
-    return PlatoonControl(
-        vehicle="p",
-        sequence=sequence,
-        time_ns=now_ns,
-        path=("a", "b", "c"),
-        crossing=False,
-        lane=0,
-        front_m=front_m,
-        length_m=4.6,
-        speed_mps=speed,
-        acceleration_mps2=0.0,
-        announced_mps=announced,
-        desired_mps=30.0,
-        mode="alone",
-        ahead=None,
-        leader="p",
-        joined_by=None,
-        tail_m=4.6,
-    )
 
 
 def following(interval_s: float, pace: float = 1.0) -> tuple[Platooning, Leg]:
@@ -260,6 +214,7 @@ def test_any_values_leave_commands_within_their_bounds(
         now_ns += data.draw(st.sampled_from([round(interval_s * NS), 0, 3 * NS, -NS]))
 
 
+@pytest.mark.slow
 @given(
     gap_m=st.floats(0.0, 80.0),
     speed=st.floats(0.0, 45.0),
@@ -307,6 +262,7 @@ def test_the_vehicle_ahead_may_brake_as_hard_as_it_can(
     assert least_gap_m(now_m, own, front, 0.1, 0.0) >= 0.0
 
 
+@pytest.mark.slow
 @given(
     gap_m=st.floats(0.0, 60.0),
     speed=st.floats(0.0, 40.0),
@@ -340,6 +296,7 @@ def test_an_announced_speed_is_driven_for_all_but_the_response_time_in_an_evalua
     assert least_gap_m(gap_m, (speed, command), (ahead_mps, then), 0.5, begins_s) >= 0.0
 
 
+@pytest.mark.slow
 @given(speed=st.floats(0.0, 30.0), away_m=st.floats(0.001, 200.0), limit=st.floats(5.0, 20.0))
 @settings(max_examples=100, deadline=None)
 def test_a_lower_limit_ahead_is_kept_by_comfortable_braking(

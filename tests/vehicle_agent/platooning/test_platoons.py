@@ -77,6 +77,7 @@ def test_three_become_one_platoon(interval_s: float, delayed: bool) -> None:
     assert front.tail_m == pytest.approx(3 * LENGTH_M + gaps, abs=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("interval_s", "delayed"), MODES)
 def test_a_leader_waits_until_all_gaps_behind_it_are_closed(
     interval_s: float, delayed: bool
@@ -144,6 +145,7 @@ def test_a_leader_that_is_held_back_announces_how_it_moves() -> None:
     assert car.last.control.announced_mps == pytest.approx(26.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("interval_s", "delayed"), MODES)
 def test_a_platoon_is_apart_where_the_gate_is_closed(interval_s: float, delayed: bool) -> None:
     """It opens its gap before, by coasting, and closes it again behind."""
@@ -217,7 +219,8 @@ def test_a_partner_silent_for_half_a_second_is_left() -> None:
     assert world.run(120.0, lambda: is_close(world))
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
 def test_with_three_messages_in_ten_lost_a_platoon_forms_and_keeps(seed: int) -> None:
     """Five in a row lose it, about once a minute; nobody comes too near nor brakes for it."""
     world = World(string(3, None, 40.0, 28.0), 0.1, delayed=True, loss=0.3, seed=seed)
@@ -229,8 +232,8 @@ def test_with_three_messages_in_ten_lost_a_platoon_forms_and_keeps(seed: int) ->
         assert hardest(world.speeds[name], 0.1) < 2.6
 
 
-@pytest.mark.parametrize("late_s", [0.05, 0.1, 0.15, 0.2, 0.3, 0.45])
-@pytest.mark.parametrize("speed_mps", [15.0, 20.0, 30.0])
+@pytest.mark.parametrize("late_s", [0.05, 0.15, 0.3, 0.45])
+@pytest.mark.parametrize("speed_mps", [15.0, 30.0])
 def test_late_sensing_alone_is_no_emergency(speed_mps: float, late_s: float) -> None:
     """In a steady platoon a follower brakes comfortably at most, and leaves after 0.3 s."""
     leg = road("abcdefghij", 2000.0, 30.0, platoon="p", place=1)
@@ -271,7 +274,7 @@ def test_sensing_that_is_always_late_keeps_a_wider_gap(latency: int) -> None:
     assert hardest(world.speeds["v1"][5:], 0.1) <= 2.6
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_who_misses_samples_still_brakes_as_hard_as_it_must(seed: int) -> None:
     """The leader brakes with 6 m/s² to a stand, one sample in ten is lost; nobody is touched."""
     world = World(

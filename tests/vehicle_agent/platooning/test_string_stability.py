@@ -50,9 +50,16 @@ SCRIPTS = {
 }
 
 
-@pytest.mark.parametrize("name", SCRIPTS)
-@pytest.mark.parametrize(("interval_s", "delayed"), [LIVE, EVALUATION])
-def test_no_deviation_grows_along_the_string(name: str, interval_s: float, delayed: bool) -> None:
+CASES = [
+    pytest.param(*mode, name, marks=[] if name in few else [pytest.mark.long])
+    for mode, few in ((LIVE, ["brakes hard"]), (EVALUATION, ["brakes to a stand"]))
+    for name in SCRIPTS
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("interval_s", "delayed", "name"), CASES)
+def test_no_deviation_grows_along_the_string(interval_s: float, delayed: bool, name: str) -> None:
     """Neither in the mean square nor at its largest, and no gap is less than a safe one.
 
     Live, |G| is 1 at its largest for h = Δt: half a per cent is for the ends of what is summed.

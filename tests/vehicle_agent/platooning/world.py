@@ -298,3 +298,48 @@ def string(
         )
         for i in range(count)
     ]
+
+
+def sensing_of(
+    state: VehicleState, ahead: SensedVehicle | None, time_ns: int, acceleration: float = 0.0
+) -> VehicleSensing:
+    """Of a vehicle in that state."""
+    return VehicleSensing(
+        vehicle="me",
+        time_ns=time_ns,
+        on_road=True,
+        segment=state.segment,
+        crossing=state.crossing,
+        lane=state.lane,
+        front_m=state.front_m,
+        speed_mps=state.speed_mps,
+        acceleration_mps2=acceleration,
+        driven_m=0.0,
+        ahead=ahead,
+        behind=None,
+    )
+
+
+def told(
+    now_ns: int, sequence: int, front_m: float, speed: float, announced: float
+) -> PlatoonControl:
+    """A partner ahead that can be followed."""
+    return PlatoonControl(
+        vehicle="p",
+        sequence=sequence,
+        time_ns=now_ns,
+        path=("a", "b", "c"),
+        crossing=False,
+        lane=0,
+        front_m=front_m,
+        length_m=4.6,
+        speed_mps=speed,
+        acceleration_mps2=0.0,
+        announced_mps=announced,
+        desired_mps=30.0,
+        mode="alone",
+        ahead=None,
+        leader="p",
+        joined_by=None,
+        tail_m=4.6,
+    )

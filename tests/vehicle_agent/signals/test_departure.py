@@ -7,9 +7,9 @@ import math
 import pytest
 
 from tests.vehicle_agent.road import course, crossing, leg, segment, spat, timings, with_signal
-from vehicle_agent.signals import DepartureOptimizer, DepartureSettings, Green
+from vehicle_agent.signals import Green, LegDeparture
+from vehicle_agent.signals.departure import way_of
 from vehicle_agent.signals.predicted_drive import (
-    DriveParameters,
     Movement,
     RoadPart,
     drive_on,
@@ -29,7 +29,7 @@ def test_the_closed_forms_are_the_idms_own_integral() -> None:
         s += 0.5 * (v + after) * dt
         squares += (0.5 * (v + after)) ** 3 * dt
         v, t = after, t + dt
-    gain = drive_on(0.0, 13.4, 1000.0, 1.8)
+    gain = drive_on(0.0, 13.4, 1000.0)
     assert gain.speed_mps == pytest.approx(v, rel=2e-3)
     assert gain.seconds == pytest.approx(t, rel=2e-3)
     assert gain.squares_m3ps2 == pytest.approx(squares, rel=2e-3)
@@ -37,18 +37,17 @@ def test_the_closed_forms_are_the_idms_own_integral() -> None:
 
 def test_a_drive_is_the_same_in_one_stretch_and_in_many() -> None:
     """Cutting a road into pieces changes neither time nor energy."""
-    whole = predict_drive([RoadPart(800.0, 13.4)], 0.0, lambda _: (), DriveParameters())
-    cut = predict_drive([RoadPart(200.0, 13.4)] * 4, 0.0, lambda _: (), DriveParameters())
+    whole = predict_drive([RoadPart(800.0, 13.4)], 0.0, lambda _: ())
+    cut = predict_drive([RoadPart(200.0, 13.4)] * 4, 0.0, lambda _: ())
     assert cut.duration_s == pytest.approx(whole.duration_s, abs=0.1)
     assert cut.energy_kwh == pytest.approx(whole.energy_kwh, rel=0.01)
 
 
 def test_a_red_signal_costs_a_stop_and_its_wait() -> None:
-    """Against green all the time: the wait, about the kinetic energy, one stop."""
+    """Against green all the time: the wait, about the kinetic energy."""
     way = [RoadPart(500.0, 13.4, MOVEMENT), RoadPart(500.0, 13.4)]
-    free = predict_drive(way, 0.0, lambda _: ALWAYS, DriveParameters())
-    red = predict_drive(way, 0.0, lambda _: (Green(70.0, 100.0, True, True),), DriveParameters())
-    assert (free.stops, red.stops) == (0.0, 1.0)
+    free = predict_drive(way, 0.0, lambda _: ALWAYS)
+    red = predict_drive(way, 0.0, lambda _: (Green(70.0, 100.0, True, True),))
     assert 20.0 < red.duration_s - free.duration_s < 45.0
     assert 0.03 < red.energy_kwh - free.energy_kwh < 0.06
 
@@ -56,36 +55,24 @@ def test_a_red_signal_costs_a_stop_and_its_wait() -> None:
 def test_waits_hang_on_the_windows() -> None:
     """Before a green, in it, just behind it, between two, and where nothing is known."""
     greens = (Green(10.0, 20.0, True, True), Green(50.0, 60.0, True, False))
-    parameters = DriveParameters(startup_s=2.0, late_s=1.0, unknown_wait_s=7.0)
-    assert wait_s(greens, 5.0, parameters) == (7.0, True)
-    assert wait_s(greens, 11.0, parameters) == (1.0, True)
-    assert wait_s(greens, 15.0, parameters) == (0.0, True)
-    assert wait_s(greens, 20.9, parameters) == (0.0, True)
-    assert wait_s(greens, 30.0, parameters) == (22.0, False)
-    assert wait_s(greens, 90.0, parameters) == (7.0, False)
-
-
-def test_settings_out_of_range_are_refused() -> None:
-    """No step of nothing, no pace above what traffic allows."""
-    with pytest.raises(ValueError, match="step_s"):
-        DepartureSettings(step_s=0.0)
-    with pytest.raises(ValueError, match="paces"):
-        DepartureSettings(paces=(1.1,))
+    assert wait_s(greens, 5.0) == (6.5, True)
+    assert wait_s(greens, 11.0) == (0.5, True)
+    assert wait_s(greens, 15.0) == (0.0, True)
+    assert wait_s(greens, 20.9) == (0.0, True)
+    assert wait_s(greens, 30.0) == (21.5, False)
+    assert wait_s(greens, 90.0) == (4.0, False)
 
 
 ROAD = with_signal()
 
 
 def test_the_second_is_chosen_by_the_signal_on_the_way() -> None:
-    """The first of the best seconds; none where nothing is known, waiting is dear or time is up."""
+    """The first of the best seconds; none where nothing is known or time is up."""
     told = timings(spat(0.0, *course((60.0, 90.0))))
-    free = DepartureOptimizer(told)
-    assert free.best_second(ROAD, 0.0, 32.0) == 28.0
-    assert free.best_second(ROAD, 0.0, 10.0) == 8.0
-    assert free.best_second(ROAD, 0.0, 3.0) == 0.0
-    dear = DepartureOptimizer(told, DepartureSettings(value_of_waiting_w=1e6))
-    assert dear.best_second(ROAD, 0.0, 32.0) == 0.0
-    assert DepartureOptimizer(timings()).best_second(ROAD, 0.0, 32.0) == 0.0
+    choice = LegDeparture(told)
+    assert choice.best_s(ROAD, 0.0, 32.0, 3000.0) == 28.0
+    assert choice.best_s(ROAD, 0.0, 3.0, 3000.0) == 0.0
+    assert LegDeparture(timings()).best_s(ROAD, 0.0, 32.0, 3000.0) == 0.0
 
 
 def test_a_leg_is_driven_segment_by_segment_and_through_its_junctions() -> None:
@@ -95,7 +82,7 @@ def test_a_leg_is_driven_segment_by_segment_and_through_its_junctions() -> None:
         segment("b", 200.0, 8.0, onward=crossing(length_m=10.0, yields=True)),
         segment("c", 300.0),
     )
-    assert DepartureOptimizer(timings()).way(road, pace=0.5) == (
+    assert way_of(road, 0.5) == (
         RoadPart(100.0, 6.7, Movement("signal", 4)),
         RoadPart(12.0, 4.0),
         RoadPart(200.0, 4.0, None, 3.0),

@@ -5,7 +5,7 @@ import pytest
 from slipstream.messages import SensedVehicle
 from tests.vehicle_agent.road import crossing, leg, segment
 from vehicle_agent.signals import Green
-from vehicle_agent.speed.approach import Margins, arrival_speed_mps, choose_arrival_s
+from vehicle_agent.speed.approach import arrival_speed_mps, choose_arrival_s
 from vehicle_agent.speed.coasting import CoastingModel
 from vehicle_agent.speed.lead_vehicle import queue_length
 from vehicle_agent.speed.value_of_time import (
@@ -61,10 +61,9 @@ def test_a_queue_is_counted_back_from_its_last_vehicle() -> None:
 def test_the_green_that_is_taken_holds_the_platoon_and_its_margins() -> None:
     """Certain greens must last for the tail; uncertain ones have a later begin and no end."""
     certain = (Green(0.0, 20.0, True, True), Green(50.0, 70.0, True, True))
-    margins = Margins(certain_s=1.5, uncertain_s=3.0, queued_s=2.0)
 
     def chosen(greens: tuple[Green, ...], tail_s: float = 0.0, queue: int = 0) -> float | None:
-        return choose_arrival_s(greens, 10.0, 15.0, tail_s, queue, margins)
+        return choose_arrival_s(greens, 10.0, 15.0, tail_s, queue)
 
     assert chosen(certain) == 15.0
     assert chosen(certain, tail_s=5.0) == 51.5
@@ -77,9 +76,9 @@ def test_the_green_that_is_taken_holds_the_platoon_and_its_margins() -> None:
 
 def test_the_approach_takes_its_time_and_is_not_a_crawl() -> None:
     """Rolling from the advised speed covers the distance in the time; slower ones are held."""
-    speed = arrival_speed_mps(CAR, 200.0, 20.0, 5.0)
+    speed = arrival_speed_mps(CAR, 200.0, 20.0)
     assert speed is not None
     ends = CAR.after(speed, 20.0)
     assert CAR.distance_m(speed, ends) == pytest.approx(200.0, abs=1e-6)
-    assert arrival_speed_mps(CAR, 300.0, 55.0, 5.0) == pytest.approx(300.0 / 55.0)
-    assert arrival_speed_mps(CAR, 200.0, 60.0, 5.0) is None
+    assert arrival_speed_mps(CAR, 300.0, 55.0) == pytest.approx(300.0 / 55.0)
+    assert arrival_speed_mps(CAR, 200.0, 60.0) is None

@@ -77,6 +77,7 @@ def stops_within_m(speed_mps: float, after_mps: float, interval_s: float, brakin
     return driven_m + after_mps * after_mps / (2 * braking)
 
 
+@pytest.mark.slow
 @given(
     front_m=ANY,
     speed_mps=ANY,
@@ -169,6 +170,7 @@ def test_no_red_line_must_be_passed(
     assert top >= min(13.4, speed_mps - HARD_MPS2 * interval_s) - 1e-6
 
 
+@pytest.mark.slow
 @given(ahead_m=st.floats(5.0, 300.0), speed_mps=st.floats(0, 13.4), interval_s=INTERVALS)
 def test_driving_by_the_ceiling_ends_before_a_red_line(
     ahead_m: float, speed_mps: float, interval_s: float

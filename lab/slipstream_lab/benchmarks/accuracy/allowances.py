@@ -124,9 +124,7 @@ def _rows(folder: Path) -> list[tuple[str, tuple[float, float, float]]]:
     """Feature, error, stated error and ratio of each covered window of a clip."""
     camera, settings = load_camera(folder / "camera.toml"), TrackSettings()
     detector = open_detector(settings.detector, camera)
-    pipeline = Pipeline(
-        "learning", camera, detector, settings.tracker, settings.stability, settings.window_s
-    )
+    pipeline = Pipeline("learning", camera, detector, settings.stability, settings.window_s)
     recorder, windows, due_s = Recorder(), dict[int, WindowFeatures](), 0.0
     clip = FastClip(open_clip(folder / "video.mp4", loop=False, size=camera.size))
     for frame in clip.frames():

@@ -18,8 +18,9 @@ from edge_daemon.camera import load_camera
 from edge_daemon.detection import detect_stream, open_detector, prefetch
 from edge_daemon.frame import Frame
 from edge_daemon.pipeline import Pipeline
-from edge_daemon.settings import DetectorSettings, StabilitySettings, TrackerSettings, WatchSettings
+from edge_daemon.settings import DetectorSettings, StabilitySettings, WatchSettings
 from edge_daemon.sources.clip import ClipReader, open_clip
+from edge_daemon.tracking import HIGH_SCORE
 from edge_daemon.watch import Watch
 from slipstream.service import rss_mb
 from slipstream_lab.benchmarks.perception.speed import Speed, speed_of, written
@@ -29,23 +30,28 @@ _EVERY_S = 1.0
 
 
 def measure(
-    clip: Path, detector_settings: DetectorSettings, frames: int, warm_up: int, *, live: bool
+    clip: Path,
+    detector_settings: DetectorSettings,
+    frames: int,
+    warm_up: int,
+    *,
+    live: bool,
+    whole: bool = False,
 ) -> Speed:
     """Run it.
 
     Args:
         clip: folder with video.mp4 and camera.toml; the video is looped.
-        detector_settings: model and region.
+        detector_settings: model.
         frames: measured after the warm-up.
         warm_up: frames before.
+        whole: the whole picture is searched, not the road's part.
         live: frames come at the clip's own rate, as from a camera, and none is skipped; else as
             fast as they are taken.
     """
     camera = load_camera(clip / "camera.toml")
-    detector = open_detector(detector_settings, camera)
-    pipeline = Pipeline(
-        "bench", camera, detector, TrackerSettings(), StabilitySettings(), _WINDOW_S
-    )
+    detector = open_detector(detector_settings, None if whole else camera)
+    pipeline = Pipeline("bench", camera, detector, StabilitySettings(), _WINDOW_S)
     watch = Watch(camera, WatchSettings())
     reader = open_clip(clip / "video.mp4", loop=True, size=camera.size)
     taken = islice(_frames(reader, live=live), warm_up + frames)
@@ -59,7 +65,7 @@ def measure(
         for number, (frame, found) in enumerate(results, start=1):
             assert frame is not None
             assert found is not None
-            watch.look(frame, found.boxes_above(TrackerSettings().high_score))
+            watch.look(frame, found.boxes_above(HIGH_SCORE))
             pipeline.update(frame, found)
             if frame.media_time_s >= due_s:
                 pipeline.states(frame.captured_ns)
@@ -100,8 +106,10 @@ def main() -> None:
     parser.add_argument("--whole-picture", action="store_true")
     parser.add_argument("--live", action="store_true")
     options = parser.parse_args()
-    settings = DetectorSettings(model=options.model, region=not options.whole_picture)
-    speed = measure(options.clip, settings, options.frames, options.warm_up, live=options.live)
+    settings, whole = DetectorSettings(model=options.model), options.whole_picture
+    speed = measure(
+        options.clip, settings, options.frames, options.warm_up, live=options.live, whole=whole
+    )
     print(written(speed))
 
 

@@ -16,7 +16,9 @@ from typing import Final
 import numpy as np
 
 from edge_daemon.detection import open_detector
-from edge_daemon.settings import BUILTIN_MODEL, DetectorSettings, TrackerSettings
+from edge_daemon.detection.protocol import MIN_SCORE
+from edge_daemon.settings import BUILTIN_MODEL, DetectorSettings
+from edge_daemon.tracking import HIGH_SCORE
 from slipstream_lab.benchmarks.aims import Check
 from slipstream_lab.benchmarks.command import Measured, report, say, start
 from slipstream_lab.benchmarks.real.boxes import (
@@ -66,7 +68,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         boxes = {
             f"{model}, score ≥ {score:g}": _boxes(clips, model, score)
             for model in (models if clips else ())
-            for score in (TrackerSettings().high_score, DetectorSettings().min_score)
+            for score in (HIGH_SCORE, MIN_SCORE)
         }
         found: list[Check] = checks(tables)
         options.out.mkdir(parents=True, exist_ok=True)

@@ -12,6 +12,7 @@ from scipy.optimize import linear_sum_assignment
 
 from edge_daemon.camera import Array, Camera, WatchedSegment
 from edge_daemon.detection import VEHICLE_CLASSES
+from edge_daemon.features.stability import MIN_COVERAGE
 from edge_daemon.offline import Recorder
 from edge_daemon.settings import StabilitySettings
 from edge_daemon.tracking import Sightings
@@ -138,7 +139,7 @@ def compare(
     """Match a recording with the truth of the same clip."""
     frames, owners, boxes = _match(recorder, truth, camera)
     errors, covered, kinds = _speed_errors(recorder, truth, owners)
-    windows = true_windows(recorder, truth, camera, rule, rule.min_coverage)
+    windows = true_windows(recorder, truth, camera, rule, MIN_COVERAGE)
     return Comparison(frames, boxes, errors, covered, kinds, windows)
 
 

@@ -36,7 +36,7 @@ from slipstream_lab.simulation.closed_loop.policy import AS_DRIVING, Policy, Wai
 from slipstream_lab.simulation.closed_loop.record import LoopCycleRecord
 from slipstream_lab.simulation.scenarios.demand import Deliveries, fleet_at
 from storage import Database, StorageError
-from vehicle_agent.signals import DepartureSettings
+from vehicle_agent.signals import DEPARTURE_WINDOW_S
 
 
 class Dispatching:
@@ -266,7 +266,7 @@ def settings_of(policy: Policy, value_of_time_kw: float, seed: int) -> Dispatche
         eco_approach="eco_approach" in levers,
         coasting_budget=policy.coasting_budget if "coasting" in levers else 0.0,
         signal_priority="priority" in levers,
-        departure_window_s=DepartureSettings().window_s if "departures" in levers else 0.0,
+        departure_window_s=DEPARTURE_WINDOW_S if "departures" in levers else 0.0,
         value_of_time_kw=value_of_time_kw,
     )
     settings = evaluation_settings(solver=policy.solver)

@@ -11,7 +11,6 @@ from edge_daemon.camera import load_camera
 from edge_daemon.detection.placement import Placement, place_dynamic
 from edge_daemon.detection.region import Region, road_region
 from edge_daemon.frame import Image, read_image
-from edge_daemon.settings import DetectorSettings
 from slipstream.errors import InputError
 from slipstream_lab.simulation.training.validation import fill
 
@@ -107,7 +106,7 @@ def _road(size: tuple[int, int], path: Path | None, clip: Path) -> Region:
             f"{camera.size[0]}×{camera.size[1]}",
             "give its own camera.toml",
         )
-    return road_region(camera, DetectorSettings().region_margin_m) or whole
+    return road_region(camera) or whole
 
 
 def _placement(size: tuple[int, int], wanted: Region, shape: tuple[int, int]) -> Placement:

@@ -62,7 +62,7 @@ def test_a_breakdown_beside_flowing_traffic_is_one_event(tmp_path: Path) -> None
 
     camera, track = load_camera(tmp_path / "clip" / "camera.toml"), TrackSettings()
     detector = open_detector(track.detector, camera)
-    pipeline = Pipeline("r", camera, detector, track.tracker, track.stability, track.window_s)
+    pipeline = Pipeline("r", camera, detector, track.stability, track.window_s)
     told: list[tuple[float, StoppedVehicles]] = []
     due_s = 0.0
     clip = open_clip(tmp_path / "clip" / "video.mp4", loop=False, size=camera.size)

@@ -24,12 +24,14 @@ from edge_daemon.detection import (
     open_detector,
 )
 from edge_daemon.frame import Frame
-from edge_daemon.settings import DetectorSettings, TrackerSettings, WatchSettings
+from edge_daemon.settings import DetectorSettings
 from edge_daemon.sources.clip import FastClip, open_clip
+from edge_daemon.tracking import HIGH_SCORE
 from edge_daemon.watch.background import Background
 from edge_daemon.watch.faults.blind import MISSED_TO_FOUND
 from edge_daemon.watch.motion import MotionFinder, covered, covering
 from edge_daemon.watch.sample import road_mask, small_grey
+from edge_daemon.watch.watch import SAMPLE_INTERVAL_S
 
 MIN_COVERED: Final = 0.8
 MIN_THINGS: Final = 50
@@ -37,8 +39,6 @@ BANDS: Final = ("near", "middle", "far")
 _HEIGHTS: Final = (1 / 12, 1 / 24)
 """Of things, as shares of the picture's height: where they are, roughly, without a calibration."""
 _PARTS: Final = len(BANDS)
-_WATCH: Final = WatchSettings()
-_TRACKER: Final = TrackerSettings()
 
 
 @dataclass(frozen=True)
@@ -98,8 +98,6 @@ def measure_coverage(
     progress: Callable[[int, int], None] = lambda done, total: None,
     *,
     fps: float | None = None,
-    sample_interval_s: float = _WATCH.sample_interval_s,
-    min_score: float = _TRACKER.high_score,
 ) -> Coverage:
     """Hold a detector against what moves in a clip.
 
@@ -109,8 +107,6 @@ def measure_coverage(
         camera: the clip's calibration: only what moves on watched road counts.
         progress: called with the numbers of processed and of expected pictures.
         fps: frames a second that the clip was filmed at; None: as it says.
-        sample_interval_s: time between two pictures that are compared.
-        min_score: of boxes that could start a track.
 
     Raises:
         InputError: the clip or the model cannot be used, or the clip does not fit the camera.
@@ -123,9 +119,7 @@ def measure_coverage(
     things, sure, any_score = [], [], []
     classes = dict.fromkeys(VEHICLE_CLASSES, 0)
     height = 0
-    frames = _sampled(
-        FastClip(reader).frames(), sample_interval_s, lambda done: progress(done, expected)
-    )
+    frames = _sampled(FastClip(reader).frames(), lambda done: progress(done, expected))
     with closing(detect_stream(frames, detector)) as results:
         for frame, found in results:
             if frame is None or found is None:
@@ -144,7 +138,7 @@ def measure_coverage(
             if moving is None:
                 continue
             pictures += 1
-            tracked = _above(found, min_score)
+            tracked = _above(found, HIGH_SCORE)
             has_box = covered(moving, tracked.boxes.astype(np.float64))
             things.append(moving)
             sure.append(has_box)
@@ -161,14 +155,12 @@ def measure_coverage(
     return Coverage(pictures, "px" if camera is None else "m", bands, classes, _verdict(bands))
 
 
-def _sampled(
-    frames: Iterable[Frame], every_s: float, note: Callable[[int], None]
-) -> Iterator[Frame]:
+def _sampled(frames: Iterable[Frame], note: Callable[[int], None]) -> Iterator[Frame]:
     """Frames as far apart as the watch takes them."""
     due_s = 0.0
     for number, frame in enumerate(frames):
         if frame.media_time_s >= due_s:
-            due_s = frame.media_time_s + every_s
+            due_s = frame.media_time_s + SAMPLE_INTERVAL_S
             yield frame
         note(number + 1)
 

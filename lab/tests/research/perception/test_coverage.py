@@ -12,12 +12,13 @@ import pytest
 
 from edge_daemon.camera import Camera, load_camera
 from edge_daemon.camera.segment import WatchedSegment
-from edge_daemon.coverage import Coverage, measure_coverage
 from edge_daemon.detection import Detections
 from edge_daemon.frame import Image
 from edge_daemon.settings import DetectorSettings
 from slipstream_cli.main import main
+from slipstream_lab.research.perception.coverage import Coverage, measure_coverage
 
+OPENS = "slipstream_lab.research.perception.coverage.open_detector"
 SIZE = (320, 180)
 NEAR, FAR = (100, 24, 0), (40, 10, 1)  # the row, the side in px, the class
 
@@ -68,7 +69,9 @@ def measured(
     monkeypatch: pytest.MonkeyPatch, clip: Path, detector: Finds, camera: Camera | None = None
 ) -> Coverage:
     """What the detector covers."""
-    monkeypatch.setattr("edge_daemon.coverage.open_detector", lambda *_: detector)
+    monkeypatch.setattr(
+        "slipstream_lab.research.perception.coverage.open_detector", lambda *_: detector
+    )
     return measure_coverage(clip, DetectorSettings(), camera)
 
 
@@ -143,7 +146,9 @@ def test_the_command_tells_and_its_status_too(
     """As JSON and in words, the verdict last."""
     for score, status, verdict in ((0.9, 0, "usable: "), (0.3, 1, "blind: 0% of")):
         detector = Finds(score, lambda _: True)
-        monkeypatch.setattr("edge_daemon.coverage.open_detector", lambda *_, d=detector: d)
+        monkeypatch.setattr(
+            "slipstream_lab.research.perception.coverage.open_detector", lambda *_, d=detector: d
+        )
         assert main(["model", "check", "builtin", str(clip), "--json"]) == status
         report = json.loads(capsys.readouterr().out)
         assert verdict.startswith(report["verdict"])
