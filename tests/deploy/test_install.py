@@ -124,21 +124,6 @@ def test_every_daemon_gets_a_password_of_its_own(tmp_path: Path) -> None:
     assert len(set(drop_ins.values())) == 3
 
 
-def test_settings_of_the_version_before_stay_and_are_named(tmp_path: Path) -> None:
-    """Their content and permissions do not change; the summary names those that all can read."""
-    etc = tmp_path / "etc" / "slipstream"
-    etc.mkdir(parents=True)
-    for name in ("site.toml", "router.json5"):
-        (etc / name).write_text("# of version 0.1\n")
-        (etc / name).chmod(0o640)
-    before = tree(etc)
-    done = install("--root", tmp_path, "all")
-    assert done.returncode == 0
-    assert before.items() <= tree(etc).items()
-    for name in before:
-        assert str(etc / name) in done.stdout
-
-
 _PYTHON = """#!/bin/sh
 # Stands in for Python: makes environments, and dies where the test says.
 case "$*" in
@@ -254,15 +239,6 @@ def test_extras_that_were_named_once_come_with_each_upgrade(machine: Machine) ->
     assert machine.install("1.2", None, "--extras", "") == 0
     assert machine.install("1.3") == 0
     assert machine.extras() == "[edge]"
-
-
-def test_an_environment_of_the_installer_before_is_not_removed(machine: Machine) -> None:
-    """The current release has daemons running from it, with the mark or without."""
-    assert machine.install("1.0") == 0
-    (machine.releases / "1.0" / ".complete").unlink()
-    (machine.releases / "1.0" / "in use").touch()
-    assert machine.install("1.0") == 0
-    assert (machine.releases / "1.0" / "in use").exists()
 
 
 def test_the_release_before_stays_and_older_ones_go(machine: Machine) -> None:

@@ -193,7 +193,7 @@ def test_other_sites_are_kept_out_behind_the_proxy_too(proxy: int) -> None:
 
 
 @pytest.mark.parametrize("proxy", [()], indirect=True)
-def test_settings_of_the_version_before_are_told_which_key_is_missing(
+def test_a_proxy_that_is_not_allowed_is_told_which_key_is_missing(
     proxy: int, caplog: pytest.LogCaptureFixture
 ) -> None:
     """A page whose proxy's name is not allowed answers 403, and the log says what to set."""
