@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 
 from storage.models import EventRow
 
-BATCH: Final = 1000
+BATCH: Final = 500
 """Events deleted in one transaction, at most."""
 _MAX_NAMES: Final = 500
 
@@ -83,12 +83,12 @@ def lasting(session: Session) -> Iterator[Event]:
 
 def between(
     session: Session, begin_ns: int, end_ns: int, limit: int, before: int | None
-) -> Iterator[Event]:
+) -> tuple[Event, ...]:
     """Events of a range of time, latest first."""
     query = select(EventRow).where(EventRow.time_ns >= begin_ns, EventRow.time_ns < end_ns)
     if before is not None:
         query = query.where(EventRow.number < before)
-    return map(_event, session.scalars(query.order_by(EventRow.number.desc()).limit(limit)))
+    return tuple(map(_event, session.scalars(query.order_by(EventRow.number.desc()).limit(limit))))
 
 
 def last(session: Session, kinds: Collection[str]) -> Event | None:

@@ -41,7 +41,7 @@ REMEMBERED_S: Final = 86_400.0
 LAPSED_S: Final = 3600.0
 """For so long a dispatcher knows a plan that lapsed: its vehicle may follow it all the same, s."""
 
-ORDERS_A_STEP: Final = 1000
+ORDERS_A_STEP: Final = 500
 """Orders that are deleted in one transaction, at most."""
 _MAX_NAMES: Final = 500
 """Values in one statement; SQLite takes 32,766."""
@@ -173,7 +173,7 @@ def load(session: Session, now_ns: int) -> FleetRecords:
 
 def orders(
     session: Session, states: Collection[OrderState], ended_since_ns: int | None = None
-) -> list[OrderRecord]:
+) -> tuple[OrderRecord, ...]:
     """Orders in some states, but those that ended before; those that changed last at the end."""
     query = (
         select(OrderRow)
@@ -183,43 +183,40 @@ def orders(
     if ended_since_ns is not None:
         recent = OrderRow.since_ns >= ended_since_ns
         query = query.where(or_(OrderRow.state.not_in(ENDED), recent))
-    return [as_order(row) for row in session.scalars(query)]
+    return tuple(map(as_order, session.scalars(query)))
 
 
-def find(session: Session, names: Collection[str]) -> list[OrderRecord]:
+def find(session: Session, names: Collection[str]) -> tuple[OrderRecord, ...]:
     """Those of some orders that are stored."""
-    return [as_order(row) for some in _chunks(sorted(names)) for row in _rows(session, some)]
+    rows = (row for some in _chunks(sorted(names)) for row in _rows(session, some))
+    return tuple(map(as_order, rows))
 
 
-def changes(session: Session, order: str) -> list[OrderChange]:
+def changes(session: Session, order: str) -> tuple[OrderChange, ...]:
     """The life of an order."""
     query = (
         select(OrderChangeRow).where(OrderChangeRow.order == order).order_by(OrderChangeRow.number)
     )
-    names = [field.name for field in fields(OrderChange)]
-    return [
-        OrderChange(**{name: getattr(row, name) for name in names})
-        for row in session.scalars(query)
-    ]
+    return tuple(OrderChange(**_values(row, OrderChange)) for row in session.scalars(query))
 
 
-def plans(session: Session, vehicle: str, limit: int, before: int | None) -> list[PlanRecord]:
+def plans(session: Session, vehicle: str, limit: int, before: int | None) -> tuple[PlanRecord, ...]:
     """The last plans of a vehicle, of cycles before a number if one is given; latest first."""
     query = select(PlanRow).where(PlanRow.vehicle == vehicle)
     if before is not None:
         query = query.where(PlanRow.cycle < before)
     query = query.order_by(PlanRow.cycle.desc()).limit(limit)
-    return [as_plan(row) for row in session.scalars(query)]
+    return tuple(map(as_plan, session.scalars(query)))
 
 
-def plan_changes(session: Session, vehicle: str, cycles: Collection[int]) -> list[PlanChange]:
+def plan_changes(session: Session, vehicle: str, cycles: Collection[int]) -> tuple[PlanChange, ...]:
     """Changes of the plans that some cycles made for a vehicle, by cycle, the first one first."""
     query = (
         select(PlanChangeRow)
         .where(PlanChangeRow.vehicle == vehicle, PlanChangeRow.cycle.in_(sorted(cycles)))
         .order_by(PlanChangeRow.cycle, PlanChangeRow.number)
     )
-    return [PlanChange(**_values(row, PlanChange)) for row in session.scalars(query)]
+    return tuple(PlanChange(**_values(row, PlanChange)) for row in session.scalars(query))
 
 
 def prune(session: Session, before_ns: int, number: int) -> bool:

@@ -17,7 +17,7 @@ from storage.models import CycleRow, InputPartRow, InputRow, InputUseRow
 
 KEEP_DAYS: Final = 7.0
 """Age from which the inputs of cycles are deleted, days; the cycles stay."""
-BATCH: Final = 20
+BATCH: Final = 10
 """Cycles whose inputs are deleted in one transaction, at most."""
 
 

@@ -99,7 +99,7 @@ def last_with_energy(session: Session, time_ns: int) -> CycleRow | None:
     return session.scalar(query)
 
 
-def plans_at(session: Session, time_ns: int) -> list[PlanRecord]:
+def plans_at(session: Session, time_ns: int) -> tuple[PlanRecord, ...]:
     """The plan that each vehicle had at a moment, by vehicle; where none was in force any more,
     its last one with what had become of it.
     """
@@ -111,7 +111,7 @@ def plans_at(session: Session, time_ns: int) -> list[PlanRecord]:
         )
     )
     if last is None or first is None:
-        return []
+        return ()
     # Numbers and names alone are read from the key; a plan's row is large.
     within = (PlanRow.cycle >= first, PlanRow.cycle <= last)
     latest = (
@@ -138,7 +138,7 @@ def plans_at(session: Session, time_ns: int) -> list[PlanRecord]:
     for row in _rows(session, keys):
         if not _had_ended(row, time_ns):
             found[row.vehicle] = _as_at(as_plan(row), time_ns)
-    return [record for _, record in sorted(found.items())]
+    return tuple(record for _, record in sorted(found.items()))
 
 
 def _rows(session: Session, keys: Sequence[tuple[int, str]]) -> Iterator[PlanRow]:
@@ -157,18 +157,17 @@ def _chunks(values: Sequence[_T]) -> Iterator[Sequence[_T]]:
 
 
 def _had_ended(row: PlanRow, time_ns: int) -> bool:
-    # 0: of a version that did not follow plans.
-    return row.status not in IN_FORCE and 0 < row.status_ns <= time_ns
+    return row.status not in IN_FORCE and row.status_ns <= time_ns
 
 
 def _as_at(record: PlanRecord, time_ns: int) -> PlanRecord:
-    if record.status in IN_FORCE or 0 < record.since_ns <= time_ns:
+    if record.status in IN_FORCE or record.since_ns <= time_ns:
         return record
     # What became of it later was not known yet.
     return PlanRecord(record.plan, "published", record.plan.issued_ns, energy=record.energy)
 
 
-def orders_at(session: Session, time_ns: int, limit: int) -> list[OrderRecord]:
+def orders_at(session: Session, time_ns: int, limit: int) -> tuple[OrderRecord, ...]:
     """Orders at a moment that had not ended, or less than `ORDERS_LISTED_S` before.
 
     The newest ``limit`` ones, those that changed last at the end; `pinned` is not kept and None.
@@ -219,10 +218,10 @@ def orders_at(session: Session, time_ns: int, limit: int) -> list[OrderRecord]:
     )
     for row in session.scalars(unchanged):
         found.setdefault(row.order, as_order(row, pinned=None))
-    return sorted(found.values(), key=lambda order: (order.since_ns, order.order))
+    return tuple(sorted(found.values(), key=lambda order: (order.since_ns, order.order)))
 
 
-def order_ends(session: Session, begin_ns: int, end_ns: int) -> list[OrderEnd]:
+def order_ends(session: Session, begin_ns: int, end_ns: int) -> tuple[OrderEnd, ...]:
     """The orders that ended in a range of time, in its order."""
     query = (
         select(
@@ -237,7 +236,7 @@ def order_ends(session: Session, begin_ns: int, end_ns: int) -> list[OrderEnd]:
         .order_by(OrderChangeRow.time_ns)
     )
     rows: Any = session.execute(query)
-    return [OrderEnd(*row) for row in rows]
+    return tuple(OrderEnd(*row) for row in rows)
 
 
 def cycle_sums(session: Session, begin_ns: int, end_ns: int) -> CycleSums:

@@ -15,7 +15,7 @@ from slipstream.messages import Gate, SegmentState
 from storage.models import CycleRow
 from storage.traffic.models import cycle_traffic
 
-CYCLES_A_STEP: Final = 10
+CYCLES_A_STEP: Final = 5
 """Cycles whose states are deleted in one transaction, at most."""
 _GATES: Final = TypeAdapter(tuple[Gate, ...])
 _STATES: Final = msgspec.json.Decoder(tuple[SegmentState, ...])

@@ -26,7 +26,7 @@ from storage.traffic import segments
 from storage.traffic.models import FEATURES, SPREAD, segment_rollups
 from storage.traffic.rollups import HOUR_S, MINUTE_S, RollUp, Spread, begin, merge, merged
 
-ROWS_A_STEP: Final = 3000
+ROWS_A_STEP: Final = 1000
 """Roll-ups that are deleted in one transaction."""
 _MAX_VALUES: Final = 500
 """Values in one statement."""
