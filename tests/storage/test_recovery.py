@@ -16,8 +16,7 @@ from slipstream.errors import InputError
 from slipstream.orders import FleetRecords, OrderRecord
 from slipstream_cli.main import main
 from storage.retention import reserve_path
-
-from .records.test_events import PAUSED, RAISED
+from tests.storage.conftest import PAUSED, RAISED
 
 
 def _path(url: str) -> Path:
