@@ -155,6 +155,31 @@ def _look_at_the_operators_page(page: Any, port: int) -> None:
 
 
 @pytest.mark.long
+def test_the_product_runs(start: Callable[..., Run]) -> None:
+    """RSUs send states, cycles make plans, vehicles' agents answer them and drive, the page is up;
+    Ctrl-C ends all of it.
+    """
+    run = start("--interval", "5", "--json")
+    run.says(lambda line: "the dashboard is at" in line, 300)
+    with storage.open_reader(f"sqlite:///{run.state / 'slipstream.db'}") as reader:
+        deadline = time.monotonic() + 120
+        while not any(r.status == "acknowledged" for r in reader.latest_plan_records()):
+            assert time.monotonic() < deadline, "\n".join(run.log)
+            time.sleep(0.5)
+    run.process.send_signal(signal.SIGINT)
+    output, _ = run.process.communicate(timeout=120)
+    assert run.process.returncode == 0, "\n".join(run.log)
+    figures = json.loads(output)
+    assert figures["dashboard_http"] == 200
+    assert figures["processes_restarted"] == 0, "\n".join(run.log)
+    assert figures["segment_states"] >= 1
+    assert figures["plans"] >= 1
+    assert figures["energy_kwh"]["cooperative"] > 0
+    assert figures["vehicles_moved"] >= 1
+    assert left_over(run.state) == []
+
+
+@pytest.mark.nightly
 def test_the_whole_chain_shows_on_the_page_and_in_the_figures(
     start: Callable[..., Run], browser: Any, tmp_path: Path
 ) -> None:
@@ -201,7 +226,7 @@ def test_the_whole_chain_shows_on_the_page_and_in_the_figures(
     assert left_over(run.state) == []
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.usefixtures("rendered")
 def test_killed_daemons_come_back_and_nothing_stored_is_lost(start: Callable[..., Run]) -> None:
     """SIGKILL of an RSU and of the dispatcher; then Ctrl-C ends all within 10 s."""
@@ -233,7 +258,7 @@ def test_killed_daemons_come_back_and_nothing_stored_is_lost(start: Callable[...
 
 
 @pytest.mark.attack
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.usefixtures("rendered")
 def test_a_stopped_daemon_is_started_again_within_30_s(
     start: Callable[..., Run], figure: Callable[[str], None], full_size: bool
@@ -266,7 +291,7 @@ def _is_up(run: Run, name: str) -> bool:
         return False
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.usefixtures("rendered")
 def test_a_killed_supervisor_leaves_nothing_behind(start: Callable[..., Run]) -> None:
     """Not even kill -9 leaves daemons running."""
