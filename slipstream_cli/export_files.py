@@ -33,7 +33,6 @@ class TableFile:
 
     Args:
         path: the file; its ending says which form it has.
-        columns: of the table.
     """
 
     def __init__(self, path: Path, columns: Sequence[TableColumn]) -> None:
@@ -153,10 +152,6 @@ def iso_name(name: str) -> str:
 
 
 def iso(time_ns: int) -> str:
-    """A time in ISO 8601, with nanoseconds.
-
-    Args:
-        time_ns: UTC.
-    """
+    """A time in ISO 8601, with nanoseconds."""
     whole = datetime.fromtimestamp(time_ns // 10**9, UTC)
     return f"{whole:%Y-%m-%dT%H:%M:%S}.{time_ns % 10**9:09d}Z"

@@ -57,17 +57,12 @@ class Database(Upkeep):
         """Store a cycle with its plans and the segment states it used, all or nothing.
 
         Args:
-            report: of the cycle.
-            plans: of the cycle, as they are published next.
-            states: that it used.
             records: what has changed of orders, earlier plans and vehicles.
             made_from: its inputs.
             energies: of its plans, by vehicle; what is driven of them is booked by these.
 
         Raises:
             ValueError: a plan belongs to another cycle, or the cycle is already stored.
-            StorageError: the database cannot be written, or was busy for `CYCLE_WITHIN_S`; nothing
-                of the cycle is stored.
         """
         misplaced = [plan.vehicle for plan in plans if plan.cycle != report.cycle]
         if misplaced:
@@ -107,11 +102,7 @@ class Database(Upkeep):
         self._gates = known
 
     def add_rollups(self, minutes: Sequence[RollUp]) -> None:
-        """Store roll-ups of minutes, and make those of the hours that have ended with them.
-
-        Raises:
-            StorageError: the database cannot be written; nothing of them is stored.
-        """
+        """Store roll-ups of minutes, and make those of the hours that have ended with them."""
         with self._write_session() as session:
             rollup_table.add(session, minutes)
 
@@ -123,7 +114,6 @@ class Database(Upkeep):
 
         Raises:
             OwnedError: another process owns it by now.
-            StorageError: the database cannot be opened or read.
         """
         self._open_anew()
         with self._write_session() as session:
@@ -144,7 +134,6 @@ class Database(Upkeep):
 
         Raises:
             OrderKnownError: the id of one is stored already.
-            StorageError: the database cannot be written, or was busy for `TURN_WITHIN_S`.
         """
         try:
             with self._write_session(TURN_WITHIN_S) as session:

@@ -58,11 +58,6 @@ def set_time(session: Session, now_ns: int) -> None:
 def check_clock(session: Session, now_ns: int, source: str) -> None:
     """Check that the clock may be used to tell the age of cycles.
 
-    Args:
-        session: of the transaction.
-        now_ns: UTC by this machine's clock.
-        source: name of the database in messages.
-
     Raises:
         UntrustedClockError: it is more than `MAX_CLOCK_GAP_DAYS` ahead of the trusted time.
     """
@@ -99,8 +94,6 @@ def delete_cycles(session: Session, limit: int, below: int, before_ns: int | Non
     """Delete the cycles with the lowest numbers; returns how many.
 
     Args:
-        session: of the transaction.
-        limit: maximum number of cycles.
         below: only cycles with lower numbers.
         before_ns: only cycles that began before; None: whenever they began.
     """

@@ -67,7 +67,6 @@ class Upkeep(Writer):
 
         Args:
             keep_days: age limit, days.
-            now_ns: UTC.
             limit: maximum number of cycles to delete, oldest first; None: no maximum.
             budget_s: after this time no transaction but the first begins; None: until all is done.
 
@@ -159,7 +158,6 @@ class Upkeep(Writer):
         changes of gates with the cycles, inputs of cycles after `inputs.KEEP_DAYS`.
 
         Args:
-            now_ns: UTC.
             budget_s: no step but the first begins after this time, and the next call goes on with
                 the kind of step after the last one; None: until all is done.
 

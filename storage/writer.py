@@ -29,7 +29,6 @@ class Writer:
     """The connections of the one writer; a context manager.
 
     Args:
-        source: its name in messages.
         reopen: opens it; called again where it was deleted or replaced.
 
     Raises:

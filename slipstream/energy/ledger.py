@@ -111,10 +111,8 @@ def driven(
 
     Args:
         plan: with lengths of its segments.
-        energy: of it.
         begin: up to where it was booked before.
         end: to be booked up to.
-        now_ns: UTC.
     """
     first = max(begin, energy.begin)
     whole_m = fsum(_length_m(s) for s in plan.segments)

@@ -103,9 +103,7 @@ def write_roads(
     """Write part of an extract as XML.
 
     Args:
-        roads: the file.
         wanted: whether a way or relation belongs to it.
-        nodes: those that do.
         added: tags by way that hold instead of the extract's.
 
     Raises:

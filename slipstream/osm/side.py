@@ -120,10 +120,6 @@ def driving_side(
 ) -> DrivingSide:
     """On which side an extract's roads are driven.
 
-    Args:
-        told: by the user; None: not.
-        country: likewise, its code.
-
     Raises:
         InputError: nothing tells, or what tells contradicts each other.
     """

@@ -62,8 +62,6 @@ def read_sumo_net(path: Path, read: Callable[[Any], T], *, internal: bool = Fals
     """Read a SUMO net and take from it what is needed.
 
     Args:
-        path: packed with gzip or not.
-        read: a function of sumolib's net.
         internal: with the edges inside junctions.
 
     Raises:

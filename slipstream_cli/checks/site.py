@@ -25,7 +25,6 @@ def check_site(path: Path, network: str | None) -> Checked:
     """Check a file and what it names.
 
     Args:
-        path: the file.
         network: its roads; None: those that it names.
 
     Raises:

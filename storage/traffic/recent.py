@@ -75,11 +75,7 @@ def _pack(data: bytes) -> bytes:
 
 
 def _unpack(data: bytes) -> bytes:
-    """The bytes that were packed.
-
-    Raises:
-        ValueError: they are damaged.
-    """
+    """The bytes that were packed."""
     try:
         return zlib.decompress(data)
     except zlib.error as error:

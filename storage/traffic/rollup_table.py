@@ -60,7 +60,6 @@ def _put(session: Session, rollups: Iterable[RollUp], known_until_ns: int | None
     """Store roll-ups; what is stored of the same segments and periods is merged with them.
 
     Args:
-        session: of the transaction.
         rollups: of one length of period.
         known_until_ns: nothing is stored of periods that begin later; None: nothing at all.
     """

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import logging
 import os
 import threading
@@ -226,25 +225,3 @@ def test_a_file_that_no_dispatcher_wrote_is_left_alone(url, make_cycle):
     with pytest.raises(InputError, match=r"damaged|malformed"):
         storage.open_or_set_aside(url)
     assert path.read_bytes() == data
-
-
-def test_a_backup_to_a_file_system_without_hard_links(url, make_cycle, tmp_path, monkeypatch):
-    """It is made by its name; a file that comes meanwhile stays."""
-    _fill(url, make_cycle, 2)
-
-    def link(*_: object) -> None:
-        raise PermissionError(errno.EPERM, "Operation not permitted")
-
-    monkeypatch.setattr(os, "link", link)
-    assert storage.backup(url, tmp_path / "a.db").ok
-    assert _numbers(f"sqlite:///{tmp_path / 'a.db'}") == [1, 2]
-    taken = tmp_path / "b.db"
-
-    def link_late(*_: object) -> None:
-        taken.write_text("of another")
-        link()
-
-    monkeypatch.setattr(os, "link", link_late)
-    with pytest.raises(InputError, match="cannot be made"):
-        storage.backup(url, taken)
-    assert taken.read_text() == "of another"
