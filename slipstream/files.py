@@ -92,7 +92,7 @@ def ending_of(path: Path) -> str:
 
 
 @contextmanager
-def open_unpacked(path: Path, mend: str = "check the path") -> Iterator[IO[bytes]]:
+def open_unpacked(path: Path, mend: str = "check the path") -> Iterator[IO[bytes] | gzip.GzipFile]:
     """A file to read from its beginning, unpacked where it is packed with gzip.
 
     Raises:
