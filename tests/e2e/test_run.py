@@ -20,7 +20,8 @@ import pytest
 
 import storage
 from slipstream.bus import free_port
-from slipstream_lab.commands.live.demo import make_clips
+from slipstream_cli.main import main
+from slipstream_lab.commands.live import demo
 from slipstream_lab.simulation.live.town import VANS
 from tests.dashboard.web.browser import SIZES
 from tests.e2e.walk import Walk
@@ -66,8 +67,20 @@ def state(tmp_path: Path) -> Path:
 @pytest.fixture
 def rendered(state: Path, made_once: Callable[..., Path]) -> None:
     """The state folder has its clips already, from an earlier run as it were."""
-    clips = made_once("demo", lambda folder: make_clips(folder, threading.Event()))
+    clips = made_once("demo", lambda folder: demo.make_clips(folder, threading.Event()))
     shutil.copytree(clips, state / "clips")
+
+
+@pytest.fixture
+def short(state: Path) -> None:
+    """The state folder has clips of a few seconds in their place."""
+    for roadside in demo.ROADSIDES:
+        scenario, *others = {*roadside.clips}
+        first = state / "clips" / demo._name(roadside, scenario)
+        words = ("--seconds", "5", "--fps", "15", "--segment", roadside.segment)
+        assert main(["clip", "streetdrive", "--out", str(first), *words]) == 0
+        for other in others:
+            shutil.copytree(first, first.with_name(demo._name(roadside, other)))
 
 
 @pytest.fixture
@@ -155,14 +168,15 @@ def _look_at_the_operators_page(page: Any, port: int) -> None:
 
 
 @pytest.mark.long
+@pytest.mark.usefixtures("short")
 def test_the_product_runs(start: Callable[..., Run]) -> None:
     """RSUs send states, cycles make plans, vehicles' agents answer them and drive, the page is up;
     Ctrl-C ends all of it.
     """
     run = start("--interval", "5", "--json")
-    run.says(lambda line: "the dashboard is at" in line, 300)
+    run.says(lambda line: "the dashboard is at" in line, 600)
     with storage.open_reader(f"sqlite:///{run.state / 'slipstream.db'}") as reader:
-        deadline = time.monotonic() + 120
+        deadline = time.monotonic() + 600
         while not any(r.status == "acknowledged" for r in reader.latest_plan_records()):
             assert time.monotonic() < deadline, "\n".join(run.log)
             time.sleep(0.5)
