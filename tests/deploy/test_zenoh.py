@@ -362,26 +362,6 @@ def test_a_plan_without_the_dispatchers_password_is_denied(
         assert overheard.payloads == [b"forged"] * len(overheard.payloads)
 
 
-@pytest.mark.attack
-@pytest.mark.long
-@pytest.mark.process
-def test_a_message_beyond_the_limit_is_dropped(machine: int, users: Path) -> None:
-    """More than 4 MiB does not come through, nor harm what does."""
-    with (
-        open_bus(machine, users / "edge-rsu-1") as edge,
-        open_bus(machine, users / "dashboard") as dashboard,
-    ):
-        seen = Seen()
-        dashboard.subscribe(ALL_STATES, seen)
-        publisher = edge.publisher(PROBES["state"])
-        publisher.put(b"small")
-        assert seen.wait_for(b"small", 20)
-        publisher.put(bytes(RECEIVE_LIMIT_BYTES + 2**16))
-        publisher.put(b"after")
-        assert seen.wait_for(b"after", 20)
-        assert {len(payload) for payload in seen.payloads} == {5}
-
-
 @pytest.mark.process
 def test_an_identity_goes_with_a_configuration_file_too(
     machine: int, users: Path, tmp_path: Path

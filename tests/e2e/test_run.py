@@ -23,8 +23,6 @@ from slipstream.bus import free_port
 from slipstream_cli.main import main
 from slipstream_lab.commands.live import demo
 from slipstream_lab.simulation.live.town import VANS
-from tests.dashboard.web.browser import SIZES
-from tests.e2e.walk import Walk
 
 pytestmark = [pytest.mark.process, pytest.mark.alone, pytest.mark.timeout(1800)]
 
@@ -207,9 +205,6 @@ def test_the_whole_chain_shows_on_the_page_and_in_the_figures(
     page.on("pageerror", lambda error: faults.append(str(error)))
     _look_at_the_operators_page(page, run.port)
     page.screenshot(path=os.environ.get("SLIPSTREAM_SCREENSHOT", str(tmp_path / "page.png")))
-    fleet = {f"van-{number:02}" for number in range(1, VANS + 1)}
-    for width in SIZES:
-        Walk(browser, f"http://127.0.0.1:{run.port}/", width, fleet).walk()
     page.goto(page.get_attribute("#scene", "href"))
     page.wait_for_selector("canvas", timeout=60_000)
     page.get_by_text("van-01").first.wait_for(timeout=60_000)

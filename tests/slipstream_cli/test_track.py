@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import threading
 from pathlib import Path
 
 import cv2
@@ -73,68 +71,6 @@ def thinned(folder: Path, to: Path, every: int, fps: float) -> Path:
         number += 1
     writer.release()
     return to
-
-
-@pytest.mark.long
-def test_a_clip_of_fewer_frames_is_scored_by_its_times(
-    street_clips: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """At a third of the rate each frame still shows what was true at its time, not at its number;
-    the video drawn over plays at the same speed.
-    """
-    folder = street_clips["stable"]
-    clip, film = thinned(folder, tmp_path / "THIN.MP4", 3, 5.0), tmp_path / "drawn.mp4"
-    line = ["track", str(clip), "--camera", str(folder / "camera.toml")]
-    line += ["--truth", str(folder / "truth.csv"), "--out", str(tmp_path / "s.jsonl"), "--json"]
-    assert main([*line, "--annotated", str(film)]) == 0
-    summary = json.loads(capsys.readouterr().out)
-    assert (summary["fps"], summary["fps_from"]) == (5.0, "time stamps")
-    assert summary["idf1"] > 0.9
-    assert summary["speed_mae_kmh"] < 1.5
-    drawn = cv2.VideoCapture(str(film))
-    assert drawn.get(cv2.CAP_PROP_FPS) == 5.0
-    assert drawn.get(cv2.CAP_PROP_FRAME_COUNT) == 14 * 5
-
-
-@pytest.mark.long
-def test_states_can_go_into_a_device(
-    street_clips: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A pipe or /dev/null is written to, not replaced; so is what a link leads to."""
-    link = tmp_path / "link.jsonl"
-    link.symlink_to(tmp_path / "target.jsonl")
-    pipe = tmp_path / "pipe"
-    os.mkfifo(pipe)
-    heard: list[str] = []
-    reader = threading.Thread(target=lambda: heard.append(pipe.read_text()))
-    reader.start()
-    short = tmp_path / "short.mp4"
-    capture = cv2.VideoCapture(str(street_clips["stable"] / "video.mp4"))
-    writer = cv2.VideoWriter(str(short), cv2.VideoWriter.fourcc(*"mp4v"), 15, (1280, 720))
-    for _ in range(10):
-        writer.write(capture.read()[1])
-    writer.release()
-    camera = str(street_clips["stable"] / "camera.toml")
-    for out in (pipe, link):
-        assert main(["track", str(short), "--camera", camera, "--out", str(out)]) == 0
-    reader.join(30)
-    assert "fault_s: none" in capsys.readouterr().out
-    assert pipe.is_fifo()
-    assert link.is_symlink()
-    assert heard == [(tmp_path / "target.jsonl").read_text()]
-
-
-@pytest.mark.long
-def test_stop_and_go_is_seen_as_what_it_is(
-    street_clips: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Never stable, in words for people."""
-    folder = street_clips["turbulent"]
-    assert main(arguments(folder, "--out", tmp_path / "s.jsonl", "--bare")) == 0
-    printed = capsys.readouterr().out
-    assert "\nstable: 0\n" in printed
-    assert "turbulent: " in printed
-    assert "speed_mae" not in printed
 
 
 @pytest.mark.long
