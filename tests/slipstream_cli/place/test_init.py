@@ -257,15 +257,6 @@ def started(summary: dict[str, Any], capsys: pytest.CaptureFixture[str], browser
     assert plans[0].stops[0].node == summary["depot"]
 
 
-@pytest.mark.process
-@pytest.mark.long
-def test_daemons_start_on_the_files(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], browser: Any
-) -> None:
-    """The first plan begins at the depot, and a browser sees it."""
-    started(made(tmp_path, capsys, "--net", str(TROY)), capsys, browser)
-
-
 def extract() -> str:
     """A quarter of 6 by 6 crossings with street names, as OpenStreetMap has it."""
     count = 6
