@@ -131,7 +131,7 @@ def test_an_export_that_fails_leaves_no_file(
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(export_files.CsvWriter, "write", full)
+    monkeypatch.setattr(export_files, "_cells", full)
     out = tmp_path / "out"
     assert main(["export", "cycles", "--database", url, "--out", str(out)]) == 1
     assert list(out.iterdir()) == []
