@@ -176,5 +176,5 @@ def index_on_leg(
 
 
 def _length_m(segment: PlannedSegment) -> float:
-    # Senders before the field left null; what they planned has no `PlanEnergy`.
+    # None has no `PlanEnergy`.
     return segment.length_m or 0.0

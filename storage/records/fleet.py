@@ -33,7 +33,7 @@ from storage.models import (
     VehicleRow,
 )
 from storage.records import energy_ledger
-from storage.records.sums import add_sums
+from storage.records.sums import add_sums, chunks
 from storage.rows import plan_energy, vehicle_plan
 
 REMEMBERED_S: Final = 86_400.0
@@ -43,15 +43,13 @@ LAPSED_S: Final = 3600.0
 
 ORDERS_A_STEP: Final = 500
 """Orders that are deleted in one transaction, at most."""
-_MAX_NAMES: Final = 500
-"""Values in one statement; SQLite takes 32,766."""
 
 
 def save(session: Session, records: FleetRecords) -> None:
     """Store what has changed."""
     names = [order.order for order in records.orders]
     # Looked up together: `merge` would ask for each. They have to be held on to meanwhile.
-    known = [row for some in _chunks(names) for row in _rows(session, some)]
+    known = [row for some in chunks(names) for row in _rows(session, some)]
     for order in records.orders:
         session.merge(OrderRow(**asdict(order)))
     del known
@@ -86,11 +84,6 @@ def add_orders(session: Session, records: FleetRecords) -> None:
     session.execute(insert(OrderChangeRow), rows)
 
 
-def _chunks(names: Sequence[str]) -> Iterator[Sequence[str]]:
-    for begin in range(0, len(names), _MAX_NAMES):
-        yield names[begin : begin + _MAX_NAMES]
-
-
 def _rows(session: Session, names: Sequence[str]) -> Sequence[OrderRow]:
     return session.scalars(select(OrderRow).where(OrderRow.order.in_(names))).all()
 
@@ -98,7 +91,7 @@ def _rows(session: Session, names: Sequence[str]) -> Sequence[OrderRow]:
 def _numbered(session: Session, changes: Sequence[OrderChange]) -> Iterator[dict[str, object]]:
     """The rows of changes, numbered on from those stored."""
     number: dict[str, int] = defaultdict(int)
-    for some in _chunks(sorted({change.order for change in changes})):
+    for some in chunks(sorted({change.order for change in changes})):
         last = (
             select(OrderChangeRow.order, func.max(OrderChangeRow.number))
             .where(OrderChangeRow.order.in_(some))
@@ -117,8 +110,7 @@ def _of_stored_plans(
     or be another database's: its changes are left out.
     """
     number: dict[tuple[int, str], int] = {}
-    cycles = sorted({change.cycle for change in changes})
-    for begin in range(0, len(cycles), _MAX_NAMES):
+    for cycles in chunks(sorted({change.cycle for change in changes})):
         last = (
             select(PlanRow.cycle, PlanRow.vehicle, func.max(PlanChangeRow.number))
             .outerjoin(
@@ -127,7 +119,7 @@ def _of_stored_plans(
                     PlanChangeRow.cycle == PlanRow.cycle, PlanChangeRow.vehicle == PlanRow.vehicle
                 ),
             )
-            .where(PlanRow.cycle.in_(cycles[begin : begin + _MAX_NAMES]))
+            .where(PlanRow.cycle.in_(cycles))
             .group_by(PlanRow.cycle, PlanRow.vehicle)
         )
         for cycle, vehicle, highest in session.execute(last):
@@ -188,7 +180,7 @@ def orders(
 
 def find(session: Session, names: Collection[str]) -> tuple[OrderRecord, ...]:
     """Those of some orders that are stored."""
-    rows = (row for some in _chunks(sorted(names)) for row in _rows(session, some))
+    rows = (row for some in chunks(sorted(names)) for row in _rows(session, some))
     return tuple(map(as_order, rows))
 
 
@@ -227,7 +219,7 @@ def prune(session: Session, before_ns: int, number: int) -> bool:
         OrderRow.state.in_(ENDED), ~OrderRow.listed, OrderRow.since_ns < before_ns
     )
     names = session.scalars(query.limit(number)).all()
-    for some in _chunks(names):
+    for some in chunks(names):
         session.execute(delete(OrderRow).where(OrderRow.order.in_(some)))
     return len(names) == number
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 from sqlalchemy import case, func, select, tuple_
 from sqlalchemy.orm import Session
@@ -13,6 +13,7 @@ from slipstream.messages import OrderState
 from slipstream.orders import ENDED, IN_FORCE, OrderRecord, PlanRecord
 from storage.models import CycleRow, OrderChangeRow, OrderRow, PlanRow
 from storage.records.fleet import as_order, as_plan
+from storage.records.sums import chunks
 
 PLANS_LAST_S: Final = 48 * 3600.0
 """Plans of cycles that began longer before a moment are not looked for, s."""
@@ -24,9 +25,7 @@ SAVES_KWH: Final = 0.0005
 """What is saved less is shown as nothing, kWh."""
 _OLDER_PLANS: Final = 3
 """Plans that a vehicle may have refused or left unanswered after the one that it follows."""
-_MAX_NAMES: Final = 500
 _NOT_FOLLOWED: Final = ("refused", "lapsed", "superseded")
-_T = TypeVar("_T")
 
 
 @dataclass(frozen=True)
@@ -124,7 +123,7 @@ def plans_at(session: Session, time_ns: int) -> tuple[PlanRecord, ...]:
     # It may have gone on by an older plan where it refused the last one, or did not answer it.
     refused = [name for name, record in found.items() if record.status in _NOT_FOLLOWED]
     older: dict[str, list[int]] = {}
-    for some in _chunks(refused):
+    for some in chunks(refused):
         numbers = (
             select(PlanRow.vehicle, PlanRow.cycle)
             .where(*within, PlanRow.vehicle.in_(some))
@@ -143,17 +142,12 @@ def plans_at(session: Session, time_ns: int) -> tuple[PlanRecord, ...]:
 
 def _rows(session: Session, keys: Sequence[tuple[int, str]]) -> Iterator[PlanRow]:
     """Plans by cycle and vehicle, in that order."""
-    for some in _chunks(sorted(keys)):
+    for some in chunks(sorted(keys)):
         yield from session.scalars(
             select(PlanRow)
             .where(tuple_(PlanRow.cycle, PlanRow.vehicle).in_(some))
             .order_by(PlanRow.cycle, PlanRow.vehicle)
         )
-
-
-def _chunks(values: Sequence[_T]) -> Iterator[Sequence[_T]]:
-    for begin in range(0, len(values), _MAX_NAMES):
-        yield values[begin : begin + _MAX_NAMES]
 
 
 def _had_ended(row: PlanRow, time_ns: int) -> bool:
