@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from pkgutil import resolve_name
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from slipstream.errors import InputError, refuse
 from slipstream.site import NAMED, Table, read_site, settings_of
@@ -20,6 +21,16 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
+_MODELS: Final = {
+    "edge": "edge_daemon.settings:EdgeSettings",
+    "dispatcher": "dispatcher_daemon.settings:DispatcherSettings",
+    "agent": "vehicle_agent.settings:AgentSettings",
+    "dashboard": "dashboard.settings:DashboardSettings",
+    "scheduler": "dispatcher_daemon.settings:SchedulerSettings",
+    "worker": "dispatcher_daemon.settings:WorkerSettings",
+}
+"""Settings by sub-command; a box has the packages of its own daemon alone."""
+
 
 def check_site(path: Path, network: str | None) -> Checked:
     """Check a file and what it names.
@@ -30,8 +41,6 @@ def check_site(path: Path, network: str | None) -> Checked:
     Raises:
         InputError: the first fault; its `others` are the further ones.
     """
-    from slipstream_cli.settings_doc import DAEMONS
-
     tables = read_site(path)
     network = network or network_named(tables)
     faults: list[InputError] = []
@@ -45,8 +54,8 @@ def check_site(path: Path, network: str | None) -> Checked:
 
     of_daemons: dict[tuple[str, str | None], Any] = {}
     for command, name in daemons_of(tables):
-        model = DAEMONS[command]
-        settings = tried(partial(settings_of, tables, path, command, model, name))
+        model = resolve_name(_MODELS[command])
+        settings: Any = tried(partial(settings_of, tables, path, command, model, name))
         if settings is not None:
             of_daemons[command, name] = settings
     rsus: Mapping[str, Table] = tables.get("rsus", {})
@@ -77,10 +86,10 @@ def network_named(tables: Table) -> str | None:
 
 
 def _check_rsus(rsus: Mapping[str, Table], path: Path, network: str | None) -> None:
-    from slipstream.roads.admission import check_rsus
+    listed = {name: own["segments"] for name, own in rsus.items() if "segments" in own}
+    if network is not None and listed:
+        from slipstream.roads.admission import check_rsus
 
-    if network is not None:
-        listed = {name: own["segments"] for name, own in rsus.items() if "segments" in own}
         check_rsus(listed, network_of(network), path)
 
 
@@ -169,15 +178,13 @@ def _ports(tables: Table, path: Path) -> Iterator[InputError]:
 
 
 def _ports_of(tables: Table) -> Iterator[tuple[str, int]]:
-    from dashboard.settings import DashboardSettings
-
     for command, name in daemons_of(tables):
         own = tables.get(command, {})
         table = command if name is None else f"{NAMED[command][0]}.{name}"
         if name is not None:
             own = {**own, **tables[NAMED[command][0]][name]}
         if command == "dashboard":
-            fields = DashboardSettings.model_fields
+            fields = resolve_name(_MODELS[command]).model_fields
             own = {key: fields[key].default for key in ("port", "scene_port")} | own
         api = own.get("api") if command == "dispatcher" else None
         ports = {f"{table}.{key}": own.get(key) for key in ("port", "scene_port", "metrics_port")}
