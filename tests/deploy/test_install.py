@@ -33,12 +33,14 @@ def tree(folder: Path) -> dict[str, tuple[str, int]]:
     }
 
 
+@pytest.mark.slow
 def test_shellcheck_has_nothing_to_say(tool: Callable[[str], str]) -> None:
     """The script is clean."""
     done = subprocess.run([tool("shellcheck"), str(SCRIPT)], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (0, "")
 
 
+@pytest.mark.slow
 def test_each_role_gets_what_it_runs(tmp_path: Path) -> None:
     """Units, settings and nothing of the other role; settings are not for everybody's eyes."""
     assert install("--root", tmp_path / "box", "edge").returncode == 0
@@ -83,6 +85,7 @@ def test_only_root_reads_what_is_secret(tmp_path: Path) -> None:
     assert stat.S_IMODE(etc.stat().st_mode) == 0o750
 
 
+@pytest.mark.slow
 def test_every_daemon_gets_a_password_of_its_own(tmp_path: Path) -> None:
     """Long and different ones; a camera that is added gets its own, others keep theirs."""
     assert install("--root", tmp_path, "all").returncode == 0
@@ -210,6 +213,7 @@ def machine(tmp_path: Path) -> Machine:
     return Machine(tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.attack
 @pytest.mark.parametrize("where", ["venv", "pip"])
 def test_a_killed_installation_is_mended_by_the_next(machine: Machine, where: str) -> None:
@@ -226,6 +230,7 @@ def test_a_killed_installation_is_mended_by_the_next(machine: Machine, where: st
     assert machine.current() == "1.1"
 
 
+@pytest.mark.slow
 def test_extras_that_were_named_once_come_with_each_upgrade(machine: Machine) -> None:
     """Until others are named, or none; a name that there is not changes nothing."""
     assert machine.install("1.0") == 0
@@ -241,6 +246,7 @@ def test_extras_that_were_named_once_come_with_each_upgrade(machine: Machine) ->
     assert machine.extras() == "[edge]"
 
 
+@pytest.mark.slow
 def test_the_release_before_stays_and_older_ones_go(machine: Machine) -> None:
     """Two are kept: after each upgrade, the same version again, and a way back by hand."""
     for version in ("1.0", "1.1", "1.2"):
@@ -256,6 +262,7 @@ def test_the_release_before_stays_and_older_ones_go(machine: Machine) -> None:
     assert machine.current() == "1.3"
 
 
+@pytest.mark.slow
 def test_a_second_run_changes_nothing(tmp_path: Path) -> None:
     """What is installed is the same again, and settings that were edited stay so."""
     assert install("--root", tmp_path, "all").returncode == 0

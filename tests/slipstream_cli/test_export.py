@@ -51,6 +51,7 @@ def test_what_was_stored_is_what_the_csv_holds(url: str, tmp_path: Path) -> None
     assert {row["repaired"] for row in rows_of(out / "solver_runs.csv")} == {"true", "false"}
 
 
+@pytest.mark.slow
 def test_the_database_s_commands_have_the_same_export(url: str, tmp_path: Path) -> None:
     """`db export` takes the options of `export`, and writes the same files."""
     begin = datetime.fromtimestamp((START_NS + 3 * PERIOD_NS) / 1e9, UTC).isoformat()
@@ -62,6 +63,7 @@ def test_the_database_s_commands_have_the_same_export(url: str, tmp_path: Path) 
     assert written[0] == written[1]
 
 
+@pytest.mark.slow
 def test_parquet_holds_the_same_rows(url: str, tmp_path: Path) -> None:
     """With the columns' types, and times as timestamps in UTC."""
     parquet = pytest.importorskip("pyarrow.parquet")

@@ -62,6 +62,7 @@ def test_the_help_of_all_fits_one_screen(capsys: pytest.CaptureFixture[str]) -> 
     assert not [line for line in lines[1:] if line.endswith("...")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "said"),
     [

@@ -32,6 +32,7 @@ def test_sound(url, make_cycle):
     assert report.schema_version == report.schema_head
 
 
+@pytest.mark.slow
 def test_damaged_page(url, make_cycle, capsys):
     """Bytes overwritten in the middle of the file are found."""
     with storage.open_database(url) as database:

@@ -66,6 +66,7 @@ def test_a_backup_of_a_database_that_is_written(url, make_cycle, tmp_path):
     ]
 
 
+@pytest.mark.slow
 def test_backup_and_restore_by_command(url, make_cycle, tmp_path, capsys):
     """What was there is kept, numbers go on above both, and the restored file starts."""
     _fill(url, make_cycle, 3)
@@ -91,6 +92,7 @@ def test_backup_and_restore_by_command(url, make_cycle, tmp_path, capsys):
     assert _numbers(f"sqlite:///{tmp_path}/new.db") == [1, 2, 3]
 
 
+@pytest.mark.slow
 def test_bad_backups_change_nothing(url, make_cycle, tmp_path):
     """Nothing is overwritten by a backup, nothing replaced by what is no sound backup."""
     _fill(url, make_cycle, 40)
@@ -133,6 +135,7 @@ def _damaged(data: bytes) -> bytes:
     return data[:middle] + b"\x55" * 4096 + data[middle + 4096 :]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["a page", "the header", "cut"])
 def test_a_damaged_file_is_set_aside(url, make_cycle, how, caplog):
     """It is kept byte for byte, the new one's numbers are above all of before, and it says so."""
@@ -167,6 +170,7 @@ def test_a_damaged_file_is_set_aside(url, make_cycle, how, caplog):
     assert len(list(path.parent.glob("*-corrupt-*"))) >= 2
 
 
+@pytest.mark.slow
 def test_orders_and_plans_survive_damage_elsewhere(url, make_cycle, tmp_path):
     """Orders and plans in force that can be read are those that a restart would have loaded."""
     order = OrderRecord(
@@ -208,6 +212,7 @@ def test_orders_and_plans_survive_damage_elsewhere(url, make_cycle, tmp_path):
         assert database.next_cycle_number() == 60 + 1000 + 1
 
 
+@pytest.mark.slow
 def test_a_file_that_no_dispatcher_wrote_is_left_alone(url, make_cycle):
     """A wrong path is refused: the file stays where it is."""
     path = _path(url)

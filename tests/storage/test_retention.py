@@ -132,6 +132,7 @@ def test_a_short_stop_is_no_jump(url, make_cycle):
             database.prune(90.0, now_ns + gap_ns)
 
 
+@pytest.mark.slow
 @pytest.mark.attack
 def test_cycles_of_a_clock_that_was_behind_stay(url, make_cycle):
     """Cycles dated 1970 among those of today are not old, once the clock is right again."""

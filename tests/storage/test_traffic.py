@@ -82,6 +82,7 @@ def _open(gates):
     return {gate.segment: gate.open for gate in gates}
 
 
+@pytest.mark.slow
 def test_the_gates_of_every_cycle_that_is_kept(any_url, make_cycle):
     """Recent ones are whole; older ones say what was open and why not, from changes alone; a
     segment that nobody watches any more has no gate.
@@ -313,6 +314,7 @@ def test_each_kind_of_old_traffic_has_its_turn(url, make_cycle, monkeypatch):
         assert len(reader.rollups("a", 0, 2**62)) == 29
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("catch_up_s", "left"), [(0.0, 40), (1.0, 9)], ids=["once", "in calls"])
 def test_deletion_keeps_up_where_a_call_has_time_for_one_step(
     url, make_cycle, monkeypatch, catch_up_s, left
