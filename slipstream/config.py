@@ -1,7 +1,6 @@
-"""Settings files: TOML or JSON is read and validated here only.
+"""Settings files and bodies of requests: TOML or JSON is read and validated here only.
 
-A file may be anything: hostile ones end in an InputError as mistaken ones do, before they cost more
-than some seconds and some hundred MB.
+Bodies may be anything: hostile ones end in an InputError as mistaken ones do.
 """
 
 from __future__ import annotations
@@ -71,14 +70,6 @@ MAX_JSON_BYTES: Final = 8_000_000
 MAX_JSON_LISTS: Final = 500_000
 """Lists and objects of one file."""
 
-_MAX_KEY_PARTS: Final = 50
-_TOML_STRING: Final = re.compile(
-    r'"""(?:[^"\\]|\\.|"(?!""))*+(?:""")?|"(?:[^"\\\n]|\\.)*+"?'
-    r"|'''(?:[^']|'(?!''))*+(?:''')?|'[^'\n]*+'?|#[^\n]*+",
-    re.DOTALL,
-)
-"""A string or a comment, also one without an end: so that one pass suffices."""
-_LONG_KEY: Final = re.compile(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{_MAX_KEY_PARTS}}}")
 _MAX_SECRET_BYTES: Final = 10_000
 _NUL: Final = re.compile(r"(?<!\\)(?:\\\\)*\\u0000")
 
@@ -181,7 +172,7 @@ def read_toml(path: Path) -> dict[str, object]:
     Raises:
         InputError: the file is missing, not readable or not TOML.
     """
-    return _parsed(read_text(path, MAX_TOML_BYTES, "TOML"), _parse_toml, "TOML", path)
+    return _parsed(read_text(path, MAX_TOML_BYTES, "TOML"), tomllib.loads, "TOML", path)
 
 
 def read_data(path: Path) -> object:
@@ -219,13 +210,6 @@ def _parsed(text: str, parse: Callable[[str], T], form: str, source: str | Path)
         raise InputError(source, "nested too deeply", mend) from None
     except ValueError as error:
         raise InputError(source, f"not {form}: {error}", mend) from None
-
-
-def _parse_toml(text: str) -> dict[str, object]:
-    # A dotted key costs tomllib the square of its parts.
-    if _LONG_KEY.search(_TOML_STRING.sub("s", text)):
-        raise ValueError(f"a key of more than {_MAX_KEY_PARTS} parts")
-    return tomllib.loads(text)
 
 
 def _parse_json(text: str) -> object:

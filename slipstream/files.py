@@ -1,7 +1,4 @@
-"""Files from outside: only regular ones are read, and only of bounded size.
-
-A pipe or a device given as a file would be read for ever, a huge one until memory is full.
-"""
+"""Files from outside, and what is wrong with them in one line."""
 
 from __future__ import annotations
 
@@ -13,7 +10,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO, Final
+from typing import IO, Final
 
 from slipstream.errors import InputError
 
@@ -24,15 +21,10 @@ _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
 def check_file(path: Path, max_bytes: int, mend: str = "check the path") -> None:
-    """Check that a path names a regular file of bounded size.
-
-    Args:
-        path: the file.
-        max_bytes: its largest size.
-        mend: what to do where there is no such file.
+    """Check that a path names a file of bounded size.
 
     Raises:
-        InputError: there is no such file; it is a directory, pipe, device or socket; or too large.
+        InputError: there is no such file, or it is too large; with ``mend`` for the former.
     """
     try:
         found = path.stat()
@@ -40,35 +32,29 @@ def check_file(path: Path, max_bytes: int, mend: str = "check the path") -> None
         missing = isinstance(error, FileNotFoundError)
         problem = "no such file" if missing else error.strerror or "not readable"
         raise InputError(path, problem, mend) from None
-    except ValueError:  # a NUL in it
-        raise InputError(path, "not a path", mend) from None
-    if stat.S_ISDIR(found.st_mode):
-        raise InputError(path, "is a directory", mend)
     if not stat.S_ISREG(found.st_mode):
-        raise InputError(path, "a pipe, device or socket, no regular file", mend)
+        problem = "is a directory" if stat.S_ISDIR(found.st_mode) else "no regular file"
+        raise InputError(path, problem, mend)
     if found.st_size > max_bytes:
-        raise too_large(path, max_bytes)
+        problem = f"larger than {max_bytes / 1e6:g} MB"
+        raise InputError(path, problem, "give a smaller file")
 
 
 def read_file(path: Path, max_bytes: int, mend: str = "check the path") -> bytes:
-    """Read a regular file of bounded size; arguments as for `check_file`.
+    """Read a file of bounded size; as for `check_file`.
 
     Raises:
         InputError: as `check_file`; also, it cannot be read.
     """
     check_file(path, max_bytes, mend)
     try:
-        with path.open("rb") as file:
-            data = file.read(max_bytes + 1)
+        return path.read_bytes()
     except OSError as error:
         raise InputError(path, error.strerror or "not readable", mend) from None
-    if len(data) > max_bytes:
-        raise too_large(path, max_bytes)
-    return data
 
 
 def read_text(path: Path, max_bytes: int, form: str = "text") -> str:
-    """Read a regular text file of bounded size; arguments as for `check_file` and `text_of`.
+    """Read a text file of bounded size.
 
     Raises:
         InputError: as `read_file` and `text_of`.
@@ -106,55 +92,22 @@ def ending_of(path: Path) -> str:
 
 
 @contextmanager
-def open_unpacked(
-    path: Path, max_bytes: int, mend: str = "check the path"
-) -> Iterator[BoundedReader]:
-    """A regular file to read from its beginning, unpacked where it is packed with gzip.
-
-    Args:
-        path: the file.
-        max_bytes: largest size of the file, and of what it unpacks to.
-        mend: what to do where there is no such file.
+def open_unpacked(path: Path, mend: str = "check the path") -> Iterator[IO[bytes] | gzip.GzipFile]:
+    """A file to read from its beginning, unpacked where it is packed with gzip.
 
     Raises:
-        InputError: as `check_file`; also while reading, where it unpacks to more.
-        OSError, EOFError, zlib.error: while reading, where the packed data is damaged.
+        InputError: there is no such file, with ``mend``.
+        OSError, EOFError, zlib.error: it cannot be read, or the packed data is damaged.
     """
-    check_file(path, max_bytes, mend)
-    try:
-        file = path.open("rb")
-    except OSError as error:
-        raise InputError(path, error.strerror or "not readable", mend) from None
-    with file:
+    check_file(path, sys.maxsize, mend)
+    with path.open("rb") as file:
         packed = file.read(len(_GZIP)) == _GZIP
         file.seek(0)
         if packed:
             with gzip.GzipFile(fileobj=file) as unpacked:
-                yield BoundedReader(unpacked, path, max_bytes)
+                yield unpacked
         else:
-            yield BoundedReader(file, path, max_bytes)
-
-
-class BoundedReader:
-    """A file that ends with an InputError where more is read from it than may be."""
-
-    def __init__(self, file: BinaryIO | gzip.GzipFile, path: Path, max_bytes: int) -> None:
-        self._file = file
-        self._path = path
-        self._max_bytes = max_bytes
-        self._left = max_bytes
-
-    def read(self, size: int = -1, /) -> bytes:
-        """Up to so many bytes, or all; none at the end."""
-        data = self._file.read(self._left + 1 if size < 0 else size)
-        self._left -= len(data)
-        if self._left < 0:
-            raise too_large(self._path, self._max_bytes)
-        return data
-
-    def close(self) -> None:
-        """Close the file; some parsers do when they have read it."""
-        self._file.close()
+            yield file
 
 
 @contextmanager
@@ -171,8 +124,3 @@ def silent_libraries() -> Iterator[None]:
     finally:
         os.dup2(kept, 2)
         os.close(kept)
-
-
-def too_large(path: Path, max_bytes: int) -> InputError:
-    """The error for a file that is larger than what is read of its kind."""
-    return InputError(path, f"larger than {max_bytes / 1e6:g} MB", "give a smaller file")

@@ -19,12 +19,12 @@ Adder = Callable[..., Any]
 
 def commands() -> Mapping[str, Adder]:
     """What adds each sub-command of installed packages to a parser, by name."""
-    return _loaded(_COMMANDS)
+    return _loaded()[_COMMANDS]
 
 
 def find_part(name: str) -> Adder | None:
     """A function that the laboratory gives to a command of the product; None: there is none."""
-    return _loaded(_PARTS).get(name)
+    return _loaded()[_PARTS].get(name)
 
 
 def part(name: str, asked: str) -> Adder:
@@ -43,14 +43,17 @@ def part(name: str, asked: str) -> Adder:
 
 
 @cache
-def _loaded(group: str) -> Mapping[str, Adder]:
-    """Entry points of a group; one that cannot be loaded is told, and keeps no daemon from its
+def _loaded() -> Mapping[str, Mapping[str, Adder]]:
+    """By group its entry points; one that cannot be loaded is told, and keeps no daemon from its
     start.
     """
-    found: dict[str, Adder] = {}
-    for point in entry_points(group=group):
-        try:
-            found[point.name] = point.load()
-        except Exception as error:
-            complain(f"slipstream {point.name}: {point.value} cannot be loaded: {error}")
+    found: dict[str, dict[str, Adder]] = {}
+    installed = entry_points()  # once: each look reads what all packages have
+    for group in (_COMMANDS, _PARTS):
+        of_group = found.setdefault(group, {})
+        for point in installed.select(group=group):
+            try:
+                of_group[point.name] = point.load()
+            except Exception as error:
+                complain(f"slipstream {point.name}: {point.value} cannot be loaded: {error}")
     return found

@@ -108,8 +108,6 @@ def sections(
     """A model's own keys, then its nested models' sections, in the order of the fields.
 
     Args:
-        model: the settings model.
-        path: dotted path of the section.
         values: an instance whose values are the defaults; None: the fields' own.
         only: of the model's own fields; None: all.
     """

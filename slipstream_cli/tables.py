@@ -11,8 +11,6 @@ def markdown_table(
     """A Markdown table without a final line break.
 
     Args:
-        columns: heads.
-        rows: as long as the columns; cells are written by `str`.
         left: indices of left-aligned columns; the others are right-aligned.
     """
     aligned_left = frozenset(left)

@@ -34,7 +34,11 @@ CYCLE_WITHIN_S: Final = 10.0
 
 
 class Database(Upkeep):
-    """The dispatcher's database, open for writing; a context manager."""
+    """The dispatcher's database, open for writing; a context manager.
+
+    Every call raises `StorageError` if the database cannot be read or written, or was busy for too
+    long; of what it was to store nothing is stored then.
+    """
 
     _gates: Mapping[str, GateState] | None = None
     """Gates as they are stored; None: not read yet."""
@@ -53,17 +57,12 @@ class Database(Upkeep):
         """Store a cycle with its plans and the segment states it used, all or nothing.
 
         Args:
-            report: of the cycle.
-            plans: of the cycle, as they are published next.
-            states: that it used.
             records: what has changed of orders, earlier plans and vehicles.
             made_from: its inputs.
             energies: of its plans, by vehicle; what is driven of them is booked by these.
 
         Raises:
             ValueError: a plan belongs to another cycle, or the cycle is already stored.
-            StorageError: the database cannot be written, or was busy for `CYCLE_WITHIN_S`; nothing
-                of the cycle is stored.
         """
         misplaced = [plan.vehicle for plan in plans if plan.cycle != report.cycle]
         if misplaced:
@@ -103,11 +102,7 @@ class Database(Upkeep):
         self._gates = known
 
     def add_rollups(self, minutes: Sequence[RollUp]) -> None:
-        """Store roll-ups of minutes, and make those of the hours that have ended with them.
-
-        Raises:
-            StorageError: the database cannot be written; nothing of them is stored.
-        """
+        """Store roll-ups of minutes, and make those of the hours that have ended with them."""
         with self._write_session() as session:
             rollup_table.add(session, minutes)
 
@@ -119,27 +114,18 @@ class Database(Upkeep):
 
         Raises:
             OwnedError: another process owns it by now.
-            StorageError: the database cannot be opened or read.
         """
         self._open_anew()
         with self._write_session() as session:
             return (session.scalar(select(func.max(CycleRow.cycle))) or 0) + 1
 
     def load_fleet(self, now_ns: int) -> FleetRecords:
-        """Orders, plans in force and vehicles as they were stored last.
-
-        Raises:
-            StorageError: the database cannot be read.
-        """
+        """Orders, plans in force and vehicles as they were stored last."""
         with self._write_session() as session:
             return fleet.load(session, now_ns)
 
     def save_fleet(self, records: FleetRecords) -> None:
-        """Store what has changed of orders, plans and vehicles beside a cycle.
-
-        Raises:
-            StorageError: the database cannot be written, or was busy for `TURN_WITHIN_S`.
-        """
+        """Store what has changed of orders, plans and vehicles beside a cycle."""
         with self._write_session(TURN_WITHIN_S) as session:
             fleet.save(session, records)
 
@@ -148,7 +134,6 @@ class Database(Upkeep):
 
         Raises:
             OrderKnownError: the id of one is stored already.
-            StorageError: the database cannot be written, or was busy for `TURN_WITHIN_S`.
         """
         try:
             with self._write_session(TURN_WITHIN_S) as session:
@@ -157,38 +142,22 @@ class Database(Upkeep):
             raise OrderKnownError(f"{self._source}: {error.orig}") from None
 
     def find_orders(self, names: Collection[str]) -> tuple[OrderRecord, ...]:
-        """Those of some orders that are stored, however long ago they ended.
-
-        Raises:
-            StorageError: the database cannot be read, or was busy for `TURN_WITHIN_S`.
-        """
+        """Those of some orders that are stored, however long ago they ended."""
         with self._write_session(TURN_WITHIN_S) as session:
-            return tuple(fleet.find(session, names))
+            return fleet.find(session, names)
 
     def save_events(self, changed: Sequence[Event]) -> None:
-        """Store events. One of an alarm that is stored takes the place of what was stored of it.
-
-        Raises:
-            StorageError: the database cannot be written, or was busy for `TURN_WITHIN_S`.
-        """
+        """Store events. One of an alarm that is stored takes the place of what was stored of it."""
         with self._write_session(TURN_WITHIN_S) as session:
             events.save(session, changed)
 
     def load_alarms(self, ended_ns: int) -> tuple[Event, ...]:
-        """Alarms in force and those that ended at ``ended_ns`` or later, UTC; oldest first.
-
-        Raises:
-            StorageError: the database cannot be read.
-        """
+        """Alarms in force and those that ended at ``ended_ns`` or later, UTC; oldest first."""
         with self._write_session() as session:
             return tuple(events.alarms(session, ended_ns))
 
     def last_event(self, kinds: Collection[str]) -> Event | None:
-        """The event of some kinds that was stored last; None: there is none.
-
-        Raises:
-            StorageError: the database cannot be read.
-        """
+        """The event of some kinds that was stored last; None: there is none."""
         with self._write_session() as session:
             return events.last(session, kinds)
 
@@ -198,20 +167,12 @@ class Database(Upkeep):
         return retention.read_room(sqlite_path(url)) if self._is_sqlite else None
 
     def save_job(self, job: QuantumJob) -> None:
-        """Store the present record of a quantum job, durably.
-
-        Raises:
-            StorageError: the database cannot be written.
-        """
+        """Store the present record of a quantum job, durably."""
         with self._write_session() as session:
             jobs.save(session, job)
 
     def jobs_since(self, finished_ns: int) -> list[QuantumJob]:
-        """Quantum jobs that are open or finished at ``finished_ns`` or later; oldest first.
-
-        Raises:
-            StorageError: the database cannot be read.
-        """
+        """Quantum jobs that are open or finished at ``finished_ns`` or later; oldest first."""
         with self._write_session() as session:
             return jobs.since(session, finished_ns)
 

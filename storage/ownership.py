@@ -10,7 +10,7 @@ import os
 import threading
 from contextlib import suppress
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Final, TypeAlias
 
 from sqlalchemy import Engine, text
 from sqlalchemy.exc import SQLAlchemyError
@@ -33,26 +33,6 @@ _DEAD_AFTER: Final = (
 
 class OwnedError(InputError):
     """Another process owns the database."""
-
-
-class Owner(Protocol):
-    """A held lock on a database."""
-
-    def watch(self) -> None:
-        """Remember which database it is; call it once the database is open."""
-        ...
-
-    def lost(self) -> str | None:
-        """Why what is committed now would be lost; None if it would not be."""
-        ...
-
-    def set_log_aside(self) -> None:
-        """Keep the log of a database that was replaced from being applied to its successor."""
-        ...
-
-    def close(self) -> None:
-        """Free the lock."""
-        ...
 
 
 class FileOwner:
@@ -99,7 +79,7 @@ class FileOwner:
         self._seen = self._identities()
 
     def watch(self) -> None:
-        """Remember the files at the path by device and inode."""
+        """Remember the files at the path by device and inode, once the database is open."""
         self._seen = self._identities()
 
     def lost(self) -> str | None:
@@ -172,6 +152,10 @@ class ServerOwner:
             # Not back into the pool, where the connection would keep the lock.
             self._connection.invalidate()
             self._connection.close()
+
+
+Owner: TypeAlias = FileOwner | ServerOwner
+"""A held lock on a database."""
 
 
 def check_free(url: str) -> None:

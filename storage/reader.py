@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Literal, Self
+from typing import Literal, Self, TypeVar
 
-from sqlalchemy import Engine, Select, func, or_, select
+from sqlalchemy import Engine, func, or_, select
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session, selectinload
 
@@ -43,6 +43,8 @@ from storage.traffic import history, recent, rollup_table
 from storage.traffic.history import SegmentAt
 from storage.traffic.rollups import MINUTE_S, RollUp
 
+T = TypeVar("T")
+
 
 @dataclass(frozen=True)
 class StoredCycle:
@@ -64,6 +66,7 @@ class Reader:
 
     Each call sees one committed state of the database. Results are empty while the file does not
     exist or has no schema yet. Every call raises `StorageError` if the database cannot be read.
+    Times are UTC ns; a range has its begin and not its end.
     """
 
     def __init__(self, engine: Engine, url: str) -> None:
@@ -75,10 +78,6 @@ class Reader:
         cycles = self.cycles(limit=1)
         return cycles[-1] if cycles else None
 
-    def latest_plans(self) -> tuple[VehiclePlan, ...]:
-        """Those of `latest_plan_records`."""
-        return tuple(record.plan for record in self.latest_plan_records())
-
     def latest_plan_records(self) -> tuple[PlanRecord, ...]:
         """The plans of the latest cycle with plans, and the latest in force of each other vehicle:
         one that is on its way gets a plan only where something changes. Ordered by vehicle.
@@ -89,9 +88,12 @@ class Reader:
             .where(or_(PlanRow.cycle == latest, PlanRow.status.in_(IN_FORCE)))
             .order_by(PlanRow.vehicle, PlanRow.cycle)
         )
-        with self._read_session() as session:
-            plans = {row.vehicle: row for row in _all(session, query)}
+
+        def read(session: Session) -> tuple[PlanRecord, ...]:
+            plans = {row.vehicle: row for row in session.scalars(query)}
             return tuple(map(fleet.as_plan, plans.values()))
+
+        return self._read((), read)
 
     def cycles(
         self,
@@ -110,8 +112,8 @@ class Reader:
             limit: maximum number of cycles.
             before: number that theirs are below; None: of all.
             gates: False: only the last cycle has its gates.
-            begin_ns: UTC; cycles that began before are left out; None: none is.
-            end_ns: UTC; so are those that began then or later; None: likewise.
+            begin_ns: of the range in which they began; None: open.
+            end_ns: likewise.
         """
         query = (
             select(CycleRow)
@@ -125,26 +127,27 @@ class Reader:
             query = query.where(CycleRow.started_ns >= begin_ns)
         if end_ns is not None:
             query = query.where(CycleRow.started_ns < end_ns)
-        with self._read_session() as session:
-            rows = list(reversed(_all(session, query)))
-            if session is None or not rows:
-                return ()
+
+        def read(session: Session) -> tuple[CycleReport, ...]:
+            rows = session.scalars(query).all()[::-1]
             with_gates = [row.cycle for row in (rows if gates else rows[-1:])]
             of_cycles = history.gates_of(session, with_gates)
             return tuple(cycle_report(row, of_cycles.get(row.cycle, ())) for row in rows)
 
+        return self._read((), read)
+
     def stored_cycle(self, cycle: int) -> StoredCycle | None:
         """One cycle; None: it is not stored."""
-        with self._read_session() as session:
-            row = None if session is None else session.get(CycleRow, cycle)
-            if session is None or row is None:
+
+        def read(session: Session) -> StoredCycle | None:
+            row = session.get(CycleRow, cycle)
+            if row is None:
                 return None
             gates = history.gates_of(session, [cycle]).get(cycle, ())
-            return StoredCycle(
-                cycle_report(row, gates),
-                tuple(vehicle_plan(plan) for plan in row.plans),
-                inputs.load(session, cycle),
-            )
+            plans = tuple(vehicle_plan(plan) for plan in row.plans)
+            return StoredCycle(cycle_report(row, gates), plans, inputs.load(session, cycle))
+
+        return self._read(None, read)
 
     def cycle_record(self, cycle: int) -> bytes | None:
         """What a cycle recorded (`CycleInputs.record`); None: it is not stored, or not any more.
@@ -152,14 +155,16 @@ class Reader:
         Raises:
             ValueError: it is damaged.
         """
-        with self._read_session() as session:
-            return None if session is None else inputs.record(session, cycle)
+        return self._read(None, lambda session: inputs.record(session, cycle))
 
     def plan(self, cycle: int, vehicle: str) -> VehiclePlan | None:
         """A vehicle's plan from a cycle; None: it is not stored."""
-        with self._read_session() as session:
-            row = None if session is None else session.get(PlanRow, (cycle, vehicle))
+
+        def read(session: Session) -> VehiclePlan | None:
+            row = session.get(PlanRow, (cycle, vehicle))
             return None if row is None else vehicle_plan(row)
+
+        return self._read(None, read)
 
     def cycle(self, number: int) -> CycleReport | None:
         """One cycle; None: it is not stored."""
@@ -169,8 +174,7 @@ class Reader:
     def plans(self, cycle: int) -> tuple[VehiclePlan, ...]:
         """The plans that a cycle published, ordered by vehicle."""
         query = select(PlanRow).where(PlanRow.cycle == cycle).order_by(PlanRow.vehicle)
-        with self._read_session() as session:
-            return tuple(vehicle_plan(row) for row in _all(session, query))
+        return self._read((), lambda session: tuple(map(vehicle_plan, session.scalars(query))))
 
     def plans_of(
         self, vehicle: str, limit: int, before: int | None = None
@@ -178,73 +182,50 @@ class Reader:
         """The last ``limit`` plans of a vehicle, or the last ones of cycles before a number, and
         what became of them; latest first.
         """
-        with self._read_session() as session:
-            return () if session is None else tuple(fleet.plans(session, vehicle, limit, before))
+        return self._read((), lambda session: fleet.plans(session, vehicle, limit, before))
 
     def plan_changes(self, vehicle: str, cycles: Collection[int]) -> tuple[PlanChange, ...]:
         """Changes of the status of a vehicle's plans from some cycles, by cycle, the first one
         first.
         """
-        with self._read_session() as session:
-            if session is None:
-                return ()
-            return tuple(fleet.plan_changes(session, vehicle, cycles))
+        return self._read((), lambda session: fleet.plan_changes(session, vehicle, cycles))
 
     def states(self, cycle: int) -> tuple[SegmentState, ...]:
         """The segment states that a cycle used, by segment and RSU.
 
         Empty for cycles older than `storage.upkeep.STATES_KEPT_H`; see `segments_at`.
         """
-        with self._read_session() as session:
-            return () if session is None else recent.states(session, cycle)
+        return self._read((), lambda session: recent.states(session, cycle))
 
     def segments_at(self, time_ns: int) -> tuple[SegmentAt, ...]:
-        """Gate and features of every watched segment at a moment of the kept past.
-
-        Args:
-            time_ns: UTC.
-
-        Returns:
-            By segment; empty before the first cycle that is kept. Gates hold for
-            `storage.traffic.history.GATES_HOLD_S` after a cycle.
+        """Gate and features of every watched segment at a moment of the kept past, by segment;
+        empty before the first cycle that is kept. Gates hold for
+        `storage.traffic.history.GATES_HOLD_S` after a cycle.
         """
-        with self._read_session() as session:
-            return () if session is None else history.segments_at(session, time_ns)
+        return self._read((), lambda session: history.segments_at(session, time_ns))
 
     def rollups(
         self, segment: str, begin_ns: int, end_ns: int, *, period_s: Literal[60, 3600] = MINUTE_S
     ) -> tuple[RollUp, ...]:
-        """What was reported of a segment in a range of time, by minute or hour, oldest first.
-
-        Periods without a state are missing, and so is an hour that has not ended. Minutes are kept
-        for `storage.upkeep.MINUTES_KEPT_H`.
-
-        Args:
-            segment: its id.
-            begin_ns: UTC; periods that begin earlier are left out.
-            end_ns: UTC; so are those that begin then or later.
-            period_s: 60 or 3600.
+        """What was reported of a segment in the minutes or hours that begin in a range of time,
+        oldest first. Periods without a state are missing, and so is an hour that has not ended.
+        Minutes are kept for `storage.upkeep.MINUTES_KEPT_H`.
         """
-        with self._read_session() as session:
-            if session is None:
-                return ()
-            found = rollup_table.of_segment(session, segment, begin_ns, end_ns, period_s)
-            return tuple(found)
+
+        def read(session: Session) -> tuple[RollUp, ...]:
+            return tuple(rollup_table.of_segment(session, segment, begin_ns, end_ns, period_s))
+
+        return self._read((), read)
 
     def energy(
         self, begin_ns: int, end_ns: int, *, vehicle: str | None = None
     ) -> tuple[EnergyHour, ...]:
-        """What vehicles have driven by the plans in force, by hour and vehicle.
-
-        Args:
-            begin_ns: UTC; hours that begin earlier are left out.
-            end_ns: UTC; so are those that begin then or later.
-            vehicle: only this one's; None: all.
+        """What vehicles have driven by the plans in force, by hour and vehicle, in the hours that
+        begin in a range of time; of one vehicle or all.
         """
-        with self._read_session() as session:
-            if session is None:
-                return ()
-            return tuple(energy_ledger.hours(session, begin_ns, end_ns, vehicle))
+        return self._read(
+            (), lambda session: tuple(energy_ledger.hours(session, begin_ns, end_ns, vehicle))
+        )
 
     def energy_sums(
         self,
@@ -257,20 +238,16 @@ class Reader:
         """The same of all vehicles together, oldest first; nothing for periods without a row.
 
         Args:
-            begin_ns: UTC; hours that begin earlier are left out.
-            end_ns: UTC; so are those that begin then or later.
             by: period of a sum; days are those of UTC, and all is one sum.
             vehicle: only this one's; None: all.
         """
-        with self._read_session() as session:
-            if session is None:
-                return ()
-            return tuple(energy_ledger.sums(session, begin_ns, end_ns, by, vehicle))
+        return self._read(
+            (), lambda session: tuple(energy_ledger.sums(session, begin_ns, end_ns, by, vehicle))
+        )
 
     def jobs(self, limit: int) -> tuple[QuantumJob, ...]:
         """The last ``limit`` quantum jobs, latest first."""
-        with self._read_session() as session:
-            return () if session is None else tuple(jobs.latest(session, limit))
+        return self._read((), lambda session: jobs.latest(session, limit))
 
     def orders(
         self,
@@ -278,94 +255,71 @@ class Reader:
         *,
         ended_since_ns: int | None = None,
     ) -> tuple[OrderRecord, ...]:
-        """Orders in some states, those that changed last at the end.
-
-        Args:
-            states: wanted.
-            ended_since_ns: leaves out those that ended before, UTC; None: no one.
+        """Orders in some states, those that changed last at the end; of those that have ended,
+        only such as did at ``ended_since_ns`` or later; None: all.
         """
-        with self._read_session() as session:
-            if session is None:
-                return ()
-            return tuple(fleet.orders(session, states, ended_since_ns))
+        return self._read((), lambda session: fleet.orders(session, states, ended_since_ns))
 
     def order_changes(self, order: str) -> tuple[OrderChange, ...]:
         """The life of one order; empty if it is not known."""
-        with self._read_session() as session:
-            return () if session is None else tuple(fleet.changes(session, order))
+        return self._read((), lambda session: fleet.changes(session, order))
 
     def span(self) -> tuple[int, int] | None:
-        """The kept past, UTC ns: from the first stored cycle's begin to that of the last one, or to
+        """The kept past: from the first stored cycle's begin to that of the last one, or to
         the last change of an order if that is later; None: there is no cycle.
         """
-        with self._read_session() as session:
-            return None if session is None else past.span(session)
+        return self._read(None, past.span)
 
     def cycle_at(self, time_ns: int) -> int | None:
         """Number of the last cycle that had begun at a moment; None: none had."""
-        with self._read_session() as session:
-            return None if session is None else past.cycle_at(session, time_ns)
+        return self._read(None, lambda session: past.cycle_at(session, time_ns))
 
     def plans_at(self, time_ns: int) -> tuple[PlanRecord, ...]:
         """The plan that each vehicle had at a moment, by vehicle; where none was in force any more,
         its last one with what had become of it. Plans older than `PLANS_LAST_S` are
         not looked for.
         """
-        with self._read_session() as session:
-            return () if session is None else tuple(past.plans_at(session, time_ns))
+        return self._read((), lambda session: past.plans_at(session, time_ns))
 
     def orders_at(self, time_ns: int, limit: int = 5000) -> tuple[OrderRecord, ...]:
         """Orders at a moment that had not ended, or ended within a day before; those that changed
-        last at the end. `pinned` is not kept and None.
-
-        Args:
-            time_ns: UTC.
-            limit: of more only the newest.
+        last at the end. Of more than ``limit`` only the newest. `pinned` is not kept and None.
         """
-        with self._read_session() as session:
-            return () if session is None else tuple(past.orders_at(session, time_ns, limit))
+        return self._read((), lambda session: past.orders_at(session, time_ns, limit))
 
     def order_ends(self, begin_ns: int, end_ns: int) -> tuple[OrderEnd, ...]:
         """The orders that ended in a range of time, in its order."""
-        with self._read_session() as session:
-            return () if session is None else tuple(past.order_ends(session, begin_ns, end_ns))
+        return self._read((), lambda session: past.order_ends(session, begin_ns, end_ns))
 
     def cycle_sums(self, begin_ns: int, end_ns: int) -> CycleSums:
         """What the cycles did that began in a range of time."""
-        with self._read_session() as session:
-            if session is None:
-                return CycleSums({}, 0.0, 0.0, 0)
-            return past.cycle_sums(session, begin_ns, end_ns)
+        nothing = CycleSums({}, 0.0, 0.0, 0)
+        return self._read(nothing, lambda session: past.cycle_sums(session, begin_ns, end_ns))
 
     def last_energy(self, time_ns: int) -> CycleReport | None:
         """The last cycle at a moment whose plans drove at all, without its gates; None: none."""
-        with self._read_session() as session:
-            row = None if session is None else past.last_with_energy(session, time_ns)
+
+        def read(session: Session) -> CycleReport | None:
+            row = past.last_with_energy(session, time_ns)
             return None if row is None else cycle_report(row)
+
+        return self._read(None, read)
 
     def state_counts(self, begin_ns: int, end_ns: int) -> Mapping[str, tuple[int, int]]:
         """States of each segment in the hours that begin in a range of time, and those of them
         with features; of an hour that has not ended, what came until now.
         """
-        with self._read_session() as session:
-            return {} if session is None else rollup_table.counts(session, begin_ns, end_ns)
+        return self._read({}, lambda session: rollup_table.counts(session, begin_ns, end_ns))
 
     def events(
         self, begin_ns: int, end_ns: int, *, limit: int, before: int | None = None
     ) -> tuple[Event, ...]:
         """What operators were told of in a range of time, latest first: alarms by their begin, and
-        what was done by whom.
-
-        Args:
-            begin_ns: UTC; earlier ones are left out.
-            end_ns: UTC; so are those of then or later.
-            limit: maximum number.
-            before: number that theirs are below; None: of all.
+        what was done by whom; at most ``limit``, with numbers below ``before`` if it is given.
         """
-        with self._read_session() as session:
-            if session is None:
-                return ()
-            return tuple(events.between(session, begin_ns, end_ns, limit, before))
+        return self._read(
+            (), lambda session: events.between(session, begin_ns, end_ns, limit, before)
+        )
 
     @contextmanager
     def tables(self) -> Iterator[Tables]:
@@ -398,6 +352,11 @@ class Reader:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def _read(self, nothing: T, read: Callable[[Session], T]) -> T:
+        """What is read in one transaction; ``nothing`` while there is no schema yet."""
+        with self._read_session() as session:
+            return nothing if session is None else read(session)
+
     @contextmanager
     def _read_session(self) -> Iterator[Session | None]:
         """A session in one read transaction; None while there is no schema yet."""
@@ -421,10 +380,6 @@ class Reader:
         except (ValueError, TypeError) as error:
             # Damage inside a value: the file is sound, but it is no message any more.
             raise StorageError(f"{source}: a row cannot be read: {str(error)[:200]}") from error
-
-
-def _all(session: Session | None, query: Select[Any]) -> Sequence[Any]:
-    return session.scalars(query).all() if session is not None else ()
 
 
 def open_reader(url: str) -> Reader:

@@ -27,10 +27,8 @@ LOG_BYTES: Final = 8 * 2**20
 """Room for the write-ahead log in a limit of size: SQLite empties it when it reaches 4 MB."""
 BATCH_BYTES: Final = 2 * 2**20
 """Data deleted in one transaction, and pages given back in one; the log grows by some more."""
-MAX_STEP_S: Final = 0.03
-"""Time of one transaction that deletes, s, from which the next ones are smaller."""
-MIN_SHARE: Final = 1 / 16
-"""Least share of its full size that a step has: what comes in with cycles still goes."""
+PRUNE_BATCH: Final = 200
+"""Cycles deleted in one transaction, at most; a cycle to be recorded waits for one."""
 SAMPLED_PAGES: Final = 64
 """Pages of each table of a PostgreSQL database from which its live rows are estimated."""
 FREE_SHARE: Final = 0.05
@@ -57,35 +55,8 @@ def set_time(session: Session, now_ns: int) -> None:
     session.merge(ClockRow(id=1, trusted_ns=now_ns))
 
 
-class Pace:
-    """How much is deleted in a transaction, so that others who write never wait for long.
-
-    A step that took longer than `MAX_STEP_S` halves the next ones, down to `MIN_SHARE`: a disk on
-    which each commit takes long is no faster with less. One that took a third of that doubles them.
-    """
-
-    def __init__(self) -> None:
-        self.share = 1.0
-
-    def of(self, most: int) -> int:
-        """What the next step may delete, of ``most`` at full size; at least 1."""
-        return max(1, int(most * self.share))
-
-    def note(self, seconds: float) -> None:
-        """Learn how long a step took, its commit included, s."""
-        if seconds > MAX_STEP_S:
-            self.share = max(MIN_SHARE, self.share / 2)
-        elif seconds < MAX_STEP_S / 3:
-            self.share = min(1.0, self.share * 2)
-
-
 def check_clock(session: Session, now_ns: int, source: str) -> None:
     """Check that the clock may be used to tell the age of cycles.
-
-    Args:
-        session: of the transaction.
-        now_ns: UTC by this machine's clock.
-        source: name of the database in messages.
 
     Raises:
         UntrustedClockError: it is more than `MAX_CLOCK_GAP_DAYS` ahead of the trusted time.
@@ -123,8 +94,6 @@ def delete_cycles(session: Session, limit: int, below: int, before_ns: int | Non
     """Delete the cycles with the lowest numbers; returns how many.
 
     Args:
-        session: of the transaction.
-        limit: maximum number of cycles.
         below: only cycles with lower numbers.
         before_ns: only cycles that began before; None: whenever they began.
     """

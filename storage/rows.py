@@ -36,13 +36,7 @@ def cycle_row(
     plans: Sequence[VehiclePlan],
     energies: Mapping[str, PlanEnergy] | None = None,
 ) -> CycleRow:
-    """Build the row of a cycle with its solver runs and plans; its gates are stored as traffic.
-
-    Args:
-        report: of the cycle.
-        plans: of the cycle.
-        energies: of plans, by vehicle.
-    """
+    """Build the row of a cycle with its solver runs and plans; its gates are stored as traffic."""
     energy_of = energies or {}
     energy = report.energy.model_dump() if report.energy else {}
     return CycleRow(

@@ -12,6 +12,9 @@ from alembic.script import ScriptDirectory
 from sqlalchemy import Connection, inspect
 
 from slipstream.errors import InputError
+from storage.models import Base
+from storage.records import energy_ledger as _of_energy  # noqa: F401 (its table joins those of Base)
+from storage.traffic import models as _of_traffic  # noqa: F401 (their tables join those of Base)
 
 # Alembic logs each query of the revision at INFO.
 logging.getLogger("alembic.runtime.migration").setLevel(logging.WARNING)
@@ -77,8 +80,14 @@ def check_ownership(connection: Connection, source: str) -> None:
 
 
 def upgrade(connection: Connection) -> None:
-    """Upgrade the schema to `head` inside the connection's transaction."""
+    """Bring the schema to `head` inside the connection's transaction: a new database gets the
+    tables of the models, another one the revisions since its own.
+    """
     config = Config()
     config.set_main_option("script_location", str(MIGRATIONS))
     config.attributes["connection"] = connection
-    command.upgrade(config, "head")
+    if current(connection) is None:
+        Base.metadata.create_all(connection)
+        command.stamp(config, "head")
+    else:
+        command.upgrade(config, "head")

@@ -112,10 +112,8 @@ class Tables:
         given whole.
 
         Args:
-            table: its name.
             from_ns: UTC; rows before it are left out.
             to_ns: UTC; rows from it on are left out.
-            batch: rows at once.
 
         Raises:
             InputError: there is no such table.

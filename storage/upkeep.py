@@ -1,4 +1,4 @@
-"""What keeps the database small: deletion by age and size, and the newest states made roll-ups."""
+"""What keeps the database small: deletion by age and size, in small transactions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from slipstream.errors import InputError
 from storage import retention
 from storage.models import CycleRow
 from storage.records import energy_ledger, events, fleet, inputs, jobs
-from storage.retention import Pace
 from storage.traffic import gates, recent, rollup_table
 from storage.writer import Writer
 
@@ -32,7 +31,9 @@ _HOUR_NS: Final = 3600e9
 
 
 class Upkeep(Writer):
-    """The part of the database that deletes."""
+    """The part of the database that deletes. Where a method fails (`StorageError`), what it has
+    deleted by then stays deleted.
+    """
 
     _used_pages: int | None = None
     _segment = 0
@@ -41,20 +42,12 @@ class Upkeep(Writer):
     """Place of the kind of step that `tidy` begins with."""
 
     def trust_clock(self, now_ns: int) -> None:
-        """Take ``now_ns``, UTC, for the time, however far ahead of the cycles it is.
-
-        Raises:
-            StorageError: the database cannot be written.
-        """
+        """Take ``now_ns``, UTC, for the time, however far ahead of the cycles it is."""
         with self._write_session() as session:
             retention.set_time(session, now_ns)
 
     def note_time(self, now_ns: int) -> None:
-        """Move the trusted time on to ``now_ns``, UTC, as a cycle does, where none is recorded.
-
-        Raises:
-            StorageError: the database cannot be written.
-        """
+        """Move the trusted time on to ``now_ns``, UTC, as a cycle does, where none is recorded."""
         with self._write_session() as session:
             retention.note_time(session, now_ns)
 
@@ -66,7 +59,7 @@ class Upkeep(Writer):
         limit: int | None = None,
         budget_s: float | None = None,
     ) -> int:
-        """Delete cycles that began more than ``keep_days`` before ``now_ns``.
+        """Delete cycles that began more than ``keep_days`` before ``now_ns``; returns how many.
 
         The latest cycle always stays, so that cycle numbers never start again. Quantum jobs that
         finished before then are deleted too, but none of the last `MIN_JOB_DAYS`; so are orders
@@ -74,25 +67,14 @@ class Upkeep(Writer):
 
         Args:
             keep_days: age limit, days.
-            now_ns: UTC.
             limit: maximum number of cycles to delete, oldest first; None: no maximum.
             budget_s: after this time no transaction but the first begins; None: until all is done.
-
-        Returns:
-            Number of cycles deleted.
 
         Raises:
             InputError: ``keep_days`` is negative or not finite.
             UntrustedClockError: ``now_ns`` is too far ahead of the cycles; nothing is deleted.
-            StorageError: the database cannot be written; batches already deleted stay deleted.
         """
-        if not (math.isfinite(keep_days) and keep_days >= 0):
-            raise InputError(
-                self._source,
-                f"cycles cannot be kept for {keep_days} days",
-                "give a number of days, 0 or more",
-                key="keep_days",
-            )
+        self._check_limit("keep_days", keep_days, "number of days")
         ends = math.inf if budget_s is None else time.monotonic() + budget_s
         # No cycle began before 1970, and SQLite takes no number beyond 64 bits.
         before_ns = max(0, now_ns - int(min(keep_days * 86_400e9, 2.0**63)))
@@ -103,24 +85,24 @@ class Upkeep(Writer):
             below = retention.first_kept(session, before_ns, now_ns)
         more = True
         while more:
-            with self._deletion("orders") as (session, pace):
-                more = fleet.prune(session, before_ns, pace.of(fleet.ORDERS_A_STEP))
+            with self._write_session() as session:
+                more = fleet.prune(session, before_ns, fleet.ORDERS_A_STEP)
             more = more and time.monotonic() < ends
         pruned, batch = 0, self._batch(self._pages() if self._is_sqlite else None)
         # One batch at least, so that none deleted means none left.
         while below is not None and pruned != limit and (not pruned or time.monotonic() < ends):
-            with self._deletion("cycles") as (session, pace):
-                wanted = pace.of(batch) if limit is None else min(pace.of(batch), limit - pruned)
+            wanted = batch if limit is None else min(batch, limit - pruned)
+            with self._write_session() as session:
                 count = retention.delete_cycles(session, wanted, below, before_ns)
             pruned += count
             if limit is None:
-                self._give_all_back()
+                self.shrink()
             if count < wanted:
                 break
         return pruned
 
     def trim(self, keep_mb: float, *, limit: int | None = None) -> int:
-        """Delete the oldest cycles until the database fits into ``keep_mb``.
+        """Delete the oldest cycles until the database fits into ``keep_mb``; returns how many.
 
         What counts of SQLite is the file, a full write-ahead log and the reserve file; of
         PostgreSQL what the rows that are left take, about. The latest cycle always stays. An SQLite
@@ -132,40 +114,30 @@ class Upkeep(Writer):
             limit: maximum number of cycles to delete; None: no maximum. Of an SQLite database more
                 are deleted where that is less than twice of what was added since the last call.
 
-        Returns:
-            Number of cycles deleted.
-
         Raises:
             InputError: ``keep_mb`` is negative or not finite.
-            StorageError: the database cannot be written; batches already deleted stay deleted.
         """
-        if not (math.isfinite(keep_mb) and keep_mb >= 0):
-            raise InputError(
-                self._source,
-                f"cycles cannot be kept in {keep_mb} MB",
-                "give a number of MB, 0 or more",
-                key="keep_mb",
-            )
+        self._check_limit("keep_mb", keep_mb, "number of MB")
         pages = began = self._pages(keep_mb)
         grown = 0 if self._used_pages is None else began.used - self._used_pages
-        wanted, trimmed, periods, batch = began.wanted(keep_mb), 0, 0, 0.0
+        wanted, trimmed, periods, batch = began.wanted(keep_mb), 0, 0, 0
         while pages.used > wanted:
             enough = limit is not None and max(trimmed, periods) >= limit
             if enough and began.used - pages.used >= 2 * grown:
                 break
-            with self._deletion("outlived") as (session, pace):
-                outlived = _delete_before_first_cycle(session, pace)
+            with self._write_session() as session:
+                outlived = _delete_before_first_cycle(session)
             periods += outlived
             if not outlived:
-                batch = batch or min(self._batch(pages), math.inf if limit is None else limit)
-                with self._deletion("cycles") as (session, pace):
+                batch = batch or min(self._batch(pages), limit or retention.PRUNE_BATCH)
+                with self._write_session() as session:
                     latest = session.scalar(select(func.max(CycleRow.cycle))) or 0
-                    count = retention.delete_cycles(session, pace.of(int(batch)), latest)
+                    count = retention.delete_cycles(session, batch, latest)
                 if count == 0:
                     break
                 trimmed += count
             if limit is None:
-                self._give_all_back()
+                self.shrink()
             pages = self._pages(keep_mb)
         if not self._is_sqlite:
             # What has come since is told by no estimate.
@@ -179,14 +151,6 @@ class Upkeep(Writer):
                 pages = self._pages()
         return trimmed
 
-    def shrink(self) -> None:
-        """Give the free pages of an SQLite file back to the file system.
-
-        Raises:
-            StorageError: the database cannot be written.
-        """
-        self._give_all_back()
-
     def tidy(self, now_ns: int, *, budget_s: float | None = None) -> bool:
         """Delete traffic that is too old, in small transactions.
 
@@ -194,7 +158,6 @@ class Upkeep(Writer):
         changes of gates with the cycles, inputs of cycles after `inputs.KEEP_DAYS`.
 
         Args:
-            now_ns: UTC.
             budget_s: no step but the first begins after this time, and the next call goes on with
                 the kind of step after the last one; None: until all is done.
 
@@ -203,32 +166,21 @@ class Upkeep(Writer):
 
         Raises:
             UntrustedClockError: ``now_ns`` is too far ahead of the cycles; nothing is deleted.
-            StorageError: the database cannot be written; what is deleted stays deleted.
         """
         ends = math.inf if budget_s is None else time.monotonic() + budget_s
         with self._write_session() as session:
             retention.check_clock(session, now_ns, self._source)
-        states_ns = max(0, now_ns - round(STATES_KEPT_H * _HOUR_NS))
-        minutes_ns = max(0, now_ns - round(MINUTES_KEPT_H * _HOUR_NS))
-        inputs_ns = max(0, now_ns - round(inputs.KEEP_DAYS * 24 * _HOUR_NS))
-
-        def delete_minutes(session: Session, pace: Pace) -> bool:
-            rows = pace.of(rollup_table.ROWS_A_STEP)
-            return rollup_table.delete_oldest_minute(session, minutes_ns, rows)
-
-        def delete_states(session: Session, pace: Pace) -> bool:
-            return recent.prune(session, states_ns, pace.of(recent.CYCLES_A_STEP))
-
-        def delete_inputs(session: Session, pace: Pace) -> bool:
-            wanted = pace.of(inputs.BATCH)
-            return inputs.prune(session, inputs_ns, wanted) == wanted
-
-        steps: tuple[tuple[str, Callable[[Session, Pace], bool]], ...] = (
-            ("minutes", delete_minutes),
-            ("outlived", _delete_before_first_cycle),
-            ("gates", lambda session, pace: self._prune_gates(session, pace) and budget_s is None),
-            ("states", delete_states),
-            ("inputs", delete_inputs),
+        states_ns, minutes_ns, inputs_ns = (
+            max(0, now_ns - round(hours * _HOUR_NS))
+            for hours in (STATES_KEPT_H, MINUTES_KEPT_H, 24 * inputs.KEEP_DAYS)
+        )
+        rows = rollup_table.ROWS_A_STEP
+        steps: tuple[Callable[[Session], bool], ...] = (
+            lambda session: rollup_table.delete_oldest_minute(session, minutes_ns, rows),
+            _delete_before_first_cycle,
+            lambda session: self._prune_gates(session) and budget_s is None,
+            lambda session: recent.prune(session, states_ns, recent.CYCLES_A_STEP),
+            lambda session: inputs.prune(session, inputs_ns, inputs.BATCH) == inputs.BATCH,
         )
         first, began, unfinished = self._step, False, False
         for place in range(first, first + len(steps)):
@@ -237,21 +189,24 @@ class Upkeep(Writer):
                 began = True
                 # Before it is done: one that fails, or takes all the time, keeps no other from it.
                 self._step = (place + 1) % len(steps)
-                kind, delete = steps[place % len(steps)]
-                with self._deletion(kind) as (session, pace):
-                    more = delete(session, pace)
+                with self._write_session() as session:
+                    more = steps[place % len(steps)](session)
             unfinished = unfinished or more
         return unfinished
 
-    def _prune_gates(self, session: Session, pace: Pace) -> bool:
+    def _check_limit(self, key: str, value: float, what: str) -> None:
+        if not (math.isfinite(value) and value >= 0):
+            mend = f"give a {what}, 0 or more"
+            raise InputError(self._source, f"{value} is no {what}", mend, key=key)
+
+    def _prune_gates(self, session: Session) -> bool:
         """Delete what is too old of some segments; False after the last ones.
 
         The running dispatcher does so for some segments after each cycle.
         """
         first = session.scalar(select(func.min(CycleRow.cycle)))
         if first is not None:
-            number = pace.of(gates.SEGMENTS_A_STEP)
-            self._segment = gates.prune(session, first, self._segment, number)
+            self._segment = gates.prune(session, first, self._segment, gates.SEGMENTS_A_STEP)
         return self._segment != 0 and first is not None
 
     def _forget(self) -> None:
@@ -259,7 +214,7 @@ class Upkeep(Writer):
         self._segment = 0
 
 
-def _delete_before_first_cycle(session: Session, pace: Pace) -> bool:
+def _delete_before_first_cycle(session: Session) -> bool:
     """Delete the oldest roll-ups, hours of the energy ledger and events before all cycles, some of
     each; False if there are none.
     """
@@ -267,11 +222,8 @@ def _delete_before_first_cycle(session: Session, pace: Pace) -> bool:
     if first_ns is None:
         return False
     deleted = [
-        delete(session, first_ns, pace.of(most))
-        for delete, most in (
-            (rollup_table.delete_all_oldest, rollup_table.ROWS_A_STEP),
-            (energy_ledger.delete_oldest, energy_ledger.ROWS_A_STEP),
-            (events.delete_before, events.BATCH),
-        )
+        rollup_table.delete_all_oldest(session, first_ns, rollup_table.ROWS_A_STEP),
+        energy_ledger.delete_oldest(session, first_ns, energy_ledger.ROWS_A_STEP),
+        events.delete_before(session, first_ns, events.BATCH),
     ]
     return any(deleted)

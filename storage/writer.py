@@ -5,8 +5,6 @@ from __future__ import annotations
 import logging
 import sqlite3
 import threading
-import time
-from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from typing import Final, Self
@@ -23,8 +21,6 @@ from storage.ownership import WRITE_LOCK, OwnedError, Owner
 
 log = logging.getLogger(__name__)
 
-PRUNE_BATCH: Final = 200
-"""Cycles deleted in one transaction, at most; a cycle to be recorded waits for one."""
 WRITE_WITHIN_S: Final = 30.0
 """What any other writer waits for its turn, s: longer than a step of those before it takes."""
 
@@ -33,7 +29,6 @@ class Writer:
     """The connections of the one writer; a context manager.
 
     Args:
-        source: its name in messages.
         reopen: opens it; called again where it was deleted or replaced.
 
     Raises:
@@ -45,7 +40,6 @@ class Writer:
         self._reopen = reopen
         self._lock = threading.RLock()
         self._lost: str | None = None
-        self._paces: defaultdict[str, retention.Pace] = defaultdict(retention.Pace)
         self._engine, self._owner = reopen()
         self._make_reserve()
 
@@ -95,17 +89,6 @@ class Writer:
                 raise self._fault(error.orig) from error
             # Once more: what was committed to a file that was deleted meanwhile is lost.
             self._check_place()
-
-    @contextmanager
-    def _deletion(self, kind: str) -> Iterator[tuple[Session, retention.Pace]]:
-        """A transaction that deletes, and how much of its kind it may; the next one learns from how
-        long it took.
-        """
-        pace = self._paces[kind]
-        with self._write_session() as session:
-            began = time.monotonic()
-            yield session, pace
-        pace.note(time.monotonic() - began)
 
     @contextmanager
     def _turn(self, within_s: float) -> Iterator[None]:
@@ -187,24 +170,25 @@ class Writer:
     def _batch(self, pages: retention.Pages | None) -> int:
         """Number of cycles to delete in one transaction, at most; None: whatever they take."""
         if pages is None:
-            return PRUNE_BATCH
+            return retention.PRUNE_BATCH
         with self._write_session() as session:
             cycles = session.scalar(select(func.count()).select_from(CycleRow)) or 0
         mean_bytes = pages.used * pages.size / max(1, cycles)
-        return max(1, min(PRUNE_BATCH, int(retention.BATCH_BYTES / mean_bytes)))
+        return max(1, min(retention.PRUNE_BATCH, int(retention.BATCH_BYTES / mean_bytes)))
 
     def _give_back(self) -> bool:
         """Give one step of free pages back to the file system; False if there was none."""
-        pages, pace = self._pages(), self._paces["free pages"]
+        pages = self._pages()
         with self._raw() as cursor:
-            number, began = pace.of(retention.BATCH_BYTES // pages.size), time.monotonic()
+            number = retention.BATCH_BYTES // pages.size
             # `execute` would do its first step only, which is one page.
             cursor.executescript(f"PRAGMA incremental_vacuum({number})")
-            pace.note(time.monotonic() - began)
         return self._pages().free < pages.free
 
-    def _give_all_back(self) -> None:
-        """Give all free pages back, with room for one step in the log."""
+    def shrink(self) -> None:
+        """Give the free pages of an SQLite file back to the file system, with room for one step in
+        the log.
+        """
         if self._is_sqlite:
             self._empty_log()
             while self._give_back():

@@ -32,7 +32,6 @@ class Answers:
     """Questions between zenoh's thread, which must not block, and the answerer's own.
 
     Args:
-        name: of the thread.
         answerer: called for one question after the other; what it raises is logged, and the one who
             asked gets no answer.
     """

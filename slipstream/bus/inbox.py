@@ -71,7 +71,6 @@ class Inbox:
     """Samples between zenoh's thread and the handler's own thread.
 
     Args:
-        name: of the subscription, for the counter.
         handler: called for one sample after the other; what it raises is logged.
         every: see `slipstream.bus.session.Bus.subscribe`.
         callback: `accept` is a callback of zenoh's, not called by a thread that empties a channel.

@@ -149,12 +149,7 @@ class Bus:
         )
 
     def listener(self, name: str, handler: Handler, *, every: bool = False) -> Listener:
-        """One handler, as of `subscribe`, for key expressions that change.
-
-        Args:
-            name: for the counter of samples.
-            handler: as for `subscribe`, with `every`.
-        """
+        """One handler, as of `subscribe`, for key expressions that change."""
         listener = Listener(self._session, Inbox(name, handler, every=every, callback=True))
         self._receivers.append(listener)
         return listener
@@ -198,18 +193,13 @@ class Bus:
 
         Args:
             key_expression: of the questions; those that are patterns of keys are refused.
-            answerer: called for one question after the other.
         """
         answers = Answers(key_expression, answerer)
         self._answers.append(answers)
         self._session.declare_queryable(key_expression, answers.accept)
 
     def ask(self, key: str, payload: bytes, within_s: float) -> tuple[bool, bytes] | None:
-        """Ask on a key: (whether it is an answer, or else an error; payload), or None.
-
-        Args:
-            within_s: time for the answer, s.
-        """
+        """Ask on a key: (whether it is an answer, or else an error; payload), or None."""
         for reply in self._session.get(key, payload=payload, encoding=_ENCODING, timeout=within_s):
             if reply.ok is not None:
                 return True, reply.ok.payload.to_bytes()

@@ -68,7 +68,6 @@ class Listener:
         """Receive samples of these key expressions, and of no others from now on.
 
         Args:
-            key_expressions: wanted.
             history: for new ones, also what publishers sent before, and repair gaps.
         """
         for key in self._subscribers.keys() - key_expressions:

@@ -30,6 +30,9 @@ zenoh drops what finds no room, and tells nobody; once one has waited in vain, t
 until there is room again. Its defaults, 2 batches and 1 ms, are overrun by 1,000 states at once.
 """
 
+RETRY: Final = {"period_init_ms": 500, "period_max_ms": 4000}
+"""Between attempts to reach a router, ms."""
+
 _RECEIVE_LIMIT = "transport/link/rx/max_message_size"
 _MAX_CONFIG_BYTES = 1_000_000
 
@@ -59,6 +62,7 @@ def router_config(endpoint: str) -> Any:
         "listen/endpoints": [endpoint],
         "listen/exit_on_failure": True,
         "scouting/multicast/enabled": False,
+        "scouting/delay": 0,
         "transport/shared_memory/enabled": False,
         _RECEIVE_LIMIT: RECEIVE_LIMIT_BYTES,
         **TRANSMIT_QUEUE,
@@ -77,8 +81,10 @@ def _leaf_config(settings: BusSettings) -> Any:
         "connect/endpoints": list(settings.connect),
         "connect/timeout_ms": -1,
         "connect/exit_on_failure": False,
-        "connect/retry": {"period_init_ms": 500, "period_max_ms": 4000},
+        "connect/retry": RETRY,
         "scouting/multicast/enabled": False,
+        # Time in which open() lets a router answer, ms: 500 by zenoh's default.
+        "scouting/delay": 100,
         "timestamping/enabled": True,
         # It locks memory, which a sandboxed service may not, and a process that is killed leaves
         # 18 MB in /dev/shm.

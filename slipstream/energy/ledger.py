@@ -111,10 +111,8 @@ def driven(
 
     Args:
         plan: with lengths of its segments.
-        energy: of it.
         begin: up to where it was booked before.
         end: to be booked up to.
-        now_ns: UTC.
     """
     first = max(begin, energy.begin)
     whole_m = fsum(_length_m(s) for s in plan.segments)
@@ -178,5 +176,5 @@ def index_on_leg(
 
 
 def _length_m(segment: PlannedSegment) -> float:
-    # Senders before the field left null; what they planned has no `PlanEnergy`.
+    # None has no `PlanEnergy`.
     return segment.length_m or 0.0

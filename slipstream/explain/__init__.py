@@ -15,19 +15,3 @@ from slipstream.explain.facts import (
     facts_of,
 )
 from slipstream.explain.words import refusal_line
-
-__all__ = [
-    "CycleFacts",
-    "Explanation",
-    "InsertedStop",
-    "OfferedTour",
-    "RefusalReason",
-    "RefusedPlatoon",
-    "TourObstacle",
-    "VehicleAccount",
-    "as_text",
-    "explanation",
-    "facts_data",
-    "facts_of",
-    "refusal_line",
-]

@@ -97,8 +97,6 @@ def explanation(
     """A stored cycle in words.
 
     Args:
-        report: of it.
-        plans: that it sent.
         record: see `facts_of`; None: it is not stored, or not any more.
 
     Raises:

@@ -32,12 +32,7 @@ class VehicleExplanation:
 def explained_vehicles(
     plans: Sequence[VehiclePlan], facts: CycleFacts | None
 ) -> Iterator[VehicleExplanation]:
-    """The vehicles of a cycle, in the order of its fleet.
-
-    Args:
-        plans: that it sent.
-        facts: of it; None: not stored.
-    """
+    """The vehicles of a cycle, in the order of its fleet."""
     plan_of = {plan.vehicle: plan for plan in plans}
     accounts = {} if facts is None else {one.vehicle: one for one in facts.accounts}
     made = () if facts is None else facts.made

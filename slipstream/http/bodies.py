@@ -23,11 +23,6 @@ class DisconnectedError(Exception):
 async def received(headers: Headers, receive: Receive, limit: int) -> Receive:
     """The whole body, bounded in size and time, as a `Receive` for the application.
 
-    Args:
-        headers: of the request.
-        receive: its.
-        limit: of the body, bytes.
-
     Raises:
         Problem: it is too large or too slow.
         DisconnectedError: the caller went away.

@@ -64,10 +64,7 @@ class ApiClient:
         """Send one request; blocks.
 
         Args:
-            method: of HTTP.
             path: below the address, with its parts quoted.
-            body: sent as JSON; None: none.
-            token: of the caller; None: none.
             within_s: limit of each wait for the other side, s.
 
         Raises:

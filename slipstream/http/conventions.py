@@ -15,9 +15,6 @@ class Conventions:
 
     HEAD is answered as GET without the body; an answer without an end is ended. Slashes at the end
     of a path are left out, unless they are percent-encoded: an id may end with one.
-
-    Args:
-        app: behind it.
     """
 
     def __init__(self, app: ASGIApp) -> None:

@@ -26,8 +26,6 @@ async def answer(
     Args:
         admitted: the request's body as the application receives it; raises Problem.
         started: told each answer's start, before it is sent.
-        log: takes faults.
-        limiter: of their lines.
     """
     begun = ended = False
 

@@ -43,11 +43,8 @@ class Problem(Exception):
     """A refusal; raise it anywhere below the application.
 
     Args:
-        status: HTTP status.
-        detail: what is wrong.
         mend: what the caller can do about it; None: nothing but to try again.
         field: key of the body, parameter or header that is wrong; None: none of them.
-        headers: of the answer, as ``Retry-After``.
     """
 
     def __init__(
@@ -101,7 +98,6 @@ def handle_problems(
     """Have an application answer its refusals, and the framework's, as problem documents.
 
     Args:
-        app: the application.
         paths: page of the documentation that has its paths.
         unavailable: what is raised where something that it needs does not answer now: HTTP 503.
     """

@@ -16,9 +16,6 @@ class EventQueue(Generic[_T]):
     Classes of its kinds say how much may wait: they add to `_waiting` under `_lock`, then call
     `_notify`.
 
-    Args:
-        loop: of the caller.
-
     Attributes:
         closed: nothing more will come.
     """

@@ -100,8 +100,6 @@ class HttpServer:
     """Serves an application from `start` until it is closed.
 
     Args:
-        name: of it, in messages.
-        host: address or name to serve on.
         port: TCP port; 0: a free one.
         key: setting of the port, for errors.
         refused: called with the status of what no application has seen.

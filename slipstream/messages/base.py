@@ -113,7 +113,6 @@ def decode(model: type[M], payload: bytes, source: str) -> M:
 
     Args:
         model: the message type that the key promises.
-        payload: UTF-8 JSON.
         source: the key it came on, for the error line.
 
     Raises:

@@ -39,10 +39,7 @@ class Gate(Model):
 
     segment: Identifier
     y_e: Literal[0, 1] | None = Field(description="Flag that it was judged by; None: unknown.")
-    reason: str | None = Field(
-        description="Code of why it is closed. Senders of version 0.1 put 'unknown: ' before the "
-        "code of an unknown flag."
-    )
+    reason: str | None = Field(description="Code of why it is closed.")
     age_s: NonNegative | None
     speed_mps: NonNegative | None
     open: bool
@@ -51,8 +48,7 @@ class Gate(Model):
 class EnergySummary(Model):
     """Physical energy of a plan set against the named baseline, and where the saving comes from.
 
-    Driving times, s, and the price that the objective puts on an hour, kWh, are None of a sender
-    that does not tell them.
+    Driving times are in s, the price that the objective puts on an hour in kWh.
     """
 
     baseline: str
@@ -101,9 +97,7 @@ class CycleReport(Model):
     gates: tuple[Gate, ...]
     energy: EnergySummary | None
     plans: Count = Field(description="Plans stored and published.")
-    unserved: tuple[Unserved, ...] = Field(
-        default=(), description="Stops that no plan visits; senders before this field left none."
-    )
+    unserved: tuple[Unserved, ...] = Field(default=(), description="Stops that no plan visits.")
     carriers: tuple[CarrierSummary, ...] = Field(
         default=(), description="Where the vehicles are of several."
     )
@@ -183,13 +177,12 @@ class DispatcherHealth(Model):
     hardware: HardwareHealth | None = Field(default=None, description="Null without a device.")
     stale_after_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = Field(
         default=None,
-        description="Age above which its gates ignore a SegmentState, s; senders before this field "
-        "left null.",
+        description="Age above which its gates ignore a SegmentState, s.",
     )
     future_tolerance_s: NonNegative | None = Field(
         default=None,
         description="How far ahead of its clock a SegmentState may be dated for its gates to use "
-        "it, s; senders before this field left null.",
+        "it, s.",
     )
     vehicles_reporting: Count = Field(
         default=0, description="Vehicles that have ever sent a position, answer or visit."

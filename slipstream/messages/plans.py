@@ -56,15 +56,9 @@ class PlannedSegment(Model):
         "alone.",
     )
     leg: Count = Field(description="Which leg between two stops it belongs to.")
-    length_m: Positive | None = Field(
-        default=None, description="Of the segment; senders before this field left null."
-    )
-    speed_limit_mps: Positive | None = Field(
-        default=None, description="Allowed on it; senders before this field left null."
-    )
-    lanes: Count | None = Field(
-        default=None, description="Of the segment; senders before this field left null."
-    )
+    length_m: Positive | None = Field(default=None, description="Of the segment.")
+    speed_limit_mps: Positive | None = Field(default=None, description="Allowed on it.")
+    lanes: Count | None = Field(default=None, description="Of the segment.")
     crossing: PlannedCrossing | None = Field(
         default=None, description="None at a leg's end, and where the network does not know it."
     )
@@ -99,7 +93,7 @@ class PlannedStop(Model):
     break_s: NonNegative = Field(
         default=0.0,
         description="Length of the break that the vehicle takes there, where the stop before is; "
-        "0: none. Receivers before this field take it for a hub.",
+        "0: none.",
     )
 
     @property

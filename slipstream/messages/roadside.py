@@ -195,12 +195,8 @@ class RsuHealth(Model):
     latency_ms_p95: NonNegative | None
     vehicles_in_view: Count
     rss_mb: NonNegative
-    stability: StabilityLimits | None = Field(
-        default=None, description="Senders before this field left null."
-    )
-    calibration: CameraCalibration | None = Field(
-        default=None, description="Senders before this field left null."
-    )
+    stability: StabilityLimits | None = None
+    calibration: CameraCalibration | None = None
 
 
 def state_key(rsu: str, segment: str) -> str:

@@ -5,5 +5,3 @@ It needs scipy and SUMO's netconvert; PBF files need the extra `osm`.
 
 from slipstream.osm.connected import largest_part
 from slipstream.osm.importing import Import, import_osm
-
-__all__ = ["Import", "import_osm", "largest_part"]

@@ -7,22 +7,21 @@ that closed roads are left out here.
 from __future__ import annotations
 
 import bz2
+import shutil
 import zlib
 from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO, Final, Literal, cast
+from typing import Any, Final, Literal, cast
 from xml.etree import ElementTree
 
 from slipstream.errors import InputError
-from slipstream.files import BoundedReader, check_file, open_unpacked
+from slipstream.files import check_file, open_unpacked
 
 MAX_EXTRACT_BYTES: Final = 2_000_000_000
-"""Of an extract, unpacked."""
+"""Of an extract."""
 _FORMATS: Final = (".osm", ".osm.xml", ".osm.gz", ".osm.xml.gz", ".osm.bz2", ".osm.xml.bz2")
 _MEND: Final = "give .osm or .osm.xml (also .gz, .bz2), or .osm.pbf"
-_CHUNK_BYTES: Final = 1 << 20
 
 Kind = Literal["node", "way", "relation"]
 
@@ -104,9 +103,7 @@ def write_roads(
     """Write part of an extract as XML.
 
     Args:
-        roads: the file.
         wanted: whether a way or relation belongs to it.
-        nodes: those that do.
         added: tags by way that hold instead of the extract's.
 
     Raises:
@@ -123,22 +120,14 @@ def write_roads(
 def _unpacked(path: Path, folder: Path) -> Path:
     plain = folder / "extract.osm.xml"
     try:
-        with _open(path) as packed, plain.open("wb") as file:
-            while chunk := packed.read(_CHUNK_BYTES):
-                file.write(chunk)
+        with (
+            bz2.open(path) if path.suffix.lower() == ".bz2" else open_unpacked(path) as packed,
+            plain.open("wb") as file,
+        ):
+            shutil.copyfileobj(packed, file)
     except (OSError, EOFError, zlib.error) as error:
         raise InputError(path, f"damaged: {error}", "fetch it again") from None
     return plain
-
-
-@contextmanager
-def _open(path: Path) -> Iterator[BoundedReader]:
-    if path.suffix.lower() != ".bz2":
-        with open_unpacked(path, MAX_EXTRACT_BYTES) as file:
-            yield file
-        return
-    with bz2.open(path) as unpacked:
-        yield BoundedReader(cast(BinaryIO, unpacked), path, MAX_EXTRACT_BYTES)
 
 
 def _xml_things(

@@ -9,6 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
 from slipstream.errors import InputError
 from slipstream.osm.extract import open_extract, write_roads
 from slipstream.osm.limits import Limit, limits, signed_kmh
@@ -196,20 +200,11 @@ def left_out(survey: Survey, used: frozenset[int]) -> dict[str, int]:
 
 def _connected(survey: Survey, used: frozenset[int]) -> Mapping[int, bool]:
     """By node: whether roads for cars lead from it to one that is used, in any direction."""
-    parent: dict[int, int] = {}
-
-    def root(node: int) -> int:
-        parent.setdefault(node, node)
-        while parent[node] != node:
-            parent[node] = node = parent[parent[node]]
-        return node
-
-    kept = []
-    for number, way in survey.roads.items():
-        if way.nodes and way.road_class in FOR_CARS:
-            first = root(way.nodes[0])
-            for node in way.nodes[1:]:
-                parent[root(node)] = first
-            kept += [way.nodes[0]] if number in used else []
-    roots = {root(node) for node in kept}
-    return {node: root(node) in roots for node in list(parent)}
+    ways = {n: w.nodes for n, w in survey.roads.items() if w.nodes and w.road_class in FOR_CARS}
+    index = {node: i for i, node in enumerate({node for nodes in ways.values() for node in nodes})}
+    steps = [(index[nodes[0]], index[node]) for nodes in ways.values() for node in nodes]
+    begins, ends = np.array(steps, dtype=np.int64).reshape(-1, 2).T
+    graph = csr_array((np.ones(len(steps)), (begins, ends)), shape=(len(index), len(index)))
+    _, part = connected_components(graph, directed=False)
+    kept = {part[index[nodes[0]]] for number, nodes in ways.items() if number in used}
+    return {node: part[i] in kept for node, i in index.items()}

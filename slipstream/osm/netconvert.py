@@ -43,8 +43,6 @@ def convert(options: list[str], built: Path, source: str | Path) -> str:
     """Run netconvert.
 
     Args:
-        options: of netconvert, the output left out.
-        built: the net that it makes.
         source: what errors name.
 
     Returns:

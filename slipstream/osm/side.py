@@ -120,10 +120,6 @@ def driving_side(
 ) -> DrivingSide:
     """On which side an extract's roads are driven.
 
-    Args:
-        told: by the user; None: not.
-        country: likewise, its code.
-
     Raises:
         InputError: nothing tells, or what tells contradicts each other.
     """
@@ -131,7 +127,7 @@ def driving_side(
         return DrivingSide(told, "as told")
     if country is not None:
         return DrivingSide(_side_of(country), f"the country is {country}")
-    known = [found for found in _evidence(survey) if found is not None]
+    known = [*_evidence(survey)]
     mend = "say it: --driving-side left or right, or --country with its code"
     if not known:
         problem = "driven on which side? It lies near a border between left and right"
@@ -143,32 +139,27 @@ def driving_side(
     return known[0]
 
 
-def _evidence(survey: Survey) -> Iterator[DrivingSide | None]:
-    """The side by each thing that tells, the surest first; None: it does not."""
+def _evidence(survey: Survey) -> Iterator[DrivingSide]:
+    """The side by each thing that tells, the surest first."""
     named = clear(survey.sides)
-    yield (
-        None
-        if named is None
-        else DrivingSide("left" if named == "left" else "right", "by the map's driving_side")
-    )
+    if named is not None:
+        yield DrivingSide(_named(named), "by the map's driving_side")
     country = country_of(survey)
-    yield (
-        None
-        if country is None
-        else DrivingSide(_side_of(country), f"the map's country is {country}")
-    )
-    yield side_at(survey.places.values())
+    if country is not None:
+        yield DrivingSide(_side_of(country), f"the map's country is {country}")
+    lies = side_at(survey.places.values())
+    if lies is not None:
+        yield lies
     found = (_roundabout_side(way, survey.places) for way in survey.open_roads.values())
     turns: Counter[str] = Counter(side for side in found if side is not None)
     most = clear(turns)
-    yield (
-        None
-        if most is None
-        else DrivingSide(
-            "left" if most == "left" else "right",
-            f"as {turns[most]} of {turns.total()} roundabouts turn",
-        )
-    )
+    if most is not None:
+        why = f"as {turns[most]} of {turns.total()} roundabouts turn"
+        yield DrivingSide(_named(most), why)
+
+
+def _named(side: str) -> Side:
+    return "left" if side == "left" else "right"
 
 
 def _side_of(country: str) -> Side:

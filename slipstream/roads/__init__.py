@@ -1,5 +1,3 @@
 """The road network, whom its roads admit, and points on it."""
 
 from slipstream.roads.network import Crossing, RoadNetwork, Segment, build_network
-
-__all__ = ["Crossing", "RoadNetwork", "Segment", "build_network"]

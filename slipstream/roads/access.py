@@ -106,7 +106,6 @@ def access_of(
     made of several ways, the smallest holds.
 
     Args:
-        edge: of the net.
         type_speeds: speed limits by class of each edge type (``restriction`` in the net).
         unread: gets a line for each limit that cannot be read.
     """

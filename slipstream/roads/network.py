@@ -240,11 +240,8 @@ def build_network(
 
     Args:
         follows: allowed turns; None allows every turn but the U-turn onto the way back.
-        signals: junctions with traffic lights.
         crossings: ways through junctions; those of turns that `follows` has not are left out.
         turn_classes: vehicle classes of turns that not all may take.
-        projection: from latitude and longitude to places.
-        left_hand: whether the left side is driven on.
         source: what errors name.
         prefix: put before the segments' ids in errors, where they are part of a larger file.
 

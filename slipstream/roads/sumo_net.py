@@ -35,11 +35,6 @@ _NO_TUNNEL: Final = frozenset({"no", "building_passage", "covered", "culvert"})
 _ENTITIES: Final = {"&apos;": "'", "&quot;": '"'}
 """netconvert escapes street names of a map twice."""
 
-MAX_NET_BYTES: Final = 64_000_000
-MAX_NET_ELEMENTS: Final = 300_000
-"""Of a SUMO net, unpacked. Troy's has 0.9 MB and 7,100 elements; one costs sumolib some 15 µs and
-1 kB."""
-
 
 def load_network(reference: str | Path) -> RoadNetwork:
     """Read a road network.
@@ -67,25 +62,18 @@ def read_sumo_net(path: Path, read: Callable[[Any], T], *, internal: bool = Fals
     """Read a SUMO net and take from it what is needed.
 
     Args:
-        path: packed with gzip or not.
-        read: a function of sumolib's net.
         internal: with the edges inside junctions.
 
     Raises:
-        InputError: there is no such file, it is no SUMO net or too large, or ``read`` fails on it.
+        InputError: there is no such file, it is no SUMO net, or ``read`` fails on it.
     """
     # Imported here: sumolib costs 0.2 s, which a process that only sends messages need not pay.
     import sumolib
 
     class NetReader(sumolib.net.NetReader):  # type: ignore[misc]
-        elements = 0
         edge_type = ""
 
         def startElement(self, name: str, attributes: Any) -> None:
-            self.elements += 1
-            if self.elements > MAX_NET_ELEMENTS:
-                problem = f"more than {MAX_NET_ELEMENTS} elements"
-                raise InputError(path, problem, "give a smaller net")
             super().startElement(name, attributes)
             # sumolib leaves out the side that is driven on, and the speed limits by class that an
             # edge type may have.
@@ -102,7 +90,7 @@ def read_sumo_net(path: Path, read: Callable[[Any], T], *, internal: bool = Fals
     reader = NetReader(withInternal=internal)
     mend = "build one with netconvert"
     try:
-        with open_unpacked(path, MAX_NET_BYTES, "give a SUMO net, or 'demo'") as file:
+        with open_unpacked(path, "give a SUMO net, or 'demo'") as file:
             sax.parse(file, reader)
         return read(reader.getNet())
     except InputError:

@@ -11,15 +11,3 @@ from slipstream.service.service import (
     rss_mb,
     set_from_handler,
 )
-
-__all__ = [
-    "SUPERVISED",
-    "LogLimiter",
-    "Service",
-    "configure_logging",
-    "die_with_parent",
-    "follow_supervisor",
-    "notify",
-    "rss_mb",
-    "set_from_handler",
-]

@@ -18,9 +18,6 @@ _FIELDS: Final = ("time", "level", "daemon", "message")
 class JsonFormatter(logging.Formatter):
     """One JSON object a line: time (ISO 8601, UTC), level, daemon, message, and the stack of an
     exception if there is one.
-
-    Args:
-        daemon: its name.
     """
 
     def __init__(self, daemon: str) -> None:

@@ -38,12 +38,7 @@ _PR_SET_PDEATHSIG = 1
 
 
 def configure_logging(name: str, settings: ServiceSettings) -> None:
-    """Send log lines to standard error; the journal and the supervisor add their own time stamps.
-
-    Args:
-        name: the daemon's name, shown in each line.
-        settings: with level and format.
-    """
+    """Send log lines to standard error, stamped unless the journal or the supervisor does."""
     if settings.log_format == "json":
         handler = logging.StreamHandler(sys.stderr)
         handler.setFormatter(JsonFormatter(name))

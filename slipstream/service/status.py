@@ -21,7 +21,6 @@ def serve_status(
     ends with the process; all other paths are not found.
 
     Args:
-        port: TCP port.
         fault: why the daemon does not work, in words; None: it does.
         not_ready: why it cannot do its work now, likewise.
 

@@ -39,7 +39,6 @@ def span(
     """A span around a block of code, inside the one that the thread is in.
 
     Args:
-        name: of the span.
         began_ns: UTC at its begin; None: now.
     """
     return _OFF if _tracer is None else _start(name, attributes, began_ns)
@@ -99,7 +98,6 @@ class Tracing:
     """Sends spans to a collector while it is entered.
 
     Args:
-        service: the daemon's name.
         endpoint: of the collector, OTLP over HTTP; None: no traces.
     """
 

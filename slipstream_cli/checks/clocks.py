@@ -20,8 +20,6 @@ def clock_notes(path: Path, fleet: Fleet, reference_ns: int) -> tuple[str, ...]:
     """One line for each time of day that rows of the file share, with its date.
 
     Args:
-        path: the file.
-        fleet: of it.
         reference_ns: the moment that it is read at, UTC.
     """
     now = datetime.fromtimestamp(reference_ns // 10**9, UTC)

@@ -2,19 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
+from pkgutil import resolve_name
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from slipstream.errors import InputError, refuse
-from slipstream.site import Table, names_of, read_site, settings_of
+from slipstream.site import NAMED, Table, read_site, settings_of
 from slipstream_cli.checks.kinds import Checked, check_fleet, check_tokens, lacking, network_of
+from slipstream_cli.place.site_file import daemons_of
+
+if TYPE_CHECKING:
+    from dashboard.settings import DashboardSettings
+    from dispatcher_daemon.settings import DispatcherSettings
+    from edge_daemon.settings import EdgeSettings
+    from vehicle_agent.settings import AgentSettings
+
+T = TypeVar("T")
+
+_MODELS: Final = {
+    "edge": "edge_daemon.settings:EdgeSettings",
+    "dispatcher": "dispatcher_daemon.settings:DispatcherSettings",
+    "agent": "vehicle_agent.settings:AgentSettings",
+    "dashboard": "dashboard.settings:DashboardSettings",
+    "scheduler": "dispatcher_daemon.settings:SchedulerSettings",
+    "worker": "dispatcher_daemon.settings:WorkerSettings",
+}
+"""Settings by sub-command; a box has the packages of its own daemon alone."""
 
 
 def check_site(path: Path, network: str | None) -> Checked:
     """Check a file and what it names.
 
     Args:
-        path: the file.
         network: its roads; None: those that it names.
 
     Raises:
@@ -22,24 +43,36 @@ def check_site(path: Path, network: str | None) -> Checked:
     """
     tables = read_site(path)
     network = network or network_named(tables)
-    checks: dict[str, Callable[[Table, Path, str | None], Checked | None]] = {
-        "rsus": _check_rsus,
-        "dispatcher": _check_dispatcher,
-        "dashboard": _check_dashboard,
-        "scheduler": _check_scheduler,
-        "worker": _check_worker,
-    }
     faults: list[InputError] = []
-    found: dict[str, Checked | None] = {}
-    for table in checks.keys() & tables.keys():
+
+    def tried(check: Callable[[], T]) -> T | None:
         try:
-            found[table] = checks[table](tables, path, network)
+            return check()
         except InputError as error:
-            faults += (error, *error.others)
-    served = found.get("dispatcher")
-    known = None if served is None or served.fleet is None else served.fleet.vehicles
-    vehicles = None if known is None else {vehicle.id for vehicle in known}
-    faults += (*_agents(tables, path, vehicles), *_ports(tables, path))
+            faults.extend((error, *error.others))
+            return None
+
+    of_daemons: dict[tuple[str, str | None], Any] = {}
+    for command, name in daemons_of(tables):
+        model = resolve_name(_MODELS[command])
+        settings: Any = tried(partial(settings_of, tables, path, command, model, name))
+        if settings is not None:
+            of_daemons[command, name] = settings
+    rsus: Mapping[str, Table] = tables.get("rsus", {})
+    tried(partial(_check_rsus, rsus, path, network))
+    served: Checked | None = None
+    for (command, name), settings in of_daemons.items():
+        if command == "edge" and name is not None:
+            listed = rsus[name].get("segments")
+            tried(partial(_check_edge, settings, path, listed, network))
+        elif command == "dispatcher":
+            served = tried(partial(_check_dispatcher, settings, path, network))
+        elif command == "dashboard":
+            tried(partial(_check_dashboard, settings, network))
+    agents = {name or "": s for (command, name), s in of_daemons.items() if command == "agent"}
+    fleet = None if served is None else served.fleet
+    faults += _agents(agents, None if fleet is None else {v.id for v in fleet.vehicles}, path)
+    faults += _ports(tables, path)
     refuse(faults)
     if served is None:
         return Checked(path, "site")
@@ -52,45 +85,36 @@ def network_named(tables: Table) -> str | None:
     return str(tables.get("network", "demo")) if uses else None
 
 
-def _check_rsus(tables: Table, path: Path, network: str | None) -> None:
-    """Segments of RSUs, then what runs here of them."""
-    from slipstream.roads.admission import check_rsus
+def _check_rsus(rsus: Mapping[str, Table], path: Path, network: str | None) -> None:
+    listed = {name: own["segments"] for name, own in rsus.items() if "segments" in own}
+    if network is not None and listed:
+        from slipstream.roads.admission import check_rsus
 
-    faults: list[InputError] = []
-    for name, own in tables["rsus"].items():
-        try:
-            if network is not None and "segments" in own:
-                check_rsus({name: own["segments"]}, network_of(network), path)
-            if name in names_of(tables, "edge"):
-                _check_edge(tables, path, name, network)
-        except InputError as error:
-            faults += (error, *error.others)
-    refuse(faults)
+        check_rsus(listed, network_of(network), path)
 
 
-def _check_edge(tables: Table, path: Path, name: str, network: str | None) -> None:
+def _check_edge(
+    settings: EdgeSettings, path: Path, listed: Sequence[str] | None, network: str | None
+) -> None:
     from edge_daemon.camera import load_camera
     from edge_daemon.detection import open_detector
-    from edge_daemon.settings import EdgeSettings
     from edge_daemon.sources.clip import open_clip
     from edge_daemon.watch import read_reference
 
-    settings = settings_of(tables, path, "edge", EdgeSettings, name)
     camera = load_camera(settings.camera)
     read_reference(camera)
     open_detector(settings.detector)
     if settings.source.clips:
         source = settings.source
         open_clip(*source.clips, loop=False, size=camera.size, fps=source.fps).close()
-    listed = tables["rsus"][name].get("segments")
     refuse(
         (
             *(() if network is None else lacking(settings.camera, camera, network)),
             *(
                 InputError(
                     settings.camera,
-                    f"{path} does not list it for {name!r}",
-                    f"add it to rsus.{name}.segments there, or remove it here",
+                    f"{path} does not list it for {settings.rsu!r}",
+                    f"add it to rsus.{settings.rsu}.segments there, or remove it here",
                     key=f"segments.{segment.id}",
                 )
                 for segment in camera.segments
@@ -100,10 +124,7 @@ def _check_edge(tables: Table, path: Path, name: str, network: str | None) -> No
     )
 
 
-def _check_dispatcher(tables: Table, path: Path, network: str | None) -> Checked:
-    from dispatcher_daemon.settings import DispatcherSettings
-
-    settings = settings_of(tables, path, "dispatcher", DispatcherSettings)
+def _check_dispatcher(settings: DispatcherSettings, path: Path, network: str | None) -> Checked:
     service, _, device = settings.hardware.backend.partition(":")
     if service == "fake":
         from dispatcher_daemon.solvers.quantum.backends import fake_target
@@ -120,37 +141,18 @@ def _check_dispatcher(tables: Table, path: Path, network: str | None) -> Checked
     return check_fleet(Path(settings.fleet), network_of(network or settings.network))
 
 
-def _check_dashboard(tables: Table, path: Path, network: str | None) -> None:
-    from dashboard.settings import DashboardSettings
+def _check_dashboard(settings: DashboardSettings, network: str | None) -> None:
     from dashboard.web.tables.fleet_file import make_scene
 
-    settings = settings_of(tables, path, "dashboard", DashboardSettings)
     make_scene(network_of(network or settings.network), settings.fleet, settings.depots)
 
 
-def _check_scheduler(tables: Table, path: Path, _: str | None) -> None:
-    from dispatcher_daemon.settings import SchedulerSettings
-
-    settings_of(tables, path, "scheduler", SchedulerSettings)
-
-
-def _check_worker(tables: Table, path: Path, _: str | None) -> None:
-    from dispatcher_daemon.settings import WorkerSettings
-
-    settings_of(tables, path, "worker", WorkerSettings)
-
-
-def _agents(tables: Table, path: Path, known: Iterable[str] | None) -> Iterator[InputError]:
-    """Faults of agents, vehicles with two of them, and those that the fleet lacks."""
-    from vehicle_agent.settings import AgentSettings
-
+def _agents(
+    agents: Mapping[str, AgentSettings], known: Collection[str] | None, path: Path
+) -> Iterator[InputError]:
+    """Vehicles with two agents, and those that the fleet lacks."""
     seen: dict[str, str] = {}
-    for name in tables.get("agents", {}):
-        try:
-            settings = settings_of(tables, path, "agent", AgentSettings, name)
-        except InputError as error:
-            yield from (error, *error.others)
-            continue
+    for name, settings in agents.items():
         for vehicle in settings.vehicles:
             key = f"agents.{name}.vehicles.{vehicle.id}"
             if vehicle.id in seen:
@@ -176,19 +178,17 @@ def _ports(tables: Table, path: Path) -> Iterator[InputError]:
 
 
 def _ports_of(tables: Table) -> Iterator[tuple[str, int]]:
-    rsus = names_of(tables, "edge")
-    at = tables.get("edge", {}).get("metrics_port")
-    own = {
-        **{f"rsus.{name}": {"metrics_port": at, **tables["rsus"][name]} for name in rsus},
-        **{f"agents.{name}": table for name, table in tables.get("agents", {}).items()},
-        **{name: tables.get(name, {}) for name in ("dispatcher", "dashboard", "worker")},
-        "dispatcher.api": tables.get("dispatcher", {}).get("api", {}),
-        "scheduler": tables.get("scheduler", {}),
-    }
-    if "dashboard" in tables:
-        own["dashboard"] = {"port": 8080, "scene_port": 8081, **own["dashboard"]}
-    for table, values in own.items():
-        for key in ("port", "scene_port", "metrics_port"):
-            port = values.get(key) if isinstance(values, Mapping) else None
+    for command, name in daemons_of(tables):
+        own = tables.get(command, {})
+        table = command if name is None else f"{NAMED[command][0]}.{name}"
+        if name is not None:
+            own = {**own, **tables[NAMED[command][0]][name]}
+        if command == "dashboard":
+            fields = resolve_name(_MODELS[command]).model_fields
+            own = {key: fields[key].default for key in ("port", "scene_port")} | own
+        api = own.get("api") if command == "dispatcher" else None
+        ports = {f"{table}.{key}": own.get(key) for key in ("port", "scene_port", "metrics_port")}
+        ports[f"{table}.api.port"] = api.get("port") if isinstance(api, Mapping) else None
+        for key, port in ports.items():
             if isinstance(port, int) and port:
-                yield f"{table}.{key}", port
+                yield key, port

@@ -77,11 +77,7 @@ def _roads_of(path: Path) -> str | None:
 
 
 def _files_of(path: Path) -> Sequence[Path]:
-    """A file itself; of a folder those that may be settings.
-
-    Raises:
-        InputError: a folder has none.
-    """
+    """A file itself; of a folder those that may be settings."""
     if not path.is_dir():
         return (path,)
     found = sorted(path.glob("*.toml"))

@@ -10,15 +10,12 @@ import json
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from slipstream.errors import InputError
 from slipstream.iso_time import read_datetime
-from slipstream_cli.export_files import FORMATS, TableFile
+from slipstream_cli.export_files import FORMATS, write_table
 from slipstream_cli.laboratory import part
-
-if TYPE_CHECKING:
-    from storage import Tables
 
 _DEFAULT: Final = "sqlite:///slipstream.db"
 _ALL: Final = "all"
@@ -85,7 +82,8 @@ def run(options: argparse.Namespace) -> int:
         with open_reader(options.database) as reader, reader.tables() as tables:
             options.out.mkdir(parents=True, exist_ok=True)
             for name, path in paths.items():
-                written[name] = _write(tables, name, path, begin, end)
+                rows = tables.rows(name, begin, end)
+                written[name] = write_table(path, tables.columns(name), rows)
     except StorageError as error:
         raise InputError("export", str(error), "run slipstream db check") from None
     if options.json:
@@ -95,13 +93,6 @@ def run(options: argparse.Namespace) -> int:
     for name, count in written.items():
         print(f"{paths[name]}: {count} rows")
     return 0
-
-
-def _write(tables: Tables, name: str, path: Path, begin: int | None, end: int | None) -> int:
-    with TableFile(path, tables.columns(name)) as file:
-        for rows in tables.rows(name, begin, end):
-            file.write(rows)
-    return file.rows
 
 
 def _check_free(folder: Path, paths: Sequence[Path]) -> None:

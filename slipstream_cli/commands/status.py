@@ -248,10 +248,7 @@ def of_bus(
     """How RSUs and the dispatcher say they are.
 
     Args:
-        heard: from them.
-        bus: over which.
         expected: RSUs that the daemons of this machine know.
-        now_ns: UTC.
         needed: a daemon runs here that needs a router.
         has_dispatcher: one of this machine is on this bus.
         certain: that nothing connects is a fault; else the settings that say where the bus is and

@@ -108,11 +108,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _settings(options: argparse.Namespace) -> TrackSettings:
-    """Those of `--config` or the defaults, with what the command line says instead.
-
-    Raises:
-        InputError: the file or a value cannot be used.
-    """
+    """Those of `--config` or the defaults, with what the command line says instead."""
     base = settings_of(options)
     given = {"window_s": options.window, "state_interval_s": options.every}
     searched = {"model": options.model, "threads": options.threads}
@@ -133,11 +129,7 @@ def _without_none(values: dict[str, Any]) -> dict[str, Any]:
 
 @contextmanager
 def _whole_or_not(path: Path) -> Iterator[TextIO]:
-    """A file to write that takes its name when all went well; what had the name stays till then.
-
-    Raises:
-        InputError: it cannot be written.
-    """
+    """A file to write that takes its name when all went well; what had the name stays till then."""
     target = path.resolve()
     # Devices and pipes are written as they are.
     plain = target.is_file() or not target.exists()

@@ -75,7 +75,6 @@ def serve(config: Path | None, port: int = _PORT) -> int:
 
     Args:
         config: of zenoh; None: this machine's programs on a port of loopback.
-        port: without a configuration.
 
     Raises:
         InputError: see `open_router`; or the port is taken.

@@ -31,7 +31,6 @@ def commented(
         tables: that it may have, see `sections`.
         values: those that are set: texts, numbers, lists, and mappings as tables; lists of mappings
             as arrays of tables.
-        head: what the file is, for its first lines.
         names: by table, what stands for NAME in those of its instances.
 
     Returns:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import tomli_w
 
@@ -13,6 +13,7 @@ from slipstream.config import check
 from slipstream.site import NAMED, SiteSettings, names_of, settings_of
 
 Table = Mapping[str, Any]
+_COMMANDS: Final = ("edge", "dispatcher", "agent", "dashboard", "scheduler", "worker")
 
 
 @dataclass(frozen=True)
@@ -80,9 +81,7 @@ def tables_of(place: SiteSpec) -> dict[str, Any]:
 
 def daemons_of(tables: Table) -> Iterator[tuple[str, str | None]]:
     """Sub-command and name of each daemon that a file has a table of."""
-    from slipstream_cli.settings_doc import DAEMONS
-
-    for command in DAEMONS:
+    for command in _COMMANDS:
         if command in NAMED:
             yield from ((command, name) for name in names_of(tables, command))
         elif command in tables:

@@ -89,11 +89,7 @@ def _holding(query: str, streets: Mapping[str, Sequence[Segment]]) -> tuple[str,
 def _like(
     query: str, streets: Mapping[str, Sequence[Segment]], network: RoadNetwork
 ) -> tuple[str, ...]:
-    """Names of the streets that are most like what was written.
-
-    Raises:
-        InputError: none is.
-    """
+    """Names of the streets that are most like what was written."""
     wanted, named = _plain(query), [name for name in streets if name]
     like = sorted(((_likeness(wanted, _plain(name)), name) for name in named), reverse=True)
     best = like[0][0] if like else 0.0
@@ -108,11 +104,7 @@ def _like(
 
 
 def _crossing(query: str, parts: Sequence[str], network: RoadNetwork) -> Match:
-    """The junctions where streets meet.
-
-    Raises:
-        InputError: a street is not known, or they do not meet.
-    """
+    """The junctions where streets meet."""
     streets = streets_of(network)
     meant = [_holding(part, streets) or _like(part, streets, network) for part in parts]
     ends = [

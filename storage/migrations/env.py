@@ -3,8 +3,6 @@
 from alembic import context
 
 from storage.models import Base
-from storage.records import energy_ledger as _of_energy  # noqa: F401 (its table joins those of Base)
-from storage.traffic import models as _of_traffic  # noqa: F401 (their tables join those of Base)
 
 context.configure(
     connection=context.config.attributes["connection"],

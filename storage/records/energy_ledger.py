@@ -14,7 +14,7 @@ from storage.records.sums import add_sums
 
 SumBy = Literal["hour", "day", "all"]
 DAY_NS: Final = 24 * HOUR_NS
-ROWS_A_STEP: Final = 3000
+ROWS_A_STEP: Final = 1000
 """Rows that are deleted in one transaction, about, at most."""
 
 # Ordered by time first, as roll-ups are.

@@ -10,10 +10,10 @@ from sqlalchemy import delete, func, or_, select
 from sqlalchemy.orm import Session
 
 from storage.models import EventRow
+from storage.records.sums import chunks
 
-BATCH: Final = 1000
+BATCH: Final = 500
 """Events deleted in one transaction, at most."""
-_MAX_NAMES: Final = 500
 
 
 @dataclass(frozen=True)
@@ -53,8 +53,8 @@ def save(session: Session, changed: Sequence[Event]) -> None:
     """Store events; those of alarms that are stored are brought up to date."""
     names = [event.alarm for event in changed if event.alarm is not None]
     known: dict[str | None, EventRow] = {}
-    for begin in range(0, len(names), _MAX_NAMES):
-        query = select(EventRow).where(EventRow.alarm.in_(names[begin : begin + _MAX_NAMES]))
+    for some in chunks(names):
+        query = select(EventRow).where(EventRow.alarm.in_(some))
         known |= {row.alarm: row for row in session.scalars(query)}
     number = session.scalar(select(func.max(EventRow.number))) or 0
     for event in changed:
@@ -83,12 +83,12 @@ def lasting(session: Session) -> Iterator[Event]:
 
 def between(
     session: Session, begin_ns: int, end_ns: int, limit: int, before: int | None
-) -> Iterator[Event]:
+) -> tuple[Event, ...]:
     """Events of a range of time, latest first."""
     query = select(EventRow).where(EventRow.time_ns >= begin_ns, EventRow.time_ns < end_ns)
     if before is not None:
         query = query.where(EventRow.number < before)
-    return map(_event, session.scalars(query.order_by(EventRow.number.desc()).limit(limit)))
+    return tuple(map(_event, session.scalars(query.order_by(EventRow.number.desc()).limit(limit))))
 
 
 def last(session: Session, kinds: Collection[str]) -> Event | None:

@@ -33,7 +33,7 @@ from storage.models import (
     VehicleRow,
 )
 from storage.records import energy_ledger
-from storage.records.sums import add_sums
+from storage.records.sums import add_sums, chunks
 from storage.rows import plan_energy, vehicle_plan
 
 REMEMBERED_S: Final = 86_400.0
@@ -41,17 +41,15 @@ REMEMBERED_S: Final = 86_400.0
 LAPSED_S: Final = 3600.0
 """For so long a dispatcher knows a plan that lapsed: its vehicle may follow it all the same, s."""
 
-ORDERS_A_STEP: Final = 1000
+ORDERS_A_STEP: Final = 500
 """Orders that are deleted in one transaction, at most."""
-_MAX_NAMES: Final = 500
-"""Values in one statement; SQLite takes 32,766."""
 
 
 def save(session: Session, records: FleetRecords) -> None:
     """Store what has changed."""
     names = [order.order for order in records.orders]
     # Looked up together: `merge` would ask for each. They have to be held on to meanwhile.
-    known = [row for some in _chunks(names) for row in _rows(session, some)]
+    known = [row for some in chunks(names) for row in _rows(session, some)]
     for order in records.orders:
         session.merge(OrderRow(**asdict(order)))
     del known
@@ -86,11 +84,6 @@ def add_orders(session: Session, records: FleetRecords) -> None:
     session.execute(insert(OrderChangeRow), rows)
 
 
-def _chunks(names: Sequence[str]) -> Iterator[Sequence[str]]:
-    for begin in range(0, len(names), _MAX_NAMES):
-        yield names[begin : begin + _MAX_NAMES]
-
-
 def _rows(session: Session, names: Sequence[str]) -> Sequence[OrderRow]:
     return session.scalars(select(OrderRow).where(OrderRow.order.in_(names))).all()
 
@@ -98,7 +91,7 @@ def _rows(session: Session, names: Sequence[str]) -> Sequence[OrderRow]:
 def _numbered(session: Session, changes: Sequence[OrderChange]) -> Iterator[dict[str, object]]:
     """The rows of changes, numbered on from those stored."""
     number: dict[str, int] = defaultdict(int)
-    for some in _chunks(sorted({change.order for change in changes})):
+    for some in chunks(sorted({change.order for change in changes})):
         last = (
             select(OrderChangeRow.order, func.max(OrderChangeRow.number))
             .where(OrderChangeRow.order.in_(some))
@@ -117,8 +110,7 @@ def _of_stored_plans(
     or be another database's: its changes are left out.
     """
     number: dict[tuple[int, str], int] = {}
-    cycles = sorted({change.cycle for change in changes})
-    for begin in range(0, len(cycles), _MAX_NAMES):
+    for cycles in chunks(sorted({change.cycle for change in changes})):
         last = (
             select(PlanRow.cycle, PlanRow.vehicle, func.max(PlanChangeRow.number))
             .outerjoin(
@@ -127,7 +119,7 @@ def _of_stored_plans(
                     PlanChangeRow.cycle == PlanRow.cycle, PlanChangeRow.vehicle == PlanRow.vehicle
                 ),
             )
-            .where(PlanRow.cycle.in_(cycles[begin : begin + _MAX_NAMES]))
+            .where(PlanRow.cycle.in_(cycles))
             .group_by(PlanRow.cycle, PlanRow.vehicle)
         )
         for cycle, vehicle, highest in session.execute(last):
@@ -173,7 +165,7 @@ def load(session: Session, now_ns: int) -> FleetRecords:
 
 def orders(
     session: Session, states: Collection[OrderState], ended_since_ns: int | None = None
-) -> list[OrderRecord]:
+) -> tuple[OrderRecord, ...]:
     """Orders in some states, but those that ended before; those that changed last at the end."""
     query = (
         select(OrderRow)
@@ -183,43 +175,40 @@ def orders(
     if ended_since_ns is not None:
         recent = OrderRow.since_ns >= ended_since_ns
         query = query.where(or_(OrderRow.state.not_in(ENDED), recent))
-    return [as_order(row) for row in session.scalars(query)]
+    return tuple(map(as_order, session.scalars(query)))
 
 
-def find(session: Session, names: Collection[str]) -> list[OrderRecord]:
+def find(session: Session, names: Collection[str]) -> tuple[OrderRecord, ...]:
     """Those of some orders that are stored."""
-    return [as_order(row) for some in _chunks(sorted(names)) for row in _rows(session, some)]
+    rows = (row for some in chunks(sorted(names)) for row in _rows(session, some))
+    return tuple(map(as_order, rows))
 
 
-def changes(session: Session, order: str) -> list[OrderChange]:
+def changes(session: Session, order: str) -> tuple[OrderChange, ...]:
     """The life of an order."""
     query = (
         select(OrderChangeRow).where(OrderChangeRow.order == order).order_by(OrderChangeRow.number)
     )
-    names = [field.name for field in fields(OrderChange)]
-    return [
-        OrderChange(**{name: getattr(row, name) for name in names})
-        for row in session.scalars(query)
-    ]
+    return tuple(OrderChange(**_values(row, OrderChange)) for row in session.scalars(query))
 
 
-def plans(session: Session, vehicle: str, limit: int, before: int | None) -> list[PlanRecord]:
+def plans(session: Session, vehicle: str, limit: int, before: int | None) -> tuple[PlanRecord, ...]:
     """The last plans of a vehicle, of cycles before a number if one is given; latest first."""
     query = select(PlanRow).where(PlanRow.vehicle == vehicle)
     if before is not None:
         query = query.where(PlanRow.cycle < before)
     query = query.order_by(PlanRow.cycle.desc()).limit(limit)
-    return [as_plan(row) for row in session.scalars(query)]
+    return tuple(map(as_plan, session.scalars(query)))
 
 
-def plan_changes(session: Session, vehicle: str, cycles: Collection[int]) -> list[PlanChange]:
+def plan_changes(session: Session, vehicle: str, cycles: Collection[int]) -> tuple[PlanChange, ...]:
     """Changes of the plans that some cycles made for a vehicle, by cycle, the first one first."""
     query = (
         select(PlanChangeRow)
         .where(PlanChangeRow.vehicle == vehicle, PlanChangeRow.cycle.in_(sorted(cycles)))
         .order_by(PlanChangeRow.cycle, PlanChangeRow.number)
     )
-    return [PlanChange(**_values(row, PlanChange)) for row in session.scalars(query)]
+    return tuple(PlanChange(**_values(row, PlanChange)) for row in session.scalars(query))
 
 
 def prune(session: Session, before_ns: int, number: int) -> bool:
@@ -230,7 +219,7 @@ def prune(session: Session, before_ns: int, number: int) -> bool:
         OrderRow.state.in_(ENDED), ~OrderRow.listed, OrderRow.since_ns < before_ns
     )
     names = session.scalars(query.limit(number)).all()
-    for some in _chunks(names):
+    for some in chunks(names):
         session.execute(delete(OrderRow).where(OrderRow.order.in_(some)))
     return len(names) == number
 

@@ -17,7 +17,7 @@ from storage.models import CycleRow, InputPartRow, InputRow, InputUseRow
 
 KEEP_DAYS: Final = 7.0
 """Age from which the inputs of cycles are deleted, days; the cycles stay."""
-BATCH: Final = 20
+BATCH: Final = 10
 """Cycles whose inputs are deleted in one transaction, at most."""
 
 
@@ -45,10 +45,7 @@ class Part:
         Raises:
             ValueError: it is damaged.
         """
-        try:
-            content = zlib.decompress(self.data)
-        except zlib.error as error:
-            raise ValueError(f"a part of a cycle's inputs is damaged: {error}") from None
+        content = unpacked(self.data, "a part of a cycle's inputs is damaged")
         if hashlib.sha256(content).hexdigest() != self.hash:
             raise ValueError("a part of a cycle's inputs is damaged: it has another content")
         return content
@@ -109,10 +106,15 @@ def record(session: Session, cycle: int) -> bytes | None:
         ValueError: it is damaged.
     """
     data = session.scalar(select(InputRow.data).where(InputRow.cycle == cycle))
+    return None if data is None else unpacked(data, f"the inputs of cycle {cycle} are damaged")
+
+
+def unpacked(data: bytes, problem: str) -> bytes:
+    """Bytes that were compressed; what is damaged is a ValueError with the problem."""
     try:
-        return None if data is None else zlib.decompress(data)
+        return zlib.decompress(data)
     except zlib.error as error:
-        raise ValueError(f"the inputs of cycle {cycle} are damaged: {error}") from None
+        raise ValueError(f"{problem}: {error}") from None
 
 
 def prune(session: Session, before_ns: int, number: int) -> int:

@@ -5,7 +5,6 @@ A job is stored before it is submitted, and again at each change of its record.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Final, Literal
 
@@ -102,14 +101,14 @@ def since(session: Session, finished_ns: int) -> list[QuantumJob]:
     return [quantum_job(row) for row in session.scalars(query)]
 
 
-def latest(session: Session, limit: int) -> Sequence[QuantumJob]:
+def latest(session: Session, limit: int) -> tuple[QuantumJob, ...]:
     """The last ``limit`` jobs, latest first."""
     query = (
         select(QuantumJobRow)
         .order_by(QuantumJobRow.submitted_ns.desc(), QuantumJobRow.tag)
         .limit(limit)
     )
-    return [quantum_job(row) for row in session.scalars(query)]
+    return tuple(map(quantum_job, session.scalars(query)))
 
 
 def prune(session: Session, before_ns: int) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 from sqlalchemy import case, func, select, tuple_
 from sqlalchemy.orm import Session
@@ -13,6 +13,7 @@ from slipstream.messages import OrderState
 from slipstream.orders import ENDED, IN_FORCE, OrderRecord, PlanRecord
 from storage.models import CycleRow, OrderChangeRow, OrderRow, PlanRow
 from storage.records.fleet import as_order, as_plan
+from storage.records.sums import chunks
 
 PLANS_LAST_S: Final = 48 * 3600.0
 """Plans of cycles that began longer before a moment are not looked for, s."""
@@ -24,9 +25,7 @@ SAVES_KWH: Final = 0.0005
 """What is saved less is shown as nothing, kWh."""
 _OLDER_PLANS: Final = 3
 """Plans that a vehicle may have refused or left unanswered after the one that it follows."""
-_MAX_NAMES: Final = 500
 _NOT_FOLLOWED: Final = ("refused", "lapsed", "superseded")
-_T = TypeVar("_T")
 
 
 @dataclass(frozen=True)
@@ -99,7 +98,7 @@ def last_with_energy(session: Session, time_ns: int) -> CycleRow | None:
     return session.scalar(query)
 
 
-def plans_at(session: Session, time_ns: int) -> list[PlanRecord]:
+def plans_at(session: Session, time_ns: int) -> tuple[PlanRecord, ...]:
     """The plan that each vehicle had at a moment, by vehicle; where none was in force any more,
     its last one with what had become of it.
     """
@@ -111,7 +110,7 @@ def plans_at(session: Session, time_ns: int) -> list[PlanRecord]:
         )
     )
     if last is None or first is None:
-        return []
+        return ()
     # Numbers and names alone are read from the key; a plan's row is large.
     within = (PlanRow.cycle >= first, PlanRow.cycle <= last)
     latest = (
@@ -124,7 +123,7 @@ def plans_at(session: Session, time_ns: int) -> list[PlanRecord]:
     # It may have gone on by an older plan where it refused the last one, or did not answer it.
     refused = [name for name, record in found.items() if record.status in _NOT_FOLLOWED]
     older: dict[str, list[int]] = {}
-    for some in _chunks(refused):
+    for some in chunks(refused):
         numbers = (
             select(PlanRow.vehicle, PlanRow.cycle)
             .where(*within, PlanRow.vehicle.in_(some))
@@ -138,12 +137,12 @@ def plans_at(session: Session, time_ns: int) -> list[PlanRecord]:
     for row in _rows(session, keys):
         if not _had_ended(row, time_ns):
             found[row.vehicle] = _as_at(as_plan(row), time_ns)
-    return [record for _, record in sorted(found.items())]
+    return tuple(record for _, record in sorted(found.items()))
 
 
 def _rows(session: Session, keys: Sequence[tuple[int, str]]) -> Iterator[PlanRow]:
     """Plans by cycle and vehicle, in that order."""
-    for some in _chunks(sorted(keys)):
+    for some in chunks(sorted(keys)):
         yield from session.scalars(
             select(PlanRow)
             .where(tuple_(PlanRow.cycle, PlanRow.vehicle).in_(some))
@@ -151,24 +150,18 @@ def _rows(session: Session, keys: Sequence[tuple[int, str]]) -> Iterator[PlanRow
         )
 
 
-def _chunks(values: Sequence[_T]) -> Iterator[Sequence[_T]]:
-    for begin in range(0, len(values), _MAX_NAMES):
-        yield values[begin : begin + _MAX_NAMES]
-
-
 def _had_ended(row: PlanRow, time_ns: int) -> bool:
-    # 0: of a version that did not follow plans.
-    return row.status not in IN_FORCE and 0 < row.status_ns <= time_ns
+    return row.status not in IN_FORCE and row.status_ns <= time_ns
 
 
 def _as_at(record: PlanRecord, time_ns: int) -> PlanRecord:
-    if record.status in IN_FORCE or 0 < record.since_ns <= time_ns:
+    if record.status in IN_FORCE or record.since_ns <= time_ns:
         return record
     # What became of it later was not known yet.
     return PlanRecord(record.plan, "published", record.plan.issued_ns, energy=record.energy)
 
 
-def orders_at(session: Session, time_ns: int, limit: int) -> list[OrderRecord]:
+def orders_at(session: Session, time_ns: int, limit: int) -> tuple[OrderRecord, ...]:
     """Orders at a moment that had not ended, or less than `ORDERS_LISTED_S` before.
 
     The newest ``limit`` ones, those that changed last at the end; `pinned` is not kept and None.
@@ -219,10 +212,10 @@ def orders_at(session: Session, time_ns: int, limit: int) -> list[OrderRecord]:
     )
     for row in session.scalars(unchanged):
         found.setdefault(row.order, as_order(row, pinned=None))
-    return sorted(found.values(), key=lambda order: (order.since_ns, order.order))
+    return tuple(sorted(found.values(), key=lambda order: (order.since_ns, order.order)))
 
 
-def order_ends(session: Session, begin_ns: int, end_ns: int) -> list[OrderEnd]:
+def order_ends(session: Session, begin_ns: int, end_ns: int) -> tuple[OrderEnd, ...]:
     """The orders that ended in a range of time, in its order."""
     query = (
         select(
@@ -237,7 +230,7 @@ def order_ends(session: Session, begin_ns: int, end_ns: int) -> list[OrderEnd]:
         .order_by(OrderChangeRow.time_ns)
     )
     rows: Any = session.execute(query)
-    return [OrderEnd(*row) for row in rows]
+    return tuple(OrderEnd(*row) for row in rows)
 
 
 def cycle_sums(session: Session, begin_ns: int, end_ns: int) -> CycleSums:

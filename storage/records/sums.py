@@ -1,10 +1,10 @@
-"""Rows of sums that grow: parts are added to what is stored."""
+"""Statements for many rows: sums that grow, and values some at a time."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from sqlalchemy import Table
 from sqlalchemy.dialects import postgresql, sqlite
@@ -12,6 +12,16 @@ from sqlalchemy.orm import Session
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
+
+_T = TypeVar("_T")
+_MAX_VALUES: Final = 500
+"""Values in one statement; SQLite takes 32,766."""
+
+
+def chunks(values: Sequence[_T]) -> Iterator[Sequence[_T]]:
+    """Values for several statements."""
+    for begin in range(0, len(values), _MAX_VALUES):
+        yield values[begin : begin + _MAX_VALUES]
 
 
 def insert_into(session: Session, table: Table) -> Any:

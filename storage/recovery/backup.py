@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import errno
-import os
 import time
 from pathlib import Path
 
@@ -20,9 +18,6 @@ from storage.recovery import files
 
 NUMBERS_LEFT_OUT = 1000
 """Numbers of cycles that are not given again where the last ones cannot be read."""
-
-_NO_LINKS = (errno.EPERM, errno.EOPNOTSUPP, errno.ENOSYS)
-"""What file systems without hard links answer."""
 
 
 def backup(url: str, target: Path) -> CheckReport:
@@ -55,24 +50,10 @@ def backup(url: str, target: Path) -> CheckReport:
         report = check(f"sqlite:///{part}")
         if report.schema_version is None:
             raise InputError(place, "holds no Slipstream database", "check the path")
-        try:
-            _put(part, target)
-        except OSError as error:
-            raise InputError(
-                target, f"cannot be made: {error.strerror}", "give another name"
-            ) from None
-    return report
-
-
-def _put(part: Path, target: Path) -> None:
-    """Give a file its name, but not over a file that came meanwhile."""
-    try:
-        os.link(part, target)
-    except OSError as error:
-        if error.errno not in _NO_LINKS:
-            raise
-        os.close(os.open(target, os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_CLOEXEC, 0o640))
+        if target.exists():
+            raise InputError(target, "is there already", "give another name")
         part.replace(target)
+    return report
 
 
 def restore(url: str, source: Path) -> Path | None:

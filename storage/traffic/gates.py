@@ -136,7 +136,6 @@ def prune(session: Session, first: int, after: int, number: int) -> int:
     """Delete changes that no cycle from ``first`` on needs, of the next segments.
 
     Args:
-        session: of the transaction.
         first: number of the first cycle that is kept.
         after: number of the segment after which to begin.
         number: of segments, at most.

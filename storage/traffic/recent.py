@@ -13,9 +13,10 @@ from sqlalchemy.orm import Session
 
 from slipstream.messages import Gate, SegmentState
 from storage.models import CycleRow
+from storage.records.inputs import unpacked
 from storage.traffic.models import cycle_traffic
 
-CYCLES_A_STEP: Final = 10
+CYCLES_A_STEP: Final = 5
 """Cycles whose states are deleted in one transaction, at most."""
 _GATES: Final = TypeAdapter(tuple[Gate, ...])
 _STATES: Final = msgspec.json.Decoder(tuple[SegmentState, ...])
@@ -29,8 +30,8 @@ def save(
     ordered = sorted(states, key=lambda state: (state.segment, state.rsu))
     row = {
         "cycle": cycle,
-        "gates": _pack(_GATES.dump_json(tuple(gates))),
-        "states": _pack(msgspec.json.encode(ordered)),
+        "gates": zlib.compress(_GATES.dump_json(tuple(gates))),
+        "states": zlib.compress(msgspec.json.encode(ordered)),
     }
     session.execute(insert(cycle_traffic), row)
 
@@ -39,14 +40,15 @@ def gates(session: Session, first: int, last: int) -> dict[int, tuple[Gate, ...]
     """Gates by cycle, of those of a range of numbers that are recent."""
     query = select(_T.cycle, _T.gates).where(_T.cycle >= first, _T.cycle <= last)
     return {
-        cycle: _GATES.validate_json(_unpack(packed)) for cycle, packed in session.execute(query)
+        cycle: _GATES.validate_json(unpacked(packed, "damaged gates"))
+        for cycle, packed in session.execute(query)
     }
 
 
 def states(session: Session, cycle: int) -> tuple[SegmentState, ...]:
     """States of a cycle by segment and RSU; empty if it is not recent."""
     packed = session.scalar(select(_T.states).where(_T.cycle == cycle))
-    return () if packed is None else _STATES.decode(_unpack(packed))
+    return () if packed is None else _STATES.decode(unpacked(packed, "damaged states"))
 
 
 def prune(session: Session, before_ns: int, number: int) -> bool:
@@ -68,19 +70,3 @@ def prune(session: Session, before_ns: int, number: int) -> bool:
     if cycles:
         session.execute(delete(cycle_traffic).where(_T.cycle.in_(cycles)))
     return bool(cycles)
-
-
-def _pack(data: bytes) -> bytes:
-    return zlib.compress(data)
-
-
-def _unpack(data: bytes) -> bytes:
-    """The bytes that were packed.
-
-    Raises:
-        ValueError: they are damaged.
-    """
-    try:
-        return zlib.decompress(data)
-    except zlib.error as error:
-        raise ValueError(str(error)) from None

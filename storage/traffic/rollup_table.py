@@ -21,15 +21,13 @@ from sqlalchemy import (
 )
 from sqlalchemy.orm import Session
 
-from storage.records.sums import insert_into
+from storage.records.sums import chunks, insert_into
 from storage.traffic import segments
 from storage.traffic.models import FEATURES, SPREAD, segment_rollups
 from storage.traffic.rollups import HOUR_S, MINUTE_S, RollUp, Spread, begin, merge, merged
 
-ROWS_A_STEP: Final = 3000
+ROWS_A_STEP: Final = 1000
 """Roll-ups that are deleted in one transaction."""
-_MAX_VALUES: Final = 500
-"""Values in one statement."""
 _MIN_REAL: Final = 1e-37
 _MAX_REAL: Final = 3e38
 _T: Final = segment_rollups.c
@@ -60,7 +58,6 @@ def _put(session: Session, rollups: Iterable[RollUp], known_until_ns: int | None
     """Store roll-ups; what is stored of the same segments and periods is merged with them.
 
     Args:
-        session: of the transaction.
         rollups: of one length of period.
         known_until_ns: nothing is stored of periods that begin later; None: nothing at all.
     """
@@ -175,8 +172,8 @@ def _each_of(session: Session, begins: range) -> Iterator[ColumnElement[bool] | 
             "began_ns = ANY (ARRAY(SELECT generate_series(:first, :last, :step)))"
         ).bindparams(first=begins[0], last=begins[-1], step=begins.step)
         return
-    for place in range(0, len(begins), _MAX_VALUES):
-        yield _T.began_ns.in_(begins[place : place + _MAX_VALUES])
+    for some in chunks(begins):
+        yield _T.began_ns.in_(some)
 
 
 def counts(session: Session, begin_ns: int, end_ns: int) -> dict[str, tuple[int, int]]:

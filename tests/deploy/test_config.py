@@ -16,6 +16,7 @@ from .conftest import DEPLOY
 PARTS = ("edge", "server", "agent", "worker")
 
 
+@pytest.mark.slow
 def test_the_examples_are_valid(etc: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """`slipstream check` accepts what each machine gets, and all of it on one."""
     files = [etc / "site.toml", *(etc / f"site-{part}.toml" for part in PARTS)]

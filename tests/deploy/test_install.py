@@ -33,12 +33,14 @@ def tree(folder: Path) -> dict[str, tuple[str, int]]:
     }
 
 
+@pytest.mark.slow
 def test_shellcheck_has_nothing_to_say(tool: Callable[[str], str]) -> None:
     """The script is clean."""
     done = subprocess.run([tool("shellcheck"), str(SCRIPT)], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (0, "")
 
 
+@pytest.mark.slow
 def test_each_role_gets_what_it_runs(tmp_path: Path) -> None:
     """Units, settings and nothing of the other role; settings are not for everybody's eyes."""
     assert install("--root", tmp_path / "box", "edge").returncode == 0
@@ -83,6 +85,7 @@ def test_only_root_reads_what_is_secret(tmp_path: Path) -> None:
     assert stat.S_IMODE(etc.stat().st_mode) == 0o750
 
 
+@pytest.mark.slow
 def test_every_daemon_gets_a_password_of_its_own(tmp_path: Path) -> None:
     """Long and different ones; a camera that is added gets its own, others keep theirs."""
     assert install("--root", tmp_path, "all").returncode == 0
@@ -122,21 +125,6 @@ def test_every_daemon_gets_a_password_of_its_own(tmp_path: Path) -> None:
         daemon = unit.removeprefix("slipstream-").split("@")[0]
         assert re.fullmatch(rf"\[Service\]\nUser={daemon}-\d+\n", text)
     assert len(set(drop_ins.values())) == 3
-
-
-def test_settings_of_the_version_before_stay_and_are_named(tmp_path: Path) -> None:
-    """Their content and permissions do not change; the summary names those that all can read."""
-    etc = tmp_path / "etc" / "slipstream"
-    etc.mkdir(parents=True)
-    for name in ("site.toml", "router.json5"):
-        (etc / name).write_text("# of version 0.1\n")
-        (etc / name).chmod(0o640)
-    before = tree(etc)
-    done = install("--root", tmp_path, "all")
-    assert done.returncode == 0
-    assert before.items() <= tree(etc).items()
-    for name in before:
-        assert str(etc / name) in done.stdout
 
 
 _PYTHON = """#!/bin/sh
@@ -225,6 +213,7 @@ def machine(tmp_path: Path) -> Machine:
     return Machine(tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.attack
 @pytest.mark.parametrize("where", ["venv", "pip"])
 def test_a_killed_installation_is_mended_by_the_next(machine: Machine, where: str) -> None:
@@ -241,6 +230,7 @@ def test_a_killed_installation_is_mended_by_the_next(machine: Machine, where: st
     assert machine.current() == "1.1"
 
 
+@pytest.mark.slow
 def test_extras_that_were_named_once_come_with_each_upgrade(machine: Machine) -> None:
     """Until others are named, or none; a name that there is not changes nothing."""
     assert machine.install("1.0") == 0
@@ -256,15 +246,7 @@ def test_extras_that_were_named_once_come_with_each_upgrade(machine: Machine) ->
     assert machine.extras() == "[edge]"
 
 
-def test_an_environment_of_the_installer_before_is_not_removed(machine: Machine) -> None:
-    """The current release has daemons running from it, with the mark or without."""
-    assert machine.install("1.0") == 0
-    (machine.releases / "1.0" / ".complete").unlink()
-    (machine.releases / "1.0" / "in use").touch()
-    assert machine.install("1.0") == 0
-    assert (machine.releases / "1.0" / "in use").exists()
-
-
+@pytest.mark.slow
 def test_the_release_before_stays_and_older_ones_go(machine: Machine) -> None:
     """Two are kept: after each upgrade, the same version again, and a way back by hand."""
     for version in ("1.0", "1.1", "1.2"):
@@ -280,6 +262,7 @@ def test_the_release_before_stays_and_older_ones_go(machine: Machine) -> None:
     assert machine.current() == "1.3"
 
 
+@pytest.mark.slow
 def test_a_second_run_changes_nothing(tmp_path: Path) -> None:
     """What is installed is the same again, and settings that were edited stay so."""
     assert install("--root", tmp_path, "all").returncode == 0

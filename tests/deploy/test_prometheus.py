@@ -119,6 +119,7 @@ def test_promtool_reads_the_rules_and_queries(tool: Callable[[str], str], tmp_pa
     assert f"{len(queries)} rules found" in done.stdout
 
 
+@pytest.mark.slow
 def test_alerts_fire_when_they_should_and_only_then(
     tool: Callable[[str], str], tmp_path: Path
 ) -> None:

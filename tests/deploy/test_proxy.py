@@ -157,6 +157,7 @@ def _get(port: int, headers: dict[str, str]) -> int:
     return _fetch(port, "/", headers)[0]
 
 
+@pytest.mark.slow
 def test_only_who_logs_in_sees_the_page(proxy: int) -> None:
     """401 without a login or with a wrong one; the page with it, its live connection included."""
     assert _get(proxy, {}) == 401
@@ -171,6 +172,7 @@ def test_only_who_logs_in_sees_the_page(proxy: int) -> None:
         assert isinstance(page.recv(timeout=60), bytes)
 
 
+@pytest.mark.slow
 def test_the_api_gets_tokens_and_no_login_is_asked_for(proxy: int) -> None:
     """Below /v1/ the token passes, with what tells that it came through the proxy; the probes and
     metrics beside it stay behind the login, where the page is.
@@ -183,6 +185,7 @@ def test_the_api_gets_tokens_and_no_login_is_asked_for(proxy: int) -> None:
     assert [_fetch(proxy, path, {})[0] for path in ("/metrics", "/readyz")] == [401] * 2
 
 
+@pytest.mark.slow
 @pytest.mark.attack
 def test_other_sites_are_kept_out_behind_the_proxy_too(proxy: int) -> None:
     """With a browser's login: a rebound name and a script of another site get 403."""
@@ -192,8 +195,9 @@ def test_other_sites_are_kept_out_behind_the_proxy_too(proxy: int) -> None:
         _open_socket(proxy, "https://foreign.example")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("proxy", [()], indirect=True)
-def test_settings_of_the_version_before_are_told_which_key_is_missing(
+def test_a_proxy_that_is_not_allowed_is_told_which_key_is_missing(
     proxy: int, caplog: pytest.LogCaptureFixture
 ) -> None:
     """A page whose proxy's name is not allowed answers 403, and the log says what to set."""

@@ -19,11 +19,8 @@ from slipstream.bus import Bus, free_port
 from slipstream.bus.zenoh_config import RECEIVE_LIMIT_BYTES, TRANSMIT_QUEUE
 from slipstream.config import BusSettings
 from slipstream.messages import (
-    ALL_ACKNOWLEDGEMENTS,
     ALL_ORDERS,
     ALL_PLANS,
-    ALL_POSITIONS,
-    ALL_PROGRESS,
     ALL_STATES,
     ALL_STOPPED,
     CYCLE_KEY,
@@ -327,35 +324,6 @@ def test_who_may_not_order_is_not_heard_by_the_dispatcher(machine: int, users: P
         assert set(asked) == expected
 
 
-BEFORE = Path(__file__).with_name("router-before-agents.json5")
-"""The router.json5 of the version before agents."""
-
-
-@pytest.mark.process
-def test_a_router_of_the_version_before_carries_what_it_knew(users: Path, tmp_path: Path) -> None:
-    """States, plans and positions; what it does not know is dropped and harms nobody."""
-    port, file = free_port(), tmp_path / "before.json5"
-    text = BEFORE.read_text().replace("127.0.0.1:7447", f"127.0.0.1:{port}")
-    file.write_text(text.replace(CREDENTIALS, str(users)))
-    senders = {"edge-rsu-1": "state", "dispatcher": "plan", "fleet": "position"}
-    with ExitStack() as stack:
-        stack.enter_context(zenoh.open(zenoh.Config.from_file(str(file))))
-        buses = {
-            user: stack.enter_context(open_bus(port, users / user))
-            for user in (*senders, "dashboard", "agent-depot-1")
-        }
-        seen = Seen()
-        for key in (ALL_STATES, ALL_PLANS, ALL_POSITIONS, ALL_ACKNOWLEDGEMENTS, ALL_PROGRESS):
-            buses["dashboard"].subscribe(key, seen, every=True)
-        agent = buses["agent-depot-1"].publisher(PROBES["progress"])
-        agent.put(b"not known")
-        for user, what in senders.items():
-            buses[user].publisher(PROBES[what]).put(what.encode())
-        for what in senders.values():
-            assert seen.wait_for(what.encode(), 20), what
-        assert b"not known" not in seen.payloads
-
-
 @pytest.mark.attack
 @pytest.mark.long
 @pytest.mark.process
@@ -394,26 +362,6 @@ def test_a_plan_without_the_dispatchers_password_is_denied(
         assert overheard.payloads == [b"forged"] * len(overheard.payloads)
 
 
-@pytest.mark.attack
-@pytest.mark.long
-@pytest.mark.process
-def test_a_message_beyond_the_limit_is_dropped(machine: int, users: Path) -> None:
-    """More than 4 MiB does not come through, nor harm what does."""
-    with (
-        open_bus(machine, users / "edge-rsu-1") as edge,
-        open_bus(machine, users / "dashboard") as dashboard,
-    ):
-        seen = Seen()
-        dashboard.subscribe(ALL_STATES, seen)
-        publisher = edge.publisher(PROBES["state"])
-        publisher.put(b"small")
-        assert seen.wait_for(b"small", 20)
-        publisher.put(bytes(RECEIVE_LIMIT_BYTES + 2**16))
-        publisher.put(b"after")
-        assert seen.wait_for(b"after", 20)
-        assert {len(payload) for payload in seen.payloads} == {5}
-
-
 @pytest.mark.process
 def test_an_identity_goes_with_a_configuration_file_too(
     machine: int, users: Path, tmp_path: Path
@@ -432,35 +380,6 @@ def test_an_identity_goes_with_a_configuration_file_too(
     ):
         seen = Seen()
         dashboard.subscribe(ALL_STATES, seen)
-        publisher = edge.publisher(PROBES["state"])
-        publisher.put(b"state")
-        assert seen.wait_for(b"state", 20)
-
-
-OLD_ROUTER = """
-{
-  mode: "router",
-  listen: { endpoints: ["tcp/127.0.0.1:7447"], exit_on_failure: true },
-  scouting: { multicast: { enabled: false }, gossip: { enabled: false } },
-  timestamping: { enabled: true },
-  transport: { shared_memory: { enabled: false } },
-}
-"""
-"""The router.json5 of version 0.1.0."""
-
-
-@pytest.mark.process
-def test_settings_of_the_version_before_still_connect(tmp_path: Path) -> None:
-    """A daemon without a user, and a router without a dictionary, as installed before."""
-    port = free_port()
-    (tmp_path / "router.json5").write_text(OLD_ROUTER.replace(":7447", f":{port}"))
-    with (
-        zenoh.open(zenoh.Config.from_file(str(tmp_path / "router.json5"))),
-        open_bus(port, None) as edge,
-        open_bus(port, None) as dispatcher,
-    ):
-        seen = Seen()
-        dispatcher.subscribe(ALL_STATES, seen)
         publisher = edge.publisher(PROBES["state"])
         publisher.put(b"state")
         assert seen.wait_for(b"state", 20)

@@ -6,6 +6,8 @@ import ast
 from collections import Counter
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[2]
 PRODUCT = (
     *("dashboard", "dispatcher_daemon", "edge_daemon", "slipstream", "slipstream_cli"),
@@ -13,6 +15,7 @@ PRODUCT = (
 )
 
 
+@pytest.mark.slow
 def test_no_class_name_occurs_twice_in_the_product() -> None:
     """In none of its packages, classes inside of functions included."""
     names = Counter(

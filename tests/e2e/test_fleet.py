@@ -33,7 +33,7 @@ from slipstream_lab.simulation.live.world_spec import WorldCounts
 
 pytestmark = [
     pytest.mark.process,
-    pytest.mark.long,
+    pytest.mark.nightly,
     pytest.mark.alone,
     pytest.mark.attack,
     # A hundred kills take 20 minutes.

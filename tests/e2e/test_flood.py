@@ -203,7 +203,7 @@ def server(
         )
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_messages_too_large_are_refused_in_bounded_memory(
     tmp_path: Path, full_size: bool, figure: Callable[[str], None]
 ) -> None:
@@ -285,7 +285,7 @@ with Bus.open(settings) as bus:
 """
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_many_rsus_are_all_heard(
     tmp_path: Path, full_size: bool, figure: Callable[[str], None]
 ) -> None:

@@ -20,10 +20,9 @@ import pytest
 
 import storage
 from slipstream.bus import free_port
-from slipstream_lab.commands.live.demo import make_clips
+from slipstream_cli.main import main
+from slipstream_lab.commands.live import demo
 from slipstream_lab.simulation.live.town import VANS
-from tests.dashboard.web.browser import SIZES
-from tests.e2e.walk import Walk
 
 pytestmark = [pytest.mark.process, pytest.mark.alone, pytest.mark.timeout(1800)]
 
@@ -66,8 +65,20 @@ def state(tmp_path: Path) -> Path:
 @pytest.fixture
 def rendered(state: Path, made_once: Callable[..., Path]) -> None:
     """The state folder has its clips already, from an earlier run as it were."""
-    clips = made_once("demo", lambda folder: make_clips(folder, threading.Event()))
+    clips = made_once("demo", lambda folder: demo.make_clips(folder, threading.Event()))
     shutil.copytree(clips, state / "clips")
+
+
+@pytest.fixture
+def short(state: Path) -> None:
+    """The state folder has clips of a few seconds in their place."""
+    for roadside in demo.ROADSIDES:
+        scenario, *others = {*roadside.clips}
+        first = state / "clips" / demo._name(roadside, scenario)
+        words = ("--seconds", "5", "--fps", "15", "--segment", roadside.segment)
+        assert main(["clip", "streetdrive", "--out", str(first), *words]) == 0
+        for other in others:
+            shutil.copytree(first, first.with_name(demo._name(roadside, other)))
 
 
 @pytest.fixture
@@ -155,6 +166,32 @@ def _look_at_the_operators_page(page: Any, port: int) -> None:
 
 
 @pytest.mark.long
+@pytest.mark.usefixtures("short")
+def test_the_product_runs(start: Callable[..., Run]) -> None:
+    """RSUs send states, cycles make plans, vehicles' agents answer them and drive, the page is up;
+    Ctrl-C ends all of it.
+    """
+    run = start("--interval", "5", "--json")
+    run.says(lambda line: "the dashboard is at" in line, 600)
+    with storage.open_reader(f"sqlite:///{run.state / 'slipstream.db'}") as reader:
+        deadline = time.monotonic() + 600
+        while not any(r.status == "acknowledged" for r in reader.latest_plan_records()):
+            assert time.monotonic() < deadline, "\n".join(run.log)
+            time.sleep(0.5)
+    run.process.send_signal(signal.SIGINT)
+    output, _ = run.process.communicate(timeout=120)
+    assert run.process.returncode == 0, "\n".join(run.log)
+    figures = json.loads(output)
+    assert figures["dashboard_http"] == 200
+    assert figures["processes_restarted"] == 0, "\n".join(run.log)
+    assert figures["segment_states"] >= 1
+    assert figures["plans"] >= 1
+    assert figures["energy_kwh"]["cooperative"] > 0
+    assert figures["vehicles_moved"] >= 1
+    assert left_over(run.state) == []
+
+
+@pytest.mark.nightly
 def test_the_whole_chain_shows_on_the_page_and_in_the_figures(
     start: Callable[..., Run], browser: Any, tmp_path: Path
 ) -> None:
@@ -168,9 +205,6 @@ def test_the_whole_chain_shows_on_the_page_and_in_the_figures(
     page.on("pageerror", lambda error: faults.append(str(error)))
     _look_at_the_operators_page(page, run.port)
     page.screenshot(path=os.environ.get("SLIPSTREAM_SCREENSHOT", str(tmp_path / "page.png")))
-    fleet = {f"van-{number:02}" for number in range(1, VANS + 1)}
-    for width in SIZES:
-        Walk(browser, f"http://127.0.0.1:{run.port}/", width, fleet).walk()
     page.goto(page.get_attribute("#scene", "href"))
     page.wait_for_selector("canvas", timeout=60_000)
     page.get_by_text("van-01").first.wait_for(timeout=60_000)
@@ -201,7 +235,7 @@ def test_the_whole_chain_shows_on_the_page_and_in_the_figures(
     assert left_over(run.state) == []
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.usefixtures("rendered")
 def test_killed_daemons_come_back_and_nothing_stored_is_lost(start: Callable[..., Run]) -> None:
     """SIGKILL of an RSU and of the dispatcher; then Ctrl-C ends all within 10 s."""
@@ -233,7 +267,7 @@ def test_killed_daemons_come_back_and_nothing_stored_is_lost(start: Callable[...
 
 
 @pytest.mark.attack
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.usefixtures("rendered")
 def test_a_stopped_daemon_is_started_again_within_30_s(
     start: Callable[..., Run], figure: Callable[[str], None], full_size: bool
@@ -266,7 +300,7 @@ def _is_up(run: Run, name: str) -> bool:
         return False
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.usefixtures("rendered")
 def test_a_killed_supervisor_leaves_nothing_behind(start: Callable[..., Run]) -> None:
     """Not even kill -9 leaves daemons running."""

@@ -21,7 +21,7 @@ from slipstream.bus import free_port
 pytestmark = [
     pytest.mark.process,
     pytest.mark.alone,
-    pytest.mark.long,
+    pytest.mark.nightly,
     pytest.mark.timeout(1800),
 ]
 

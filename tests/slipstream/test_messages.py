@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 
-import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -14,40 +13,14 @@ from slipstream.errors import InputError
 from slipstream.messages import (
     ALL_STATES,
     CycleReport,
-    DispatcherHealth,
     Estimate,
-    KinematicFeatures,
     SegmentState,
-    SolverReport,
     Unserved,
     decode,
     plan_key,
     state_key,
 )
-
-
-def a_state(**changes: object) -> SegmentState:
-    """A valid state, with changes."""
-    fields: dict[str, object] = {
-        "rsu": "r",
-        "segment": "s",
-        "sequence": 1,
-        "time_ns": 1,
-        "window_s": 10.0,
-        "features": KinematicFeatures(
-            mean_speed_mps=Estimate(value=16.5, standard_error=0.1),
-            mean_acceleration_mps2=Estimate(value=0.0),
-            density_veh_per_m=Estimate(value=0.05),
-            speed_std_mps=Estimate(value=0.2),
-            acceleration_variance_m2ps4=Estimate(value=0.01),
-        ),
-        "y_e": 1,
-        "reason": None,
-        "vehicles": 9,
-        "frames": 300,
-        "coverage": 1.0,
-    }
-    return msgspec.convert(fields | changes, SegmentState)
+from tests.slipstream.sent import a_report, a_state
 
 
 def feature(**fields: object) -> dict[str, object]:
@@ -135,25 +108,6 @@ def test_foreign_names_cannot_break_out_of_their_key_chunk() -> None:
     assert ALL_STATES.count("*") == 2
 
 
-def a_report(*unserved: Unserved) -> CycleReport:
-    """A report of a cycle without plans, with these stops left out."""
-    return CycleReport(
-        cycle=1,
-        started_ns=1,
-        wall_s=0.1,
-        status="ok",
-        reason=None,
-        solver=None,
-        objective_kwh=None,
-        variables=0,
-        solvers=(),
-        gates=(),
-        energy=None,
-        plans=0,
-        unserved=unserved,
-    )
-
-
 def test_unserved_stops_survive_the_wire() -> None:
     """A report keeps the stops left out, their reasons and their order."""
     report = a_report(
@@ -161,52 +115,6 @@ def test_unserved_stops_survive_the_wire() -> None:
         Unserved(stop="a", reason="no road leads there"),
     )
     assert decode(CycleReport, report.to_bytes(), "k") == report
-
-
-def test_a_report_of_an_older_sender_leaves_no_stop_out() -> None:
-    """A report without the field, as dispatchers sent it before, is read as one that serves all."""
-    fields = a_report().model_dump(mode="json")
-    del fields["unserved"]
-    assert decode(CycleReport, json.dumps(fields).encode(), "k") == a_report()
-
-
-def test_reports_from_before_backends_are_read() -> None:
-    """A solver's report and a dispatcher's health without the device's fields still decode."""
-    run = SolverReport(
-        solver="lc-qaoa", status="feasible", objective_kwh=1.0, repaired=False, wall_s=0.1
-    )
-    fields = run.model_dump(mode="json")
-    for name in ("backend", "backend_kind", "fallback", "two_qubit_depth"):
-        assert fields.pop(name) is None
-    assert decode(SolverReport, json.dumps(fields).encode(), "k") == run
-    health = {
-        "time_ns": 1,
-        "started_ns": 1,
-        "cycles": 0,
-        "cycles_failed": 0,
-        "states_received": 0,
-        "bad_messages": 0,
-        "next_cycle_ns": None,
-        "rss_mb": 1.0,
-    }
-    assert decode(DispatcherHealth, json.dumps(health).encode(), "k").hardware is None
-
-
-def test_health_from_before_the_limits_is_read() -> None:
-    """A dispatcher's health without its staleness limits decodes, and names no limit."""
-    health = DispatcherHealth(
-        time_ns=1,
-        started_ns=1,
-        cycles=0,
-        cycles_failed=0,
-        states_received=0,
-        bad_messages=0,
-        next_cycle_ns=None,
-        rss_mb=1.0,
-    )
-    fields = health.model_dump(mode="json")
-    assert (fields.pop("stale_after_s"), fields.pop("future_tolerance_s")) == (None, None)
-    assert decode(DispatcherHealth, json.dumps(fields).encode(), "k") == health
 
 
 @pytest.mark.parametrize(

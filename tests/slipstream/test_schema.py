@@ -6,7 +6,7 @@ import pytest
 
 from slipstream.errors import InputError
 from slipstream.messages import ENCODING, SCHEMA, check_version, decode
-from tests.slipstream.test_messages import a_report, a_state
+from tests.slipstream.sent import a_report, a_state
 
 
 def test_unknown_fields_are_refused_by_name() -> None:

@@ -140,6 +140,7 @@ def test_the_page_takes_no_option_of_the_report(
     assert f"{option[0]}: is not for --serve" in line
 
 
+@pytest.mark.slow
 def test_bad_pictures_and_places_are_one_line(
     view: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

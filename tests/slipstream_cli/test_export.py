@@ -51,6 +51,7 @@ def test_what_was_stored_is_what_the_csv_holds(url: str, tmp_path: Path) -> None
     assert {row["repaired"] for row in rows_of(out / "solver_runs.csv")} == {"true", "false"}
 
 
+@pytest.mark.slow
 def test_the_database_s_commands_have_the_same_export(url: str, tmp_path: Path) -> None:
     """`db export` takes the options of `export`, and writes the same files."""
     begin = datetime.fromtimestamp((START_NS + 3 * PERIOD_NS) / 1e9, UTC).isoformat()
@@ -62,6 +63,7 @@ def test_the_database_s_commands_have_the_same_export(url: str, tmp_path: Path) 
     assert written[0] == written[1]
 
 
+@pytest.mark.slow
 def test_parquet_holds_the_same_rows(url: str, tmp_path: Path) -> None:
     """With the columns' types, and times as timestamps in UTC."""
     parquet = pytest.importorskip("pyarrow.parquet")
@@ -131,7 +133,7 @@ def test_an_export_that_fails_leaves_no_file(
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(export_files.CsvWriter, "write", full)
+    monkeypatch.setattr(export_files, "_cells", full)
     out = tmp_path / "out"
     assert main(["export", "cycles", "--database", url, "--out", str(out)]) == 1
     assert list(out.iterdir()) == []

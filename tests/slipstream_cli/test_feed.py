@@ -40,6 +40,7 @@ def net(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_a_run_is_judged_by_its_own_time(url: str, net: Path, tmp_path: Path) -> None:
     """States that were fresh in the cycle are not stale because it is long ago."""
     data, sites = tmp_path / "data.xml", tmp_path / "sites.xml"
@@ -87,6 +88,7 @@ def test_devices_of_a_run_have_the_status_that_their_states_tell(
     }
 
 
+@pytest.mark.slow
 def test_a_mistake_is_one_line(
     url: str, net: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -20,7 +20,7 @@ def install(monkeypatch: pytest.MonkeyPatch) -> Iterator[Install]:
 
     def only(*points: EntryPoint) -> None:
         found = EntryPoints(points)
-        monkeypatch.setattr("slipstream_cli.laboratory.entry_points", found.select)
+        monkeypatch.setattr("slipstream_cli.laboratory.entry_points", lambda: found)
         laboratory._loaded.cache_clear()
 
     yield only

@@ -7,29 +7,43 @@ import os
 import socket
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 import tomli_w
 
 from slipstream_cli.commands import db
-from slipstream_cli.main import COMMANDS, main
+from slipstream_cli.main import main
 
 
-def slipstream(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    """Run the command as a user does."""
-    return subprocess.run(
-        [sys.executable, "-m", "slipstream_cli", *arguments],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-        cwd=cwd,
-    )
+class Done(NamedTuple):
+    """What a command answered."""
+
+    returncode: int
+    stdout: str
+    stderr: str
 
 
-def one_line(result: subprocess.CompletedProcess[str]) -> str:
+Command = Callable[..., Done]
+
+
+@pytest.fixture
+def slipstream(capsys: pytest.CaptureFixture[str]) -> Command:
+    """Runs the command in this process."""
+
+    def run(*arguments: str) -> Done:
+        try:
+            status = main(arguments)
+        except SystemExit as ended:
+            status = int(ended.code or 0)
+        return Done(status, *capsys.readouterr())
+
+    return run
+
+
+def one_line(result: Done | subprocess.CompletedProcess[str]) -> str:
     """The error line of a command that refused its input."""
     assert result.returncode == 2, result.stderr
     (line,) = [li for li in result.stderr.splitlines() if li.strip()]
@@ -37,47 +51,7 @@ def one_line(result: subprocess.CompletedProcess[str]) -> str:
     return line
 
 
-@pytest.mark.parametrize("command", ["", *COMMANDS])
-def test_every_command_has_help(command: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """--help says what it does and exits 0."""
-    with pytest.raises(SystemExit) as ended:
-        main([command, "--help"] if command else ["--help"])
-    assert ended.value.code == 0
-    assert "usage: slipstream" in capsys.readouterr().out
-
-
-@pytest.mark.long
-@pytest.mark.process
-def test_a_clip_is_made_and_reported(tmp_path: Path) -> None:
-    """The three files are there, progress is silent in a pipe, and JSON is one object."""
-    result = slipstream(
-        *("clip", "streetdrive", "--out", str(tmp_path / "c"), "--seconds", "0.4"),
-        *("--fps", "12.5", "--scenario", "paper", "--seed", "3", "--segment", "s1", "--json"),
-    )
-    assert result.returncode == 0, result.stderr
-    assert result.stderr == ""
-    assert json.loads(result.stdout)["frames"] == 5
-    assert {"video.mp4", "truth.csv", "camera.toml"} <= {f.name for f in (tmp_path / "c").iterdir()}
-    assert 'id = "s1"' in (tmp_path / "c" / "camera.toml").read_text()
-
-
-@pytest.mark.long
-@pytest.mark.process
-@pytest.mark.parametrize(
-    ("option", "value", "key"),
-    [("--seconds", "-1", "seconds"), ("--fps", "0", "fps"), ("--seed", "-4", "seed")],
-)
-def test_a_clip_that_cannot_be_is_one_line(
-    tmp_path: Path, option: str, value: str, key: str
-) -> None:
-    """The line names what is out of range."""
-    line = one_line(slipstream("clip", "streetdrive", "--out", str(tmp_path / "c"), option, value))
-    assert key in line
-
-
-@pytest.mark.long
-@pytest.mark.process
-def test_check_accepts_sound_settings_and_names_faults(tmp_path: Path) -> None:
+def test_check_accepts_sound_settings_and_names_faults(slipstream: Command, tmp_path: Path) -> None:
     """One line a file when sound; file, key and mend when not."""
     sound = tmp_path / "site.toml"
     sound.write_text(tomli_w.dumps({"dispatcher": {"interval_s": 60.0}}))
@@ -94,9 +68,10 @@ def test_check_accepts_sound_settings_and_names_faults(tmp_path: Path) -> None:
     assert "--as" in one_line(slipstream("check", str(other)))
 
 
-@pytest.mark.long
-@pytest.mark.process
-def test_check_takes_fleets_and_instances_and_lists_what_nobody_can_serve(tmp_path: Path) -> None:
+@pytest.mark.slow
+def test_check_takes_fleets_and_instances_and_lists_what_nobody_can_serve(
+    slipstream: Command, tmp_path: Path
+) -> None:
     """A stop with too much demand is no fault of the file's, a node that is not there is one."""
     fleet: dict[str, Any] = {
         "depots": [{"node": "depot"}],
@@ -127,9 +102,8 @@ def test_check_takes_fleets_and_instances_and_lists_what_nobody_can_serve(tmp_pa
     )
 
 
-@pytest.mark.long
-@pytest.mark.process
-def test_the_database_is_made_checked_and_pruned(tmp_path: Path) -> None:
+@pytest.mark.slow
+def test_the_database_is_made_checked_and_pruned(slipstream: Command, tmp_path: Path) -> None:
     """The three actions work on one file and report as JSON."""
     url = f"sqlite:///{tmp_path / 'a.db'}"
     assert slipstream("db", "upgrade", "--database", url).returncode == 0
@@ -142,8 +116,7 @@ def test_the_database_is_made_checked_and_pruned(tmp_path: Path) -> None:
         assert "keep_days" in one_line(slipstream("db", "prune", "--url", url, "--keep-days", days))
 
 
-@pytest.mark.process
-def test_pruning_makes_no_database(tmp_path: Path) -> None:
+def test_pruning_makes_no_database(slipstream: Command, tmp_path: Path) -> None:
     """A mistyped path is said, not filled."""
     url = f"sqlite:///{tmp_path / 'mistyped.db'}"
     assert "mistyped.db" in one_line(slipstream("db", "prune", "--url", url, "--keep-days", "1"))
@@ -164,9 +137,9 @@ def test_a_full_disk_is_one_line_and_no_traceback(
     assert error == "slipstream: database or disk is full (background on this error)\n"
 
 
-@pytest.mark.long
-@pytest.mark.process
-def test_a_file_that_is_no_database_is_one_line_and_untouched(tmp_path: Path) -> None:
+def test_a_file_that_is_no_database_is_one_line_and_untouched(
+    slipstream: Command, tmp_path: Path
+) -> None:
     """The user's file is not overwritten."""
     path = tmp_path / "notes.txt"
     path.write_text("my notes, long enough to be no empty database " * 40)
@@ -176,8 +149,7 @@ def test_a_file_that_is_no_database_is_one_line_and_untouched(tmp_path: Path) ->
     assert path.read_bytes() == before
 
 
-@pytest.mark.process
-def test_run_refuses_a_taken_port_and_a_shared_state(tmp_path: Path) -> None:
+def test_run_refuses_a_taken_port_and_a_shared_state(slipstream: Command, tmp_path: Path) -> None:
     """Before anything is rendered or started."""
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
@@ -192,8 +164,6 @@ def test_run_refuses_a_taken_port_and_a_shared_state(tmp_path: Path) -> None:
     assert str(file) in one_line(slipstream("run", "--state", str(file)))
 
 
-@pytest.mark.long
-@pytest.mark.process
 @pytest.mark.parametrize(
     "arguments",
     [
@@ -204,15 +174,15 @@ def test_run_refuses_a_taken_port_and_a_shared_state(tmp_path: Path) -> None:
         ("--hardware", "boston"),
     ],
 )
-def test_run_refuses_numbers_that_make_no_sense(arguments: tuple[str, str]) -> None:
+def test_run_refuses_numbers_that_make_no_sense(
+    slipstream: Command, arguments: tuple[str, str]
+) -> None:
     """The line names the option."""
     assert arguments[0] in one_line(slipstream("run", *arguments))
 
 
-@pytest.mark.long
-@pytest.mark.process
 @pytest.mark.parametrize("arguments", [(), ("fly",), ("run", "--sekonds", "3"), ("edge",)])
-def test_a_wrong_command_line_is_one_line(arguments: tuple[str, ...]) -> None:
+def test_a_wrong_command_line_is_one_line(slipstream: Command, arguments: tuple[str, ...]) -> None:
     """It says what is wrong and where to read on."""
     assert "--help" in one_line(slipstream(*arguments))
 
@@ -255,7 +225,7 @@ sys.exit(main(sys.argv[1:]))
 
 
 @pytest.mark.process
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("out", [(), ("--out", "/dev/stdout")])
 def test_no_library_writes_to_the_standard_output(tmp_path: Path, out: tuple[str, ...]) -> None:
     """Whatever compiled code and started processes print, a command's output is its answer."""

@@ -62,6 +62,7 @@ def test_the_help_of_all_fits_one_screen(capsys: pytest.CaptureFixture[str]) -> 
     assert not [line for line in lines[1:] if line.endswith("...")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -134,23 +135,21 @@ def test_bash_completes_a_sub_command(tmp_path: Path, capsys: pytest.CaptureFixt
     assert done.stdout.split() == ["dispatcher"], done.stderr
 
 
-@pytest.mark.parametrize("value", ["-16.846,-179.998", "-.5,3", "-E12", "-1002#3", "-1e-3", "-inf"])
-def test_a_value_may_begin_with_a_dash(value: str) -> None:
+def test_a_value_may_begin_with_a_dash() -> None:
     """Southern latitudes, numbers below 0 and segments of SUMO nets, as option and as argument, of
     every sub-command.
     """
-    found = parser().parse_args(["net", "find", value, "--net", "n.net.xml"])
-    assert found.query == value
-    found = parser().parse_args(["init", "folder", "--at", value])
-    assert found.at == value
-    faults = []
-    for command in parsers(parser()):
-        for action in command._actions:
-            if isinstance(action, argparse._SubParsersAction) or action.nargs == 0:
-                continue
-            name = action.option_strings[-1:] or [action.dest]
-            if command._parse_optional(value) is not None:
-                faults.append(f"{command.prog} {name}")
+    top = parser()
+    values = ("-16.846,-179.998", "-.5,3", "-E12", "-1002#3", "-1e-3", "-inf")
+    for value in values:
+        assert top.parse_args(["net", "find", value, "--net", "n.net.xml"]).query == value
+        assert top.parse_args(["init", "folder", "--at", value]).at == value
+    faults = [
+        f"{command.prog} {value}"
+        for command in parsers(top)
+        for value in values
+        if command._parse_optional(value) is not None
+    ]
     assert faults == []
 
 

@@ -122,7 +122,7 @@ def test_what_is_wrong_comes_first(router: Router, capsys: pytest.CaptureFixture
     with Bus.open(BusSettings(connect=(router.endpoint,))) as bus:
         sent = {rsu_health_key(h.rsu): h for h in (rsu(), rsu(rsu="rsu-2", status="no_signal"))}
         kept = publish(bus, {**sent, DISPATCHER_HEALTH_KEY: dispatcher()})
-        assert main(["status", "--bus", router.endpoint, "--seconds", "3", "--json"]) == 1
+        assert main(["status", "--bus", router.endpoint, "--seconds", "2", "--json"]) == 1
         assert len(kept) == 3
     answer = json.loads(capsys.readouterr().out)
     assert answer["well"] is False
@@ -142,7 +142,7 @@ def test_a_message_of_another_version_is_one_line(
     with Bus.open(BusSettings(connect=(router.endpoint,))) as bus:
         publisher = bus.publisher(key, history=1)
         publisher.put(json.dumps(newer).encode())
-        assert main(["status", "--bus", router.endpoint, "--seconds", "3"]) == 1
+        assert main(["status", "--bus", router.endpoint, "--seconds", "2"]) == 1
     said = capfd.readouterr()
     assert said.err == ""
     first, *others = said.out.splitlines()
@@ -163,7 +163,7 @@ def test_all_well_is_exit_status_0(router: Router, capsys: pytest.CaptureFixture
     """One line each."""
     with Bus.open(BusSettings(connect=(router.endpoint,))) as bus:
         kept = publish(bus, {DISPATCHER_HEALTH_KEY: dispatcher()})
-        assert main(["status", "--bus", router.endpoint, "--seconds", "3"]) == 0
+        assert main(["status", "--bus", router.endpoint, "--seconds", "2"]) == 0
         assert len(kept) == 1
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 2
@@ -230,9 +230,9 @@ def test_a_sound_installation_is_exit_status_0(
         monkeypatch.setattr("psutil.Process.environ", lambda process: found)
         daemon = replace(daemon, config=Path("/elsewhere/a.toml"))
     alone.append(daemon)
-    assert main(["status", "--seconds", "3"]) == 0
+    assert main(["status", "--seconds", "2"]) == 0
     assert f"connected to {guarded}" in capsys.readouterr().out
-    assert main(["status", "--bus", guarded, "--seconds", "3"]) == 0
+    assert main(["status", "--bus", guarded, "--seconds", "2"]) == 0
 
 
 @pytest.mark.slow

@@ -71,6 +71,7 @@ def run(path: Path, capsys: pytest.CaptureFixture[str]) -> Run:
     return call
 
 
+@pytest.mark.slow
 def test_explain_prints_words_and_json(run: Run) -> None:
     """Of a number, of the latest one, and of one vehicle."""
     status, text, _ = run("explain", "1")
@@ -87,6 +88,7 @@ def test_explain_prints_words_and_json(run: Run) -> None:
     assert {one["platoon"]["reason"] for one in data["refused"]} == {"unknown"}
 
 
+@pytest.mark.slow
 def test_replay_of_a_cycle_is_the_same_until_what_was_stored_is_changed(
     run: Run, path: Path
 ) -> None:
@@ -126,6 +128,7 @@ def test_bad_input_is_one_line(run: Run, tmp_path: Path, command: str) -> None:
         assert errors.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_what_is_missing_is_told(run: Run, path: Path) -> None:
     """A vehicle that the cycle does not have, and inputs that are gone or of another version."""
     status, _, errors = run("explain", "1", "--vehicle", "van-z")
@@ -163,6 +166,7 @@ def test_a_database_without_a_cycle_says_so(
     assert "no cycle is stored yet" in errors
 
 
+@pytest.mark.slow
 def test_a_cycle_that_made_no_plan_cannot_be_made_again(run: Run, path: Path) -> None:
     """Its reason is told by both commands; inputs that were deleted are another matter."""
     report = failed_report(3, time.time_ns(), 0.1, "no open order, or no free vehicle")

@@ -21,10 +21,28 @@ from slipstream.messages import (
     Unserved,
     VehiclePlan,
 )
+from storage import Event
 
 Cycle = tuple[CycleReport, list[VehiclePlan], list[SegmentState]]
 START_NS = 1_790_000_000_000_000_000
 PERIOD_NS = 30_000_000_000
+RAISED = Event(
+    time_ns=START_NS,
+    kind="rsu_silent",
+    severity="warning",
+    subject="rsu/a/b",
+    text="nothing heard",
+    mend="look at its box",
+    alarm="0a",
+)
+PAUSED = Event(
+    time_ns=START_NS + 5,
+    kind="pause",
+    severity="info",
+    subject="dispatcher",
+    text="paused",
+    actor="operator",
+)
 
 
 def _plan(cycle: int, vehicle: str, place: int) -> VehiclePlan:

@@ -32,6 +32,7 @@ def test_sound(url, make_cycle):
     assert report.schema_version == report.schema_head
 
 
+@pytest.mark.slow
 def test_damaged_page(url, make_cycle, capsys):
     """Bytes overwritten in the middle of the file are found."""
     with storage.open_database(url) as database:
@@ -130,7 +131,7 @@ def _read_all(url: str) -> None:
     with storage.open_reader(url) as reader:
         for read in (
             reader.latest_cycle,
-            reader.latest_plans,
+            reader.latest_plan_records,
             lambda: reader.cycles(limit=50),
             lambda: reader.states(3),
             lambda: reader.jobs(limit=9),
@@ -222,7 +223,7 @@ def test_a_value_that_is_no_message_is_one_line(url, make_cycle):
                 storage.open_reader(url) as reader,
                 pytest.raises(storage.StorageError, match="a row cannot be read") as caught,
             ):
-                reader.latest_plans()
+                tuple(r.plan for r in reader.latest_plan_records())
             assert "\n" not in str(caught.value)
             with closing(sqlite3.connect(path)) as connection:
                 connection.execute("DELETE FROM cycles")

@@ -83,6 +83,7 @@ def test_a_link_leads_to_the_same_lock(url, tmp_path):
             storage.open_database(f"sqlite:///{link}", owned=True)
 
 
+@pytest.mark.slow
 def test_commands_beside_an_owner(url, make_cycle, capsys):
     """Check, prune and upgrade work on a database that a dispatcher writes, and it goes on."""
     with storage.open_database(url, owned=True) as database:

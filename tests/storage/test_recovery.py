@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import logging
 import os
 import threading
@@ -16,8 +15,7 @@ from slipstream.errors import InputError
 from slipstream.orders import FleetRecords, OrderRecord
 from slipstream_cli.main import main
 from storage.retention import reserve_path
-
-from .records.test_events import PAUSED, RAISED
+from tests.storage.conftest import PAUSED, RAISED
 
 
 def _path(url: str) -> Path:
@@ -68,6 +66,7 @@ def test_a_backup_of_a_database_that_is_written(url, make_cycle, tmp_path):
     ]
 
 
+@pytest.mark.slow
 def test_backup_and_restore_by_command(url, make_cycle, tmp_path, capsys):
     """What was there is kept, numbers go on above both, and the restored file starts."""
     _fill(url, make_cycle, 3)
@@ -93,6 +92,7 @@ def test_backup_and_restore_by_command(url, make_cycle, tmp_path, capsys):
     assert _numbers(f"sqlite:///{tmp_path}/new.db") == [1, 2, 3]
 
 
+@pytest.mark.slow
 def test_bad_backups_change_nothing(url, make_cycle, tmp_path):
     """Nothing is overwritten by a backup, nothing replaced by what is no sound backup."""
     _fill(url, make_cycle, 40)
@@ -135,6 +135,7 @@ def _damaged(data: bytes) -> bytes:
     return data[:middle] + b"\x55" * 4096 + data[middle + 4096 :]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["a page", "the header", "cut"])
 def test_a_damaged_file_is_set_aside(url, make_cycle, how, caplog):
     """It is kept byte for byte, the new one's numbers are above all of before, and it says so."""
@@ -169,6 +170,7 @@ def test_a_damaged_file_is_set_aside(url, make_cycle, how, caplog):
     assert len(list(path.parent.glob("*-corrupt-*"))) >= 2
 
 
+@pytest.mark.slow
 def test_orders_and_plans_survive_damage_elsewhere(url, make_cycle, tmp_path):
     """Orders and plans in force that can be read are those that a restart would have loaded."""
     order = OrderRecord(
@@ -210,6 +212,7 @@ def test_orders_and_plans_survive_damage_elsewhere(url, make_cycle, tmp_path):
         assert database.next_cycle_number() == 60 + 1000 + 1
 
 
+@pytest.mark.slow
 def test_a_file_that_no_dispatcher_wrote_is_left_alone(url, make_cycle):
     """A wrong path is refused: the file stays where it is."""
     path = _path(url)
@@ -227,25 +230,3 @@ def test_a_file_that_no_dispatcher_wrote_is_left_alone(url, make_cycle):
     with pytest.raises(InputError, match=r"damaged|malformed"):
         storage.open_or_set_aside(url)
     assert path.read_bytes() == data
-
-
-def test_a_backup_to_a_file_system_without_hard_links(url, make_cycle, tmp_path, monkeypatch):
-    """It is made by its name; a file that comes meanwhile stays."""
-    _fill(url, make_cycle, 2)
-
-    def link(*_: object) -> None:
-        raise PermissionError(errno.EPERM, "Operation not permitted")
-
-    monkeypatch.setattr(os, "link", link)
-    assert storage.backup(url, tmp_path / "a.db").ok
-    assert _numbers(f"sqlite:///{tmp_path / 'a.db'}") == [1, 2]
-    taken = tmp_path / "b.db"
-
-    def link_late(*_: object) -> None:
-        taken.write_text("of another")
-        link()
-
-    monkeypatch.setattr(os, "link", link_late)
-    with pytest.raises(InputError, match="cannot be made"):
-        storage.backup(url, taken)
-    assert taken.read_text() == "of another"

@@ -9,11 +9,10 @@ import time
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from types import SimpleNamespace
 
 import msgspec
 import pytest
-from sqlalchemy import event, text
+from sqlalchemy import text
 
 import storage
 from slipstream.errors import InputError
@@ -133,6 +132,7 @@ def test_a_short_stop_is_no_jump(url, make_cycle):
             database.prune(90.0, now_ns + gap_ns)
 
 
+@pytest.mark.slow
 @pytest.mark.attack
 def test_cycles_of_a_clock_that_was_behind_stay(url, make_cycle):
     """Cycles dated 1970 among those of today are not old, once the clock is right again."""
@@ -256,63 +256,6 @@ def test_sizes_that_are_none_are_refused(url, make_cycle, size):
         database.record_cycle(*make_cycle(1))
         with pytest.raises(InputError, match="keep_mb"):
             database.trim(size)
-
-
-def test_a_step_that_took_long_makes_the_next_ones_smaller():
-    """Halved each time, a sixteenth at least; short ones let them grow to their full size again."""
-    pace = retention.Pace()
-    sizes = []
-    for _ in range(6):
-        sizes.append(pace.of(3000))
-        pace.note(0.08)
-    assert sizes == [3000, 1500, 750, 375, 187, 187]
-    assert pace.of(10) == 1
-    pace.note(0.02)
-    assert pace.of(3000) == 187
-    for _ in range(6):
-        pace.note(0.005)
-    assert pace.of(3000) == 3000
-
-
-def test_a_slow_disk_is_not_held_for_long(any_url, make_cycle, monkeypatch):
-    """Where each row takes 2 ms only the first steps take more than 40 ms, minutes of many segments
-    go in parts, and all that is too old goes.
-    """
-    now_s, steps = 0.0, []
-    monkeypatch.setattr("storage.writer.time", SimpleNamespace(monotonic=lambda: now_s))
-    monkeypatch.setattr("storage.traffic.rollup_table.ROWS_A_STEP", 128)
-    note = retention.Pace.note
-
-    def noted(pace, seconds):
-        steps.append(seconds)
-        note(pace, seconds)
-
-    monkeypatch.setattr(retention.Pace, "note", noted)
-    report, _, states = make_cycle(1)
-    buffer = storage.RollUpBuffer()
-    for minute in range(10):
-        for number in range(40):
-            time_ns = report.started_ns + minute * 60 * 10**9
-            name = f"segment_{number}"
-            buffer.add(msgspec.structs.replace(states[0], segment=name, time_ns=time_ns))
-    with storage.open_database(any_url) as database, storage.open_reader(any_url) as reader:
-        database.record_cycle(*make_cycle(1))
-        database.add_rollups(buffer.take())
-
-        @event.listens_for(database._engine, "after_cursor_execute")
-        def _slow(_connection, cursor, statement, *_):
-            nonlocal now_s
-            if statement.startswith("DELETE FROM segment_rollups"):
-                now_s += 0.002 * cursor.rowcount
-
-        database.tidy(report.started_ns + 3 * DAY_NS)
-        assert all(
-            reader.rollups(f"segment_{number}", 0, 2**62) == () for number in range(0, 40, 13)
-        )
-    taken = [seconds for seconds in steps if seconds > 0]
-    assert sum(taken) == pytest.approx(0.002 * 400)
-    assert taken[0] > 0.2
-    assert max(taken[4:]) <= 0.04
 
 
 @pytest.fixture

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import random
-import time
-from pathlib import Path
-
 import msgspec
 import pytest
 
@@ -86,6 +82,7 @@ def _open(gates):
     return {gate.segment: gate.open for gate in gates}
 
 
+@pytest.mark.slow
 def test_the_gates_of_every_cycle_that_is_kept(any_url, make_cycle):
     """Recent ones are whole; older ones say what was open and why not, from changes alone; a
     segment that nobody watches any more has no gate.
@@ -317,6 +314,7 @@ def test_each_kind_of_old_traffic_has_its_turn(url, make_cycle, monkeypatch):
         assert len(reader.rollups("a", 0, 2**62)) == 29
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("catch_up_s", "left"), [(0.0, 40), (1.0, 9)], ids=["once", "in calls"])
 def test_deletion_keeps_up_where_a_call_has_time_for_one_step(
     url, make_cycle, monkeypatch, catch_up_s, left
@@ -341,23 +339,3 @@ def test_deletion_keeps_up_where_a_call_has_time_for_one_step(
         minutes = len(reader.rollups("a", 0, 2**62))
         assert minutes >= left if catch_up_s == 0.0 else minutes <= left
         assert not database.tidy(now_ns)
-
-
-def test_a_thousand_segments_take_little_room(url, make_cycle, figure):
-    """Gates and states of a cycle, of their own figures each, take a tenth of what they did."""
-    measured = random.Random(7)
-    base = make_cycle(1)
-    with storage.open_database(url) as database, storage.open_reader(url) as reader:
-        for number in range(1, 21):
-            gates = {f"segment_{n:04d}": measured.random() < 0.9 for n in range(1000)}
-            report, _, states = _cycle(base, number, START_NS + number * MINUTE_NS, gates)
-            states = [
-                _state(base, state.segment, START_NS, measured.uniform(0, 30)) for state in states
-            ]
-            database.record_cycle(report, [], states)
-        began = time.monotonic()
-        assert len(reader.cycles(200, gates=False)[-1].gates) == 1000
-        took_s = time.monotonic() - began
-    size = Path(url.removeprefix("sqlite:///")).stat().st_size / 20
-    figure(f"{size / 1e3:.0f} kB a cycle; 20 cycles read in {took_s * 1e3:.0f} ms")
-    assert size < 200_000

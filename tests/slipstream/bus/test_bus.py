@@ -10,13 +10,20 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from slipstream.bus import Bus, Publisher, Router, free_port
+from slipstream.bus import Bus, Publisher, Router, free_port, zenoh_config
 from slipstream.bus.inbox import SAMPLES
 from slipstream.bus.zenoh_config import client_config, router_config
 from slipstream.config import BusSettings
 from slipstream.errors import InputError
 from slipstream.messages import ENCODING, SCHEMA, SegmentState, decode
-from tests.slipstream.test_messages import a_state
+from tests.slipstream.sent import a_state
+
+
+@pytest.fixture(autouse=True)
+def soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sessions look for their router often."""
+    monkeypatch.setattr(zenoh_config, "RETRY", {"period_init_ms": 20, "period_max_ms": 100})
+
 
 OTHER_ENCODING = ENCODING.replace(f"={SCHEMA}", f"={SCHEMA + 1}")
 
@@ -92,8 +99,7 @@ def test_the_session_opens_without_a_router_and_finds_it_later() -> None:
             assert inbox.wait_for(b"while it is gone", 20)
 
 
-@pytest.mark.slow
-@pytest.mark.slow
+@pytest.mark.long
 def test_expected_keys_reach_all_that_listen() -> None:
     """Those that subscribed before and after, also once the router has come back."""
     port = free_port()

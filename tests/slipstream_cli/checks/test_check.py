@@ -42,6 +42,7 @@ def checked(
     return status, said.out.splitlines(), said.err.splitlines()
 
 
+@pytest.mark.slow
 def test_files_that_fit_are_valid(site: Site, capsys: pytest.CaptureFixture[str]) -> None:
     """One line each, with what each is."""
     status, out, err = checked(capsys, site)
@@ -52,6 +53,7 @@ def test_files_that_fit_are_valid(site: Site, capsys: pytest.CaptureFixture[str]
     assert kinds == {"camera-rsu-1.toml": "camera", "fleet.toml": "fleet", "site.toml": "site"}
 
 
+@pytest.mark.slow
 def test_a_kind_is_told_by_content_whatever_the_name(
     site: Site, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -61,6 +63,7 @@ def test_a_kind_is_told_by_content_whatever_the_name(
     assert capsys.readouterr().out == f"{moved}: valid site\n"
 
 
+@pytest.mark.slow
 def test_a_segment_that_the_net_lacks_is_refused(
     site: Site, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -78,6 +81,7 @@ def test_a_segment_that_the_net_lacks_is_refused(
     assert checked(capsys, {"camera": alone}, "--network", "demo")[0] == 2
 
 
+@pytest.mark.slow
 def test_faults_of_a_site_are_all_told(site: Site, capsys: pytest.CaptureFixture[str]) -> None:
     """Ports taken twice, a segment that no network has, agents too many, a misspelt key."""
     tables: Any = read_toml(site["site"])
@@ -102,6 +106,7 @@ def test_faults_of_a_site_are_all_told(site: Site, capsys: pytest.CaptureFixture
     assert len(err) == 7
 
 
+@pytest.mark.slow
 def test_vehicles_have_one_agent_and_a_place_in_the_fleet(
     site: Site, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -115,6 +120,7 @@ def test_vehicles_have_one_agent_and_a_place_in_the_fleet(
     assert "agents.more.vehicles.van-9: the fleet has no such vehicle" in nobody
 
 
+@pytest.mark.slow
 def test_boxes_that_share_no_machine_may_have_the_same_ports(
     site: Site, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -127,6 +133,7 @@ def test_boxes_that_share_no_machine_may_have_the_same_ports(
     assert checked(capsys, {"site": site["site"]})[0] == 0
 
 
+@pytest.mark.slow
 def test_an_rsu_whose_segments_are_not_said_is_told(
     site: Site, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -142,6 +149,7 @@ def test_an_rsu_whose_segments_are_not_said_is_told(
     assert checked(capsys, {"site": site["site"]})[0] == 0
 
 
+@pytest.mark.slow
 def test_a_fault_is_told_once_whatever_the_path(
     site: Site, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -156,6 +164,7 @@ def test_a_fault_is_told_once_whatever_the_path(
     assert sum("unknown node 'venus'" in line for line in err) == 1
 
 
+@pytest.mark.slow
 def test_json_has_files_and_faults(site: Site, capsys: pytest.CaptureFixture[str]) -> None:
     """One object, exit status 2 as without."""
     change(site["site"], network="other.net.xml")
@@ -167,6 +176,7 @@ def test_json_has_files_and_faults(site: Site, capsys: pytest.CaptureFixture[str
     assert "other.net.xml" in gone["file"]
 
 
+@pytest.mark.slow
 def test_how_far_off_each_place_is_served_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -198,6 +208,7 @@ def test_how_far_off_each_place_is_served_is_told(
     assert json.loads(capsys.readouterr().out)["valid"][0]["notes"] == [near, named]
 
 
+@pytest.mark.slow
 def test_a_folder_is_checked_with_the_file_of_tokens_in_it(
     site: Site, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -216,6 +227,7 @@ def test_a_folder_is_checked_with_the_file_of_tokens_in_it(
     assert main(["check", str(folder / "nothing")]) == 2
 
 
+@pytest.mark.slow
 def test_a_fleet_alone_is_judged_by_the_roads_of_its_settings(
     site: Site, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

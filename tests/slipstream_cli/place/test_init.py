@@ -48,6 +48,7 @@ def made(folder: Path, capsys: pytest.CaptureFixture[str], *options: str) -> dic
     return summary
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("net", ["demo", str(TROY)], ids=["demo", "troy"])
 def test_what_init_writes_is_valid(
     net: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -65,6 +66,7 @@ def test_what_init_writes_is_valid(
     assert [depot.node for depot in fleet.depots] == [summary["depot"]]
 
 
+@pytest.mark.slow
 def test_every_key_is_explained_by_the_settings_own_words(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -103,6 +105,7 @@ def test_each_key_that_a_user_may_set_has_words(model: type[BaseModel]) -> None:
     assert [name for name, field in model.model_fields.items() if not field.description] == []
 
 
+@pytest.mark.slow
 def test_the_depot_is_nearest_to_the_place_or_in_the_middle(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -120,6 +123,7 @@ def test_the_depot_is_nearest_to_the_place_or_in_the_middle(
     assert y_min + 0.25 * (y_max - y_min) < y < y_max - 0.25 * (y_max - y_min)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "said"),
     [
@@ -144,6 +148,7 @@ def test_bad_input_writes_nothing(
     assert not folder.exists() or not list(folder.iterdir())
 
 
+@pytest.mark.slow
 def test_what_cannot_be_written_whole_is_not_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -164,6 +169,7 @@ def test_what_cannot_be_written_whole_is_not_written(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_a_folder_that_is_not_empty_is_left_alone(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -255,15 +261,6 @@ def started(summary: dict[str, Any], capsys: pytest.CaptureFixture[str], browser
         own = [f for f in findings if str(ports[9465]) in f["text"] or "process" in f["text"]]
         assert {"router", "dispatcher", "dashboard"} <= {f["name"] for f in own}
     assert plans[0].stops[0].node == summary["depot"]
-
-
-@pytest.mark.process
-@pytest.mark.long
-def test_daemons_start_on_the_files(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], browser: Any
-) -> None:
-    """The first plan begins at the depot, and a browser sees it."""
-    started(made(tmp_path, capsys, "--net", str(TROY)), capsys, browser)
 
 
 def extract() -> str:

@@ -26,6 +26,7 @@ def found(capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, Any]:
     return answer
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("query", ["Hoosick St", "hoosick street", "HOOSICK ST.", "hosick st"])
 def test_a_street_is_found_by_a_name_that_is_not_exact(
     query: str, capsys: pytest.CaptureFixture[str]
@@ -45,6 +46,7 @@ def test_a_street_is_found_by_a_name_that_is_not_exact(
     assert all(42 < j["lat"] < 43 and -74 < j["lon"] < -73 for j in answer["junctions"])
 
 
+@pytest.mark.slow
 def test_the_nearest_segments_of_a_place_come_first(capsys: pytest.CaptureFixture[str]) -> None:
     """At a junction's own coordinates the nearest road touches it."""
     answer = found(capsys, "Hoosick St", "--net", TROY, "--limit", "1")
@@ -65,6 +67,7 @@ def test_a_net_without_a_projection_takes_metres(capsys: pytest.CaptureFixture[s
     assert "lat" not in answer["junctions"][0]
 
 
+@pytest.mark.slow
 def test_segments_are_found_by_their_ids(capsys: pytest.CaptureFixture[str]) -> None:
     """A part of the id, in any case; the whole id alone, or before the streets with that name."""
     answer = found(capsys, "Avenue", "--limit", "100")
@@ -77,6 +80,7 @@ def test_segments_are_found_by_their_ids(capsys: pytest.CaptureFixture[str]) -> 
     assert found(capsys, first, "--net", TROY)["segments"][0]["id"] == first
 
 
+@pytest.mark.slow
 def test_junctions_are_found_by_their_ids(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -89,6 +93,7 @@ def test_junctions_are_found_by_their_ids(
     assert all(depot in (row["start"], row["end"]) for row in answer["segments"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "query", ["Hoosick St & 15th St", "15th street / hoosick", "hoosick and 15th st"]
 )
@@ -102,6 +107,7 @@ def test_a_junction_is_found_by_the_streets_that_meet_there(
     assert ("Hoosick" in names, "15th" in names) == (True, True)
 
 
+@pytest.mark.slow
 def test_streets_that_meet_nowhere_say_so(capsys: pytest.CaptureFixture[str]) -> None:
     """In one line with both names."""
     assert main(["net", "find", "Hoosick St & Campbell Ave", "--net", TROY]) == 2
@@ -123,12 +129,14 @@ def test_a_place_far_from_the_net_is_told(capsys: pytest.CaptureFixture[str]) ->
     assert said.err == ""
 
 
+@pytest.mark.slow
 def test_what_is_cut_off_is_counted(capsys: pytest.CaptureFixture[str]) -> None:
     """No silent limit."""
     assert main(["net", "find", "Hoosick St", "--net", TROY, "--limit", "1"]) == 0
     assert "more: --limit " in capsys.readouterr().out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("query", "said"),
     [

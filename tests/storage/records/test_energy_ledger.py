@@ -109,6 +109,7 @@ def test_a_damaged_file_hands_on_what_is_booked(url, make_cycle):
         assert (found.plans[0], found.vehicles) == (booked, (vehicle,))
 
 
+@pytest.mark.slow
 def test_the_ledger_is_exported(url, tmp_path, make_cycle):
     """`slipstream export energy_ledger` gives its rows for a time range."""
     with storage.open_database(url) as database:

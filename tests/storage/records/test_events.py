@@ -8,27 +8,8 @@ from dataclasses import replace
 import pytest
 
 import storage
-from storage import Event
 from storage.database import Database
-from tests.storage.conftest import PERIOD_NS, START_NS
-
-RAISED = Event(
-    time_ns=START_NS,
-    kind="rsu_silent",
-    severity="warning",
-    subject="rsu/a/b",
-    text="nothing heard",
-    mend="look at its box",
-    alarm="0a",
-)
-PAUSED = Event(
-    time_ns=START_NS + 5,
-    kind="pause",
-    severity="info",
-    subject="dispatcher",
-    text="paused",
-    actor="operator",
-)
+from tests.storage.conftest import PAUSED, PERIOD_NS, RAISED, START_NS
 
 
 def test_an_alarm_is_one_event_from_begin_to_end(any_url) -> None:

@@ -52,6 +52,7 @@ def test_inputs_that_cannot_be_stored_leave_no_cycle(url, make_cycle):
         assert database.next_cycle_number() == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("budget_s", [None, 60.0])
 def test_inputs_go_after_their_own_days_and_the_cycles_stay(url, make_cycle, budget_s):
     """Of 50 cycles six hours apart those of the last week keep theirs; unused parts are gone."""

@@ -163,7 +163,7 @@ def _queries(url: str, segment: str, now_ns: int) -> tuple[dict[str, float], dic
         calls: dict[str, Callable[[], object]] = {
             "the latest cycle with its gates": reader.latest_cycle,
             "200 cycles for the page": lambda: reader.cycles(200, gates=False),
-            "the latest plans": reader.latest_plans,
+            "the latest plans": reader.latest_plan_records,
             "states of the latest cycle": lambda: reader.states(
                 (now_ns - START_NS) // (CYCLE_S * 10**9)
             ),

@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 
 from slipstream.errors import InputError
 from slipstream.files import open_unpacked
-from slipstream.roads.sumo_files import MAX_SUMO_BYTES, check_no_include, put_file
+from slipstream_lab.simulation.sumo.files import check_no_include, put_file
 
 _NOWHERE: Final = "NUL"
 """SUMO's name of a file that nothing is written to."""
@@ -70,7 +70,7 @@ def without_output(paths: Sequence[Path], folder: Path) -> tuple[Path, ...]:
 
 def _parse(path: Path) -> ElementTree.Element:
     try:
-        with open_unpacked(path, MAX_SUMO_BYTES) as file:
+        with open_unpacked(path) as file:
             return ElementTree.parse(file).getroot()
     except (ElementTree.ParseError, EOFError, OSError, zlib.error) as error:
         raise InputError(path, f"not XML: {error}", "give a SUMO file") from None

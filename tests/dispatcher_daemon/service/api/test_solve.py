@@ -93,7 +93,7 @@ def test_a_fleet_is_planned_in_a_process_of_its_own(
     answer = api.get(address, "controller").json
     assert (answer["state"], answer["reason"]) == ("done", None)
     api.dispatcher.run_cycle()
-    own = api.services.reader.latest_plans()
+    own = [record.plan for record in api.services.reader.latest_plan_records()]
     routes = [[s["stop"] for s in plan["stops"]] for plan in answer["result"]["plans"]]
     assert routes == [[s.stop for s in plan.stops] for plan in own]
     assert answer["result"]["report"]["cycle"] == 0
