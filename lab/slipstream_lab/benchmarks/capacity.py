@@ -13,14 +13,7 @@ from typing import Final
 
 @dataclass(frozen=True)
 class Coefficient:
-    """What one unit of load takes.
-
-    Attributes:
-        what: in words.
-        value: in `unit`.
-        unit: of it.
-        command: that measures it.
-    """
+    """What one unit of load takes."""
 
     what: str
     value: float
@@ -82,13 +75,8 @@ class Load:
     """What is to be carried.
 
     Attributes:
-        name: of a column.
         rsus: cameras, of 30 pictures a second and a state a second for each segment.
-        segments: that each one watches.
         vehicles: of the fleet; each reports once a second.
-        on_road: share of them that drive.
-        interval_s: between cycles.
-        hops: routers between an RSU, or a vehicle, and the dispatcher.
     """
 
     name: str

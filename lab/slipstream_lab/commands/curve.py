@@ -52,15 +52,7 @@ def parse_numbers(key: str, text: str, least: int, example: str) -> tuple[int, .
 
 @dataclass(frozen=True)
 class Curve:
-    """What is asked for.
-
-    Attributes:
-        out: folder of all results.
-        densities: vehicles a day, planned.
-        driven: vehicles a day, driven in SUMO.
-        stored: nothing is planned or driven, what is there is reported.
-        quiet: nothing is printed on standard output.
-    """
+    """What is asked for."""
 
     out: Path
     densities: tuple[int, ...]

@@ -182,7 +182,6 @@ def load_rsus(path: Path, network: RoadNetwork) -> tuple[Rsu, ...]:
 
     Args:
         path: RSUs (`RsuFile`), or one camera's file (`RsuSettings`) that says its metres.
-        network: their roads.
 
     Raises:
         InputError: the file is malformed, an id twice, a segment that the network has not, a

@@ -23,16 +23,7 @@ from slipstream_lab.simulation.ground_truth import TrueWindow
 
 @dataclass(frozen=True)
 class Flags:
-    """The flags of one condition against the truth, in windows.
-
-    Attributes:
-        windows: from the first whole one on, faults of the camera included.
-        known: of them, with a flag.
-        right: with the true one.
-        wrongly_stable: stable where the truth is turbulent: what must not be.
-        unknown: how often for each reason.
-        followed: share of the vehicles' true boxes that a track has.
-    """
+    """The flags of one condition against the truth, in windows."""
 
     windows: int
     known: int
@@ -45,12 +36,7 @@ class Flags:
 def flags_of(
     windows: Sequence[tuple[SegmentState, TrueWindow]], comparisons: Sequence[Comparison]
 ) -> Flags:
-    """Count the flags of some clips.
-
-    Args:
-        windows: of all clips.
-        comparisons: one a clip.
-    """
+    """Count the flags of some clips."""
     known = [(state, true) for state, true in windows if state.y_e is not None]
     followed = [mark for comparison in comparisons for mark in comparison.boxes.followed.tolist()]
     return Flags(

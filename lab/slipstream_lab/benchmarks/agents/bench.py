@@ -41,19 +41,7 @@ MAX_ONE_MB: Final = 60.0
 
 @dataclass(frozen=True)
 class Figures:
-    """What was measured of one process.
-
-    Attributes:
-        vans: agents in it.
-        seconds: measured for.
-        cpu_share: of one processor.
-        advice_ms: processor time of the process for each advice, all of it counted.
-        latency_ms_p50: from a sensing to the advice that answers it, as its vehicle has it.
-        latency_ms_p95: likewise.
-        advised: share of the sensings that were answered within the next interval.
-        rss_mb: resident memory at the end.
-        modes: advice by mode, as shares.
-    """
+    """What was measured of one process."""
 
     vans: int
     seconds: float

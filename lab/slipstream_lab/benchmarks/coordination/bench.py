@@ -20,14 +20,7 @@ PRICES_KW: Final = (10, 0, 27)
 
 @dataclass(frozen=True)
 class Form:
-    """How much is planned.
-
-    Attributes:
-        vehicles: a day on the corridor.
-        windows_min: halves of the intervals of arrival.
-        prices_kw: of waiting.
-        trucks: in the region; 0: no region.
-    """
+    """How much is planned."""
 
     vehicles: tuple[int, ...] = DENSITIES
     windows_min: tuple[int, ...] = WINDOWS_MIN
@@ -56,7 +49,6 @@ class BenchSettings:
 
     Attributes:
         out: folder for the report and the cells; those of an earlier run are gone on with.
-        form: how much.
     """
 
     out: Path = Path(".slipstream/bench-coordination")

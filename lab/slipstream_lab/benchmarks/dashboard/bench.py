@@ -31,14 +31,7 @@ _WARM_UP_S: Final = 8.0
 
 @dataclass(frozen=True)
 class City:
-    """What is shown, each road's state and each van's position once a second.
-
-    Attributes:
-        roads: watched ones.
-        vans: vehicles on plans.
-        rsus: roadside units, which share the roads.
-        max_cpu_share: aim of the server, of one core.
-    """
+    """What is shown, each road's state and each van's position once a second."""
 
     roads: int
     vans: int
@@ -51,16 +44,7 @@ class Figures:
     """What was measured.
 
     Attributes:
-        city: that was shown.
-        seconds: for so long.
-        first_moment_s: from a browser's request to its first moment, the worse one, s.
         first_paint_s: to Chromium's first content, s; None: there is no Chromium.
-        kb_per_s: to each browser, the worse one, after its first moment.
-        events_per_s: likewise.
-        cpu_share: of one core, all of the dashboard's process.
-        delays_s: from the publication of a state until a browser has it, sorted, s.
-        probes: states whose way was followed.
-        rss_mb: resident memory at the begin and the end.
     """
 
     city: City

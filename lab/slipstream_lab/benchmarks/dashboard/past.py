@@ -52,14 +52,9 @@ class PastFigures:
     """What was measured.
 
     Attributes:
-        days: between the moment and the end of the database.
-        first_s: a process' first moment, with all that it reads once.
-        moment_s: further moments of the same day, median and longest.
-        play_s: moments half a minute apart, as played at 60 times: likewise.
+        play_s: moments half a minute apart, as played at 60 times: median and longest.
         cpu_s: processor time of such moments, median and longest. It says what other work on the
             machine hides.
-        bytes: of a moment as JSON.
-        gb: size of the database.
     """
 
     days: int
@@ -77,10 +72,7 @@ def measure(
     """Fill a database and look at moments at its other end.
 
     Args:
-        say: takes progress.
-        days: of cycles.
         folder: for the database, which stays; None: one that goes.
-        seed: of all figures.
     """
     with tempfile.TemporaryDirectory() as made:
         path = (folder or Path(made)) / "past.db"

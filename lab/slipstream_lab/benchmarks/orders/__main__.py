@@ -44,14 +44,7 @@ class _Bus:
 
 @dataclass(frozen=True)
 class Figures:
-    """What was measured, s of each order.
-
-    Attributes:
-        during: until it is acknowledged, of those submitted while a cycle runs.
-        between: likewise, of those submitted after it.
-        placed: until it is in a plan, of the latter ones that are in one.
-        ran: whether the cycle still ran after the last order of `during`.
-    """
+    """What was measured, s of each order."""
 
     during: Sequence[float]
     between: Sequence[float]

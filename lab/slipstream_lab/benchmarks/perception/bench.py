@@ -48,10 +48,7 @@ class BenchSettings:
     """How long and on what.
 
     Attributes:
-        out: folder for the report and the logs.
         clip: folder of the clip; rendered if it is not there.
-        clip_seconds: of a clip that is rendered.
-        rounds: turns of all runners.
         frames: a turn of ours; peers take a quarter, at least 30.
         peer_python: Python that has Ultralytics; None or absent: its runs are left out.
         cameras_s: how long two daemons run in real time; 0: not at all.

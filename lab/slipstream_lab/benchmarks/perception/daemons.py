@@ -31,14 +31,7 @@ class DaemonRun:
     """One daemon over the time that was judged.
 
     Attributes:
-        rsu: its name.
-        seconds: judged.
-        frames: processed.
-        skipped: frames that came and were not processed.
-        fps: frames a second.
         latency_ms_p95: median of the published values, from the decoded picture on, ms.
-        cpu_cores: processor time over time.
-        memory: its resident memory.
     """
 
     rsu: str
@@ -80,15 +73,6 @@ def run_daemons(
     on_progress: Callable[[float], None] = lambda at_s: None,
 ) -> list[DaemonRun]:
     """Start an edge daemon for each name, all on the same clip, and watch them.
-
-    Args:
-        clip: folder with video.mp4 and camera.toml.
-        folder: for settings and logs.
-        rsus: names.
-        pace: of the clip.
-        seconds: judged, after the warm-up.
-        warm_up_s: not judged.
-        on_progress: called with the seconds since the daemons came up.
 
     Raises:
         RuntimeError: a daemon did not come up, or ended.

@@ -35,9 +35,6 @@ def measure(
 
     Args:
         clip: folder with video.mp4 and camera.toml; the video is looped.
-        detector_settings: model and region.
-        frames: measured after the warm-up.
-        warm_up: frames before.
         live: frames come at the clip's own rate, as from a camera, and none is skipped; else as
             fast as they are taken.
     """

@@ -27,15 +27,7 @@ MAX_OVERLOAD_MS: Final = 250.0
 
 @dataclass(frozen=True)
 class Results:
-    """All that was measured.
-
-    Attributes:
-        rounds: a mapping from the runner's name to its figures, for each round.
-        cameras: the daemons in real time, together on this machine.
-        overload: such daemons with more frames than the machine can take.
-        fast: the daemon at full speed.
-        missing: why something was not measured.
-    """
+    """All that was measured."""
 
     rounds: tuple[Mapping[str, Speed], ...]
     cameras: tuple[DaemonRun, ...] = ()

@@ -25,12 +25,7 @@ _MIN_VEHICLES: Final = 20
 
 @dataclass(frozen=True)
 class Slope:
-    """Least squares over medians of 120 bins of time.
-
-    Attributes:
-        per_h: units an hour.
-        low_per_h, high_per_h: its 95 % confidence interval.
-    """
+    """Least squares over medians of 120 bins of time."""
 
     per_h: float
     low_per_h: float

@@ -21,14 +21,8 @@ class Speed:
     """One run.
 
     Attributes:
-        frames: measured, none of them left out.
-        ms_per_frame: median over blocks of 30 frames.
-        ms_per_frame_p95: 95th percentile over blocks.
         latency_ms_p50, latency_ms_p95: of a frame, from the begin of its decoding until it was
             tracked and, where one was due, the states were made; None where not measured.
-        cpu_ms_per_frame: processor time of the process.
-        vehicles_per_frame: mean number of detections.
-        rss_mb: resident memory at the end.
     """
 
     frames: int
@@ -53,10 +47,6 @@ def speed_of(
     Args:
         done_s: when each frame was done, in order, and before them when the last frame of the
             warm-up was; shape (frames + 1,).
-        latencies_s: of each frame; empty where not measured.
-        cpu_s: processor time spent on these frames.
-        vehicles: detections in all of them.
-        rss_mb: resident memory.
     """
     done = np.asarray(done_s, dtype=np.float64)
     frames = len(done) - 1

@@ -32,7 +32,6 @@ class Labels:
     """Boxes drawn on some frames of a clip, every vehicle of them.
 
     Attributes:
-        sha256: of the clip, in hexadecimal.
         boxes: by frame, x1, y1, x2, y2 in px, shape (n, 4).
     """
 
@@ -45,10 +44,7 @@ class BoxScore:
     """Boxes of one range of heights, at an overlap (IoU) of 0.5.
 
     Attributes:
-        heights: the range, in words.
-        labelled: boxes drawn.
         recall: share of them that were found; None without any.
-        found: boxes of the model.
         precision: share of those that were drawn; None without any.
     """
 

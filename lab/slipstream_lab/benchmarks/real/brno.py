@@ -45,14 +45,7 @@ class Survey:
 
 @dataclass(frozen=True)
 class Passage:
-    """A vehicle's way between the gates.
-
-    Attributes:
-        lane: from 0.
-        end_s: when it crossed the last gate, s of the video.
-        speed_kmh: mean speed between the gates.
-        valid: whether the gates could tell it from its neighbours.
-    """
+    """A vehicle's way between the gates."""
 
     lane: int
     end_s: float
@@ -65,7 +58,6 @@ class PixelTrack:
     """The positions of one vehicle's road point in the picture.
 
     Attributes:
-        id: its number.
         time_s: increasing, shape (n,).
         image_px: shape (n, 2).
     """
@@ -87,12 +79,8 @@ class Recording:
     """One camera of one session.
 
     Attributes:
-        name: "session_camera".
-        survey: the measured distances.
         gates: lines in the picture, the one that vehicles cross last first, shape (k, 3).
         lane_lines: that divide the lanes, lane i between i and i + 1, shape (lanes + 1, 3).
-        passages: the truth.
-        tracks: of the tracker.
     """
 
     name: str

@@ -32,8 +32,6 @@ class Surveyed:
     """A camera over a road, with its one segment between the gates.
 
     Attributes:
-        camera: with the segment.
-        height_m: of the camera over the road.
         speed_error: relative standard error of a speed between the gates, from the calibration.
     """
 

@@ -35,10 +35,6 @@ class VehicleSpeed:
     """One tracked vehicle between the gates.
 
     Attributes:
-        track: its number.
-        lane: at the last gate; −1 outside.
-        end_s: when it crossed the last gate.
-        speed_kmh: mean speed between the gates.
         error_kmh: its standard error; the calibration's is part of it.
     """
 

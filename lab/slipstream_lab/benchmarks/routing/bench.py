@@ -42,23 +42,7 @@ class Form:
     """How much is measured.
 
     Attributes:
-        repeats: of each solver on each named instance.
-        city: the city of the aims.
-        city_seeds: of the solver, one cycle each.
-        budget_s: what a cycle is given, except in the long runs.
-        large: the largest city.
-        large_s: what its cycle is given.
-        best_s: what each long run is given.
-        best_seeds: of the solver, one long run each.
         fleets: sizes for the slope; the network is that of ``city``, or grows in its proportion.
-        fleet_seeds: of the cities, for each size.
-        growing: measure the second series.
-        rivals: size of the cities on which rivals are compared.
-        rival_s: processor time that PyVRP's own search is given on each of them.
-        rival_seeds: of these cities.
-        gap: size of the cities whose undivided optimum is computed.
-        gap_seeds: of these cities.
-        gap_s: what the undivided solve is given.
     """
 
     repeats: int = 5
@@ -106,10 +90,7 @@ class BenchSettings:
     """What is measured and where it goes.
 
     Attributes:
-        out: folder for the report and the log.
         plots: folder for the plots; None: beside the report.
-        form: how much.
-        parts: some of `PARTS`.
     """
 
     out: Path = Path(".slipstream/bench-routing")

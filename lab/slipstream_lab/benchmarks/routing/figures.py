@@ -18,9 +18,7 @@ class Answer:
     """One solver on one named instance.
 
     Attributes:
-        wall_s: of each repeat.
         objective_kwh: of the worst repeat; None if one gave no valid answer.
-        optimal: True if the solver itself proved its answer.
     """
 
     wall_s: tuple[float, ...]
@@ -30,13 +28,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class InstanceRow:
-    """One named instance.
-
-    Attributes:
-        variables: active variables of its QUBO.
-        optimum_kwh: as published with it.
-        answers: by solver.
-    """
+    """One named instance."""
 
     name: str
     variables: int
@@ -54,31 +46,10 @@ class CityRun:
     """One cycle of one generated city.
 
     Attributes:
-        seed: of the city.
-        segments: how many the network has.
-        solver_seed: of the cycle.
-        budget_s: what the cycle was given.
-        wall_s: from problem and traffic to finished plans.
-        cpu_s: processor time of all processes.
-        peak_mb: most memory of the tree of processes.
-        objective_kwh: cost minus saving of the plan.
-        cost_kwh, saving_kwh: its parts.
-        base_kwh: objective of the VRP without platooning, that is, its cost.
-        base_met_kwh: the same if those platooned that happen to meet on it.
-        greedy_kwh: objective of route-then-schedule.
-        base_driven_kwh: physical energy of the VRP without platooning, every vehicle alone.
-        saved_distance_kwh, saved_drag_kwh, saved_acceleration_kwh: physical energy saved on it.
         saved_stops_kwh: expected energy of stops at signals and junctions saved on it, counted
             from planning speeds; `saved_acceleration_kwh` has it in it.
-        driving_h, base_driving_h: time on the road.
-        unserved: stops left out.
-        sweeps: of all blocks.
-        blocks: in the first sweep.
-        timed_out: True if the budget ended a stage.
-        stages_s: wall time by stage.
         rival_kwh: cost of the routes that PyVRP finds for the whole fleet by its own defaults,
             without platooning; None: it was not asked.
-        rival_cpu_s: processor time that it was given.
     """
 
     seed: int
@@ -114,17 +85,7 @@ class CityRun:
 
 @dataclass(frozen=True)
 class Gap:
-    """Block-wise sweeps against the undivided optimum over the same options.
-
-    Attributes:
-        variables: of the undivided model.
-        blocks: that the sweeps worked on.
-        start_kwh: objective before the sweeps.
-        sweep_kwh: after them.
-        optimum_kwh: of the undivided model, or the best known.
-        proven: True if it is proven to be the optimum.
-        exact_s: time of the undivided solve.
-    """
+    """Block-wise sweeps against the undivided optimum over the same options."""
 
     seed: int
     vehicles: int

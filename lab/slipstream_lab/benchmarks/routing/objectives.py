@@ -42,11 +42,8 @@ class RoutingPlan:
     """One plan of one city.
 
     Attributes:
-        kwh: physical energy of its drives, expected stops and turbulence included.
-        alone_kwh: that of the routes without platooning that it began with.
         hours: on the road, expected stops included; of `alone_kwh`: `alone_hours`.
-        objective_saving: share by which its objective lies below that of those routes.
-        ceilings_kwh: of those routes, if vehicles were close at once in platoons of all who come to
+        ceilings_kwh: of the routes without platooning, if vehicles were close at once in platoons of all who come to
             a segment with an open gate within each of `WINDOWS_S`; then, if everybody followed
             wherever the gate is open; then, if everybody followed everywhere.
     """

@@ -46,19 +46,7 @@ MAX_BASE_ABOVE_RIVAL: Final = 0.005
 
 @dataclass(frozen=True)
 class Results:
-    """All that was measured.
-
-    Attributes:
-        instances: the named instances.
-        city: repeats of one city's cycle.
-        best: runs of the same city with much more time.
-        large: cycles of the largest city.
-        fixed: cycles by fleet size on one network.
-        growing: cycles by fleet size on a network that grows with it.
-        rivals: one cycle of each of several cities.
-        gaps: small cities whose undivided optimum can be computed.
-        missing: why something was not measured.
-    """
+    """All that was measured."""
 
     instances: tuple[InstanceRow, ...] = ()
     city: tuple[CityRun, ...] = ()

@@ -26,18 +26,8 @@ class Figures:
     """What was measured.
 
     Attributes:
-        rsus: publishers, each with a session of its own.
-        rate: states a second, as sent.
-        seconds: for so long.
-        sent: states.
-        accepted: of them in the traffic table.
-        outcomes: of the dispatcher's inbox.
-        missed: sequence numbers that the dispatcher missed.
-        cpu_share: of one core, all of the dispatcher's process, its cycles included.
         p99_s: upper bound of the 99th percentile, from publication to the traffic table, s; None:
             above the histogram's largest bound.
-        within: share of the states that took `MAX_LATENCY_S` at most.
-        late_s: how far the senders fell behind their own timetable at worst.
     """
 
     rsus: int
@@ -82,11 +72,7 @@ def measure(
 def watched_grid(
     folder: Path, rsus: int, segments_each: int
 ) -> tuple[dict[str, list[str]], dict[str, str]]:
-    """Write a network that has as many segments, and a fleet of one van on it.
-
-    Returns:
-        segments by RSU, and the dispatcher's settings with the two files.
-    """
+    """Write a network that has as many segments, and a fleet of one van on it."""
     folder.mkdir(parents=True, exist_ok=True)
     number = rsus * segments_each
     size = 3

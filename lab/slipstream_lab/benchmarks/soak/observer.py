@@ -30,11 +30,7 @@ class StateArrival:
 
 @dataclass
 class Observer:
-    """Collects messages from `listen` on.
-
-    Args:
-        clock: seconds since the soak began.
-    """
+    """Collects messages from `listen` on."""
 
     clock: Callable[[], float]
     states: dict[str, list[StateArrival]] = field(default_factory=dict)

@@ -17,7 +17,6 @@ class Sample:
     """One process at one moment.
 
     Attributes:
-        at_s: since the soak began.
         name: the daemon's, as in its settings file; ``dispatcher/worker-1`` and the like for the
             processes that a daemon starts.
         cpu_share: of one core, since the last sample; 0 in the first.

@@ -30,7 +30,6 @@ def write(
 
     Args:
         folder: an existing folder; files of an earlier soak are replaced.
-        about: how and where it was measured, and what the run itself reported.
     """
     content = {"green": verdict.green, **asdict(verdict)}
     write_report(folder, markdown(verdict, about), about, content)

@@ -42,11 +42,8 @@ class SoakSettings:
     """What to run and where to report.
 
     Attributes:
-        seconds: how long the daemons run.
         out: folder for the report, the run's log and its state; made if missing.
         clips: folder with the demo's clips; they are rendered into it where they are missing.
-        interval_s: between dispatch cycles.
-        period_s: between samples.
         warm_up_s: not judged; None: the first third, at least a minute, at most half.
     """
 

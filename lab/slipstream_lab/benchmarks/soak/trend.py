@@ -46,11 +46,7 @@ class Trend:
     """How a series develops.
 
     Attributes:
-        start, end: first and last value.
-        median, largest: of all values.
-        slope_per_h: Theil-Sen slope, units an hour.
         low_per_h, high_per_h: its 95 % confidence interval; None for counts.
-        growing: the verdict.
     """
 
     start: float
@@ -69,7 +65,6 @@ def memory_trend(times_s: npt.ArrayLike, mb: npt.ArrayLike, seed: int = 1) -> Tr
     Args:
         times_s: ascending, shape (n,), n ≥ 1.
         mb: memory in MB, shape (n,).
-        seed: of the bootstrap.
     """
     times, values = _arrays(times_s, mb)
     x, y = _binned(times, values)

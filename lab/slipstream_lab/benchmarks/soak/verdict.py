@@ -107,16 +107,7 @@ def judge(
     window: Window,
     restarted: int,
 ) -> Verdict:
-    """Judge a soak.
-
-    Args:
-        samples: of all processes, in the order of time.
-        observer: messages on the bus.
-        expected: processes that must be there all the time.
-        rsus: RSUs that must publish.
-        window: the evaluated period.
-        restarted: number of restarts that the supervisor reports.
-    """
+    """Judge a soak."""
     faults: list[str] = []
     inside = [sample for sample in samples if window.holds(sample.at_s)]
     processes = _processes(samples, inside, faults)

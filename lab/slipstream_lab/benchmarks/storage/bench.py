@@ -35,20 +35,11 @@ class Figures:
     """What was measured of one database.
 
     Attributes:
-        kind: SQLite or PostgreSQL.
-        days: of cycles.
-        segments: watched in each.
-        gb: size at the end, GB (10^9 bytes).
-        gb_a_day: growth in the second half.
-        record_ms: to store a cycle with its plans and states: median and longest.
-        rollup_ms: to store its minutes, after the plans have gone out: likewise.
         purge_ms: what is deleted after a cycle: median, and the longest of its calls, between
             which others write.
         backlog_ms: longest call that deletes cycles of half the time, up to 50 each.
-        queries_ms: median by query.
         purge_cpu_ms: processor time of the deletion after a cycle in this process, where SQLite
             does all its work: median and longest. It says what other work on the machine hides.
-        queries_cpu_ms: likewise, mean by query.
     """
 
     kind: str
@@ -77,16 +68,7 @@ def measure(
     segments: int,
     say: Callable[[str], None],
 ) -> Figures:
-    """Store so many days in an empty database and measure it.
-
-    Args:
-        kind: its name in the report.
-        url: of the database.
-        size: its present size, bytes.
-        days: at least 1.
-        segments: watched ones.
-        say: takes progress.
-    """
+    """Store so many days in an empty database and measure it."""
     city = City(segments)
     record, rollup, purge, purge_cpu = [], [], [], []
     cycles = days * CYCLES_A_DAY

@@ -44,12 +44,7 @@ class CityCycle:
 
 
 class City:
-    """So many watched segments, from a seed.
-
-    Args:
-        segments: number of them.
-        seed: of all figures.
-    """
+    """So many watched segments, from a seed."""
 
     def __init__(self, segments: int, seed: int = 1) -> None:
         self._random = random.Random(seed)

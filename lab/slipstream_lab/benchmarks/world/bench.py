@@ -45,16 +45,7 @@ _NOISE: Final = 0.2
 
 @dataclass(frozen=True)
 class Form:
-    """How much is simulated.
-
-    Attributes:
-        scenarios: worlds.
-        span_h: begin and end of the timed days, hours.
-        same_span_h: of the evaluations that are run twice.
-        same_arms: their arms.
-        saving_span_h: of the savings.
-        saving_arms: arms of the savings.
-    """
+    """How much is simulated."""
 
     scenarios: tuple[str, ...] = ("troy", "corridor")
     span_h: tuple[float, float] = (0.0, 24.0)
@@ -83,9 +74,6 @@ class BenchSettings:
 
     Attributes:
         out: folder for the report and the evaluations; those of an earlier run are gone on with.
-        form: how much.
-        seeds: of the days.
-        parts: some of `PARTS`.
     """
 
     out: Path = Path(".slipstream/bench-world")

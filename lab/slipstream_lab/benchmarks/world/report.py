@@ -20,15 +20,7 @@ from slipstream_lab.benchmarks.world.figures import (
 
 @dataclass(frozen=True)
 class Results:
-    """All that was measured.
-
-    Attributes:
-        runs: timed.
-        repeats: evaluations that were run twice.
-        saved: results of evaluations.
-        tables: folders of those, which have the tables and figures.
-        missing: why something was not measured.
-    """
+    """All that was measured."""
 
     runs: tuple[TimedRun, ...] = ()
     repeats: tuple[Repeat, ...] = ()

@@ -86,7 +86,6 @@ def watch(
     Args:
         port: of the operator's page; the 3D view is at `scene_port_of` it.
         seconds: until the end; None: until `stopping` is set.
-        look: called each time with the seconds that have passed.
     """
     address, scene = (f"http://127.0.0.1:{at}" for at in (port, scene_port_of(port)))
     began = time.monotonic()

@@ -52,9 +52,7 @@ class Supervisor:
     """Child processes, each with a name; call `poll` about ten times a second.
 
     Attributes:
-        restarted: how often a process was started again.
         refused: name of a process that ended for bad input and so is not started again.
-        given_up: names of processes that ended too often.
     """
 
     def __init__(self, log: TextIO) -> None:

@@ -216,9 +216,6 @@ def records(
 
     Beside its fields: ``optimum_proven``, ``seed``, ``iterations`` (of training, as asked; None
     where nothing is trained), ``deadline_s``.
-
-    Args:
-        best: exact or best known objective of the model, and whether it is proven.
     """
     from slipstream_lab.research.quantum.controls import distributions, run_controls
     from slipstream_lab.research.quantum.record import run_record
@@ -274,11 +271,7 @@ def best_known_kwh(
 
 
 def lines_of(record: Mapping[str, Any], wall_s: float) -> Iterator[str]:
-    """A record in lines for people.
-
-    Args:
-        wall_s: of the whole solve.
-    """
+    """A record in lines for people."""
     layers = f", p = {record['p']}" if record["p"] else ""
     qubits = "" if record["qubits"] is None else f", {record['qubits']} qubits"
     yield (

@@ -26,7 +26,6 @@ class Part:
     A *pool* is a link and a bin: vehicles that may platoon there behind one that enters in it.
 
     Attributes:
-        trips: their numbers.
         delay_ms: least delay in a bin, shape (trips, bins).
         reached: bins that a trip has, same shape.
         pool: number of each trip's pools, shape (links of a trip, trips, bins + ahead): at k those
@@ -44,9 +43,7 @@ class Bins:
     """Where each trip can be, by bins of its delay.
 
     Attributes:
-        length_ms: of a bin.
         ahead: so many bins before its own may the first vehicle of a trip's platoon be.
-        parts: all trips.
         link: of each pool; −1 of the first, which is none.
     """
 

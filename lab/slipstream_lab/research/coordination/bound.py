@@ -40,12 +40,7 @@ _LEAST: Final = 1e-300
 
 @dataclass(frozen=True)
 class Bound:
-    """An upper bound.
-
-    Attributes:
-        kwh: no plan's net value is above it.
-        bin_s: length of the bins of time.
-    """
+    """An upper bound."""
 
     kwh: float
     bin_s: float
@@ -120,8 +115,6 @@ class _Prices:
         """Move shares towards trips that answer with a bin, and γ against its slope.
 
         Args:
-            values: as `answers` gave them.
-            temperature: of answers, as a share of a trip's drafting ceiling.
             step: of the logarithms of shares, for an answer that is one bin's.
         """
         slope = np.zeros(len(self._loss))

@@ -25,9 +25,6 @@ class Case:
     arrays of links by trip have one row a trip, −1 where it has fewer links than others.
 
     Attributes:
-        freight: the trips.
-        price_kw: of waiting: energy that an hour's wait of one vehicle is worth, kWh.
-        sync_window_ms: greatest time between entries of a platoon's first and last member.
         follower_kwh: saving of a follower, shape (links,).
         leader_kwh: saving of a leader, shape (links,).
         length_m: shape (links,).

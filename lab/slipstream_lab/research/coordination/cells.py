@@ -43,15 +43,7 @@ _STRATEGY_MODULES: Final = ("strategies", "local_search", "pairwise", "threshold
 
 @dataclass(frozen=True)
 class Cell:
-    """What is planned.
-
-    Attributes:
-        place: and carriers.
-        vehicles: a day.
-        window_min: half of the interval of arrival.
-        price_kw: of waiting.
-        seed: of the trips.
-    """
+    """What is planned."""
 
     place: Place
     vehicles: int
@@ -68,13 +60,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Row:
-    """What one strategy reached.
-
-    Attributes:
-        strategy: its name in `STRATEGIES`.
-        outcome: of its plan.
-        wall_s: time that it took.
-    """
+    """What one strategy reached."""
 
     strategy: str
     outcome: Outcome
@@ -98,13 +84,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Plans:
-    """What all strategies reached in a cell.
-
-    Attributes:
-        ceiling_kwh: saving if everybody were a follower all the way.
-        longest_wait_s: the longest wait of any trip that can pay.
-        rows: one a strategy.
-    """
+    """What all strategies reached in a cell."""
 
     ceiling_kwh: float
     longest_wait_s: float
@@ -113,13 +93,7 @@ class Plans:
 
 @dataclass(frozen=True)
 class Bounded:
-    """A cell's bound.
-
-    Attributes:
-        bound_kwh: no plan's net value is above it.
-        bin_s: its bins.
-        wall_s: time that it took.
-    """
+    """A cell's bound."""
 
     bound_kwh: float
     bin_s: float

@@ -60,11 +60,6 @@ def plan_missing(
 ) -> int:
     """Plan and bound what the folder lacks; how many cells it had.
 
-    Args:
-        folder: of the evaluation.
-        workers: cells at once, each in a process.
-        progress: called with the work done and all of it, in a unit of its own.
-
     Raises:
         InputError: the folder cannot be written. What was finished before is kept, as after
             KeyboardInterrupt.
@@ -194,11 +189,6 @@ def write_curve(
     folder: Path, results: Sequence[Result], driven: Mapping[int, Evaluation]
 ) -> str | None:
     """Write `density.md` and `density.png`; returns why there is no picture, if so.
-
-    Args:
-        folder: of the evaluation.
-        results: planned.
-        driven: evaluations by vehicles a day.
 
     Raises:
         InputError: a file cannot be written.

@@ -16,11 +16,7 @@ class FreightSegment:
     """One segment as a planner sees it.
 
     Attributes:
-        length_m: driven length, > 0.
         duration_ms: time to drive it at the planning speed, > 0.
-        follower_kwh: what a follower saves on it.
-        leader_kwh: what a leader with followers saves on it.
-        is_open: whether platoons may drive on it.
         stop_kwh: energy of a stop at its begin, where vehicles may wait for others; None: they may
             not.
     """
@@ -38,11 +34,7 @@ class Trip:
     """One vehicle's drive.
 
     Attributes:
-        id: its name.
-        carrier: whose it is.
-        path: ids of its segments, in the order of driving.
         ready_ms: earliest departure, since midnight; below 0: the day before.
-        latest_ms: latest arrival.
     """
 
     id: str
@@ -54,13 +46,7 @@ class Trip:
 
 @dataclass(frozen=True)
 class Freight:
-    """All trips of a day with the roads that they take.
-
-    Attributes:
-        name: for people and files.
-        segments: by id.
-        trips: at least one, each over at least one open segment.
-    """
+    """All trips of a day with the roads that they take."""
 
     name: str
     segments: Mapping[str, FreightSegment]

@@ -68,8 +68,6 @@ def figure(plt: Any, results: Sequence[Result], driven: Mapping[int, Evaluation]
     """A panel for each price of waiting and number of carriers, and one of what was driven.
 
     Args:
-        plt: `matplotlib.pyplot`.
-        results: planned.
         driven: evaluations by vehicles a day; none: no panel of them.
     """
     drawn, panels = plt.subplots(

@@ -22,18 +22,7 @@ Strategy = Callable[[Case], Plan]
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a plan is worth.
-
-    Attributes:
-        drafting_kwh: saved by drafting.
-        stops_kwh: needed by stops at hubs.
-        waiting_kwh: waiting at its price.
-        mean_wait_s: of all trips.
-        max_wait_s: longest of a trip.
-        platooned_km: driven as leader or follower.
-        open_km: driven where platoons may.
-        carrier_kwh: net value by carrier; alone it is 0.
-    """
+    """What a plan is worth."""
 
     drafting_kwh: float
     stops_kwh: float

@@ -20,12 +20,7 @@ def freight_segments(
     open_segments: Collection[str],
     hubs: Collection[str],
 ) -> dict[str, FreightSegment]:
-    """Segments at the planning speed in free flow.
-
-    Args:
-        open_segments: on which platoons may drive.
-        hubs: segments at whose begin vehicles may wait.
-    """
+    """Segments at the planning speed in free flow."""
     found = {}
     for name, segment in network.segments.items():
         traffic = SegmentTraffic(name, segment.speed_limit_mps)

@@ -20,7 +20,6 @@ class Worth:
 
     Attributes:
         leader: share of a leader's saving by the number of others, from 0 on.
-        follower: share of a follower's saving.
     """
 
     leader: Floats
@@ -187,7 +186,6 @@ def answer_in_turn(
     """Each trip in turn takes its best answer to the others, until nobody changes.
 
     Args:
-        max_rounds: the end if somebody always does.
         order: of the turns; None: as the trips get ready.
     """
     schedule = Schedule(case, plan)

@@ -39,9 +39,7 @@ class Instance:
     """What an instance file holds.
 
     Attributes:
-        customers, vehicles: how many; each numbered from 1.
         arcs: (number, cost in kWh) by vehicle, start and end.
-        savings: kWh by pair of arc numbers.
     """
 
     def __init__(self, text: str) -> None:

@@ -22,11 +22,7 @@ DEFAULT_SETTINGS: Final = DispatcherSettings()
 def instance_cycle(
     instance: Instance, seed: int, settings: DispatcherSettings = DEFAULT_SETTINGS
 ) -> Cycle:
-    """Cycle 0 in the instance's traffic; times count from its start, nothing waits for a deadline.
-
-    Args:
-        settings: the instance's own Δt_sync takes the place of theirs.
-    """
+    """Cycle 0 in the instance's traffic; times count from its start, no deadline holds."""
     settings = settings.model_copy(update={"sync_window_s": instance.sync_window_s})
     return cycle_of(instance.problem, instance.snapshot, settings, seed=seed, reference_delay_s=0.0)
 
@@ -53,9 +49,6 @@ def route_form_of(
     instance: Instance, seed: int = 1, settings: DispatcherSettings = DEFAULT_SETTINGS
 ) -> RouteForm:
     """The route form of an instance: all its vehicles as one block.
-
-    Args:
-        seed: of the search for base routes and of the draw of options.
 
     Raises:
         InputError: no stop can be served.

@@ -38,10 +38,6 @@ class Optimum:
     """The best solution known.
 
     Attributes:
-        form: the formulation that it solves.
-        objective_kwh: H_cost − H_platoon.
-        proven: True if nothing better exists.
-        method: what found it, and what proves it.
         routes: stops in order, by vehicle; a vehicle that stays at its depot has none.
     """
 
@@ -54,17 +50,7 @@ class Optimum:
 
 @dataclass(frozen=True)
 class Instance:
-    """A routing problem in the traffic of one moment.
-
-    Attributes:
-        name: for people and tables.
-        problem: roads, fleet, vehicle data, driving style.
-        snapshot: the traffic.
-        provenance: where the instance comes from.
-        optimum: what is known of its solution by the paper's objective.
-        sync_window_s: Δt_sync.
-        energy_optimum: by the objective "energy".
-    """
+    """A routing problem in the traffic of one moment."""
 
     name: str
     problem: RoutingProblem

@@ -19,9 +19,6 @@ class QuboFile:
 
     Attributes:
         problem: what is minimised, divided by `scale`, so that solvers' tolerances fit.
-        scale: a power of two, negative where the model maximises.
-        offset: of the model's objective.
-        warnings: what is odd about the file.
     """
 
     problem: BinaryProblem

@@ -41,10 +41,7 @@ class FeatureScore:
     """How one feature compares over the windows.
 
     Attributes:
-        mean_abs_error: in the feature's unit.
-        bias: mean of estimate less truth.
         covered_95: share of true values within ± 1.96 standard errors.
-        windows: how many were compared.
     """
 
     mean_abs_error: float
@@ -58,10 +55,7 @@ class ClassScore:
     """How well the vehicles of one class are followed.
 
     Attributes:
-        vehicles: how many there were, each clip's counted by themselves.
         followed: share of their true boxes that a track has; which boxes: see `Scores`.
-        speed_mae_kmh: None where none has a speed.
-        speeds: how many were compared.
     """
 
     vehicles: int
@@ -116,12 +110,9 @@ class Comparison:
     """One clip's recording matched with its truth.
 
     Attributes:
-        frames: who is where, frame by frame.
-        boxes: those to be followed in these frames.
         speed_errors_mps: estimate less truth, shape (n,).
         speed_covered: whether the truth lies within ± 1.96 standard errors, shape (n,).
         speed_kind: the vehicle's index into `VEHICLE_CLASSES`, or -1, shape (n,).
-        windows: states of covered windows with what was true in them.
     """
 
     frames: list[FrameIdentities]

@@ -86,10 +86,7 @@ def run(
     """Make the runs that are missing; seed by seed, so that an interrupted one has whole tables.
 
     Args:
-        data: the library's folder, that of its class, or one with the instances.
-        out: folder of the results.
         progress: called with the number of runs that were made, and of those that were missing.
-        stored: nothing is run.
 
     Raises:
         InputError: no or malformed instances, or a folder that cannot be written.

@@ -47,15 +47,10 @@ class Line:
     """One solver on one instance.
 
     Attributes:
-        feasible, optimal: runs with checked routes, and with routes of the best known cost.
-        best: lowest cost.
-        gap: of the mean cost of the feasible runs to the best known one.
         spread: standard deviation of the cost over the feasible runs; None of fewer than two.
-        cpu_s: processor time of all runs together.
         samples, valid, hits: of all runs: drawn, and of those choices of valid routes and of the
             best known cost, after the solver's own post-processing; None of solvers that do not
             sample.
-        reason: why some run has no answer.
     """
 
     instance: str

@@ -37,15 +37,9 @@ class ArmSpec:
     """What to simulate.
 
     Attributes:
-        scenario: name of a built-in one, or of one's own around a net.
-        background: its route files of the seed.
-        rsus: whose views count.
         seed: of the fleet's orders, of perception's errors and of the dispatcher's searches.
-        policy: of the arm.
-        net: other than the built-in one.
         fleet: settings of the deliveries, other than the scenario's.
         own_routes: whether the background is the user's: the default fleet is another one then.
-        additional: further SUMO files, as another signal program.
         history: what movements cost on another day; the lever "routes" needs it.
         begin_s: simulated, s since midnight; a multiple of 300.
         end_s: orders are released until then. The arm goes on until these are served and everybody
@@ -54,7 +48,6 @@ class ArmSpec:
         step_s: of the simulation; a second must be a multiple of it.
         database: SQLite file that is made, with the arm's cycles, plans and energy ledger; None:
             none is. Its times count from midnight of 1970-01-01, UTC.
-        prices: of waiting for other vehicles.
     """
 
     scenario: str
@@ -101,9 +94,6 @@ def run_arm(order: ArmSpec, progress: Progress | None = None) -> ArmResult:
 
 def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmResult:
     """Simulate in this process.
-
-    Args:
-        report_time: called with the simulated time every ten minutes.
 
     Raises:
         InputError: SUMO refuses a file.

@@ -42,16 +42,8 @@ class Dispatching:
     """The real dispatcher's cycles and fleet, in this process and by the simulation's clock.
 
     Args:
-        deliveries: orders and vehicles of the day.
-        network: roads.
-        policy: of the arm.
-        seed: of the searches.
-        executor: runs the search for base routes.
-        send: takes each plan that goes out.
-        roadside: has the RSUs' reports.
         history: what movements cost on another day; for the lever "routes" alone.
         database: takes cycles, plans and the energy ledger; None: they are not stored.
-        prices: of waiting for other vehicles.
     """
 
     def __init__(
@@ -109,12 +101,7 @@ class Dispatching:
             self._watch.take(message, message.vehicle)
 
     def cycle(self, now_s: float, over: Collection[str]) -> None:
-        """Plan the released orders and the vehicles from where they are; the plans go out.
-
-        Args:
-            now_s: since midnight.
-            over: orders that are, or are being, served, and those that do not count.
-        """
+        """Plan the released orders and the vehicles from where they are; the plans go out."""
         self._now_ns, self._over = round(now_s * 1e9), over
         platoons, roadside = self._sent.platoons, self._roadside
         planned_m, saved_kwh = platoons.planned_m, platoons.saved_kwh

@@ -32,15 +32,7 @@ class Roadside:
     """RSUs of a running simulation: windows, reports with errors, gates.
 
     Args:
-        rsus: whose views they are.
-        seed: of errors, and of random gates.
         noise: the paper's, on the features.
-        gating: what opens a gate.
-
-    Attributes:
-        watched: segments.
-        opened: those whose gate has been open at any time.
-        states: as reported last.
     """
 
     def __init__(self, rsus: Sequence[Rsu], seed: int, noise: float, gating: Gating) -> None:
@@ -118,9 +110,6 @@ def open_gates(
     Args:
         gating: `random` permutes the reported gates over the segments once a day, so that as many
             are open for as long.
-        watched: by an RSU.
-        reported: stable by the RSUs.
-        seed: of the permutation.
     """
     if gating == "open":
         return frozenset(watched)

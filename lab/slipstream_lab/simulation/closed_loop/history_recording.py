@@ -73,13 +73,7 @@ def history_file(
     span_s: tuple[float, float],
     depends_on: Iterable[bytes],
 ) -> Path:
-    """Where a history lies: another net or other traffic has another name.
-
-    Args:
-        name: of the scenario and what its traffic is of.
-        span_s: begin and end of what was recorded, s since midnight.
-        depends_on: contents of the net and of what the traffic is made from.
-    """
+    """Where a history lies: another net or other traffic has another name."""
     begin_s, end_s = span_s
     hours = "" if end_s - begin_s >= 86400 else f"-{begin_s:.0f}-{end_s:.0f}"
     digest = sha256()

@@ -34,7 +34,6 @@ class WaitingPrices:
     the depot where that has no value.
 
     Attributes:
-        waiting_kw: at the depot, within the departure window.
         standing_kw: at a stop that has been served; None: `waiting_kw` if that is more.
     """
 
@@ -55,15 +54,9 @@ class Policy:
     """An arm.
 
     Attributes:
-        name: in tables and files.
-        levers: what the dispatcher controls.
-        search: what routes are shortest in.
-        gating: where platoons may form.
         noise: the paper's, on the six features: each times 1 + noise · N(0, 1).
         pace: the fleet's desired speed over the limit, in every arm 1 but in those that the
             baseline is slowed or hurried in to compare at equal travel time.
-        coasting_budget: share of a leg's planned time that coasting may add to it.
-        solver: of the dispatcher's blocks, by its registered name.
     """
 
     name: str

@@ -20,9 +20,6 @@ TOURS: Final = 29
 def scaled(settings: FleetSettings, vehicles: int, key: str) -> FleetSettings:
     """The corridor's fleet with so many tours a day.
 
-    Args:
-        key: option that asks for them.
-
     Raises:
         InputError: more orders or vehicles than a fleet can have.
     """

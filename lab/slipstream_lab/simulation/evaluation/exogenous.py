@@ -49,13 +49,6 @@ class ExogenousSpec:
     """One exogenous arm, for a subprocess.
 
     Attributes:
-        files: of the scenario.
-        background: of the seed.
-        folder: where its record lies.
-        watched: where traffic is judged.
-        policy: of the arm.
-        seed: of the deliveries, the perception's errors and the searches.
-        signals: how they were run when the background was recorded.
         span_s: begin and end of the orders' release; the record goes on until their arms end.
     """
 
@@ -83,9 +76,7 @@ def exogenous_evaluation(
 
     Args:
         folder: of the evaluation; these arms lie in `exogenous-rsus` and `exogenous-everywhere`.
-        workers: arms at once.
         progress: called with the simulated time done and the total, s.
-        stored: nothing is simulated, what is there is collected.
 
     Raises:
         InputError: a background is not fit, or the folder is of another evaluation.

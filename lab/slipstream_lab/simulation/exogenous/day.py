@@ -50,10 +50,7 @@ class ExogenousDay:
         arm: legs, services and cycles like the closed loop's; the background's own figures are
             zero, since nothing happens to it. Disengagements are platoons, one count a segment, on
             a segment whose true traffic was turbulent.
-        watched_m: driven on segments that are watched.
         open_m: of that, driven where the gate was open on entering, in a platoon or alone.
-        violations: passages in a platoon of segments whose true traffic was turbulent.
-        violated_m: their length.
     """
 
     arm: ArmResult
@@ -104,10 +101,8 @@ def exogenous_day(
     platoons it is the paper's baseline, the same model with H_platoon = 0.
 
     Args:
-        seed: of the deliveries, the perception's errors and the searches.
         end_s: orders are released until then; the fleet goes on until all are served, or the record
             ends. None: until the record ends.
-        settings: of the dispatcher.
         progress: called with the simulated time and the end, s.
 
     Raises:
@@ -158,12 +153,7 @@ class _FleetDay:
     _under_way: list[tuple[float, str, RecordedLeg]] = field(default_factory=list)
 
     def run(self, begin_s: float, end_s: float, until_s: float, progress: Progress | None) -> None:
-        """Dispatch the orders of a time until all are on a tour, and finish these.
-
-        Args:
-            end_s: of the orders' release.
-            until_s: nothing is dispatched later.
-        """
+        """Dispatch the orders of a time until all are on a tour, and finish these."""
         tours, solve = self.tours, evaluation_solve()
         tours.keep_released(begin_s, end_s)
         deliveries, now_s = tours.deliveries, begin_s

@@ -36,14 +36,8 @@ class RecordedLeg:
     """A leg on recorded traffic, from rest to rest; times in s since midnight.
 
     Attributes:
-        vehicle: of the fleet.
         round: number of the tour in the vehicle's day, from 0.
-        leg: number of the leg in the tour, from 0.
-        path: segments.
-        ready_s: when it could have left.
         due_s: its departure; times of the drive count from it.
-        drive: at the speeds that the background had then.
-        free_s: what it takes at the limit.
     """
 
     vehicle: str
@@ -63,16 +57,7 @@ class RecordedLeg:
 
 @dataclass(frozen=True)
 class Passages:
-    """What came of all legs of a day.
-
-    Attributes:
-        legs: in the order of arrival.
-        disengagements: platoons on a segment whose true traffic was turbulent.
-        violations: their vehicles, one count a segment.
-        violated_m: what these drove there.
-        watched_m: driven on watched segments.
-        open_m: of that, where the gate was open on entering.
-    """
+    """What came of all legs of a day."""
 
     legs: tuple[DrivenLeg, ...]
     disengagements: int

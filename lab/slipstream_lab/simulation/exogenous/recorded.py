@@ -39,13 +39,7 @@ _WINDOW_FIELDS: Final = tuple(field.name for field in fields(TrueWindow))
 
 @dataclass(frozen=True)
 class RecordedTraffic:
-    """A background day that nothing changes any more.
-
-    Attributes:
-        traffic: speeds by segment and interval of five minutes.
-        observations: windows of a minute, in order of time.
-        every_s: between the ends of a segment's windows.
-    """
+    """A background day that nothing changes any more."""
 
     traffic: Traffic
     observations: tuple[Observation, ...]
@@ -74,7 +68,6 @@ def record_background(
     minute, an everywhere of them, for its size, once in each interval of traffic.
 
     Args:
-        background: its route files and its RSUs.
         folder: for the record; one of another net, route file or time is replaced.
 
     Raises:
@@ -102,13 +95,7 @@ def record_background(
 def rsus_everywhere(
     network: RoadNetwork, *, min_m: float = 60.0, max_m: float = 300.0, setback_m: float = 60.0
 ) -> tuple[Rsu, ...]:
-    """An RSU for every segment that has a stretch worth watching before the queue at its end.
-
-    Args:
-        min_m: shortest stretch worth watching.
-        max_m: longest that a unit can watch.
-        setback_m: between the stretch and the junction, as in `place_rsus`.
-    """
+    """An RSU for every segment that has a stretch worth watching before the queue at its end."""
     rsus = []
     for name in sorted(network.segments):
         end_m = round(network.segments[name].length_m - setback_m, 1)

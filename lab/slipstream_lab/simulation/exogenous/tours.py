@@ -18,13 +18,9 @@ class LegOrder:
     """One leg as its vehicle is to drive it.
 
     Attributes:
-        vehicle: of the fleet.
         round: number of the tour in the vehicle's day, from 0.
-        leg: number in the tour, from 0.
         path: segments, the first one left from its beginning, the last one driven to its end.
         ready_s: from when on it could have left, s since midnight; travel time counts from then.
-        due_s: when to leave, later where the plan has it wait to meet others.
-        free_s: what the leg takes at the limit on an empty road.
         planned: the plan's segments of this leg, in order, with platoons and entry times.
     """
 
@@ -78,11 +74,8 @@ class Tours:
     """Vehicles idle and under way, orders taken and served.
 
     Attributes:
-        deliveries: of the day.
-        network: roads.
         idle: when each vehicle is ready at its depot, s since midnight; those under way are left
             out.
-        taken: orders that are served or on their way.
     """
 
     deliveries: Deliveries

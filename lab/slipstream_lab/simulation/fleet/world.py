@@ -57,26 +57,13 @@ class FleetWorld:
     """A simulation with the fleet in it.
 
     Args:
-        session: running.
-        places: by vehicle, a segment at an end of which it stands at the beginning.
-        lengths_m: of the network's segments.
-        agents: of the vehicles.
-        gates: of the segments, and their true traffic, for the drag reductions.
         service_s: time that a stop takes, by its id; None: as its plan has it.
-        step_s: of the simulation.
-        clock_ns: the moment of the simulation as agents and dispatcher have it.
-        look_s: a vehicle that stands asks its agent at least so often.
-        pace: desired speed of the fleet's vehicles over the limit.
-        profiles: of vehicles that are no paper's cars.
 
     Attributes:
         disengagements: of platoons in close gaps that parted because the state of the segment was
             turbulent.
-        begun_s: when the service of each stop began.
-        again: stops that were served once more.
         longest_silence_s: for how long a partner had been without advice, and so silent, at most,
             while a vehicle still followed it closely.
-        tours_finished: that ended at the depot.
     """
 
     def __init__(

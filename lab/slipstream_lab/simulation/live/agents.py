@@ -33,9 +33,7 @@ class BusAgents:
     reads.
 
     Args:
-        bus: to publish and to listen.
         vehicles: of the world; plans for others are left out.
-        clock_ns: UTC.
     """
 
     def __init__(

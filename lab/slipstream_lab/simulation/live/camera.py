@@ -28,12 +28,7 @@ class CameraSpec:
     """A camera to be.
 
     Attributes:
-        site: where it hangs and what it watches.
-        pose: where exactly.
-        roads: around it.
         clip: seed and pictures a second; its files are named in complaints.
-        calibration: where its camera.toml goes.
-        parent: process that it ends with.
     """
 
     site: RsuSettings
@@ -45,12 +40,7 @@ class CameraSpec:
 
 
 class Camera:
-    """The camera as the simulation has it: `show` never waits.
-
-    Attributes:
-        frames: pictures served.
-        skipped: pictures left out, as the one before was still being painted.
-    """
+    """The camera as the simulation has it: `show` never waits."""
 
     def __init__(self, spec: CameraSpec) -> None:
         self._name = spec.site.name
@@ -76,10 +66,6 @@ class Camera:
 
     def show(self, vehicles: list[ViewedVehicle], due_s: float) -> None:
         """Have a picture painted, unless the one before is not done.
-
-        Args:
-            vehicles: around the camera.
-            due_s: the moment that they are seen at, by the monotonic clock.
 
         Raises:
             ChildProcessError: the process died.

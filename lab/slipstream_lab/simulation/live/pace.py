@@ -16,11 +16,7 @@ class Pace:
     """Steps of a simulation that runs in real time.
 
     Attributes:
-        step_s: simulated, and by the clock.
         clock: monotonic, s.
-        steps: done.
-        late: steps that began more than their own length after they were due.
-        slipped_s: wall time by which the world has fallen behind for good.
     """
 
     step_s: float

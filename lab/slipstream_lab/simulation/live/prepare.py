@@ -50,15 +50,7 @@ def prepare_world(
 
     Args:
         name: of the scenario; ``net`` to ``fleet`` as for `load_scenario`.
-        routes: route files of the user's instead of any demand.
         additional: SUMO additional files of the user's.
-        from_s: simulated time before which the background has no vehicle.
-        begin_s: simulated time that the world opens at, s since midnight.
-        cameras: RSUs that get one, the first ones of the scenario.
-        fps: pictures a second.
-        priority: whether vehicles may ask signals for green.
-        seed: of traffic, orders and scenery.
-        say: told what of a net is left out.
 
     Raises:
         InputError: an unknown scenario, files that are malformed or do not fit each other, fewer

@@ -36,7 +36,6 @@ class WorldProcess:
     """A running world as a context manager: `with WorldProcess(order) as world`.
 
     Attributes:
-        spec: of the world.
         counts: the latest; None before the world has opened.
 
     Raises:

@@ -54,9 +54,6 @@ class MjpegServer:
 
     Each client has a thread of its own, and one that does not read is dropped after 5 s, so that
     none holds up the pictures.
-
-    Attributes:
-        url: of the stream.
     """
 
     def __init__(self, latest: LatestPicture) -> None:

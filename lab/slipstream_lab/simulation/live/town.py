@@ -43,13 +43,7 @@ before its first wave, which finds cameras that have seen the avenue."""
 
 
 def town(folder: Path, bus: BusSettings, seed: int = 1) -> WorldSpec:
-    """Write the files of the town into a folder.
-
-    Args:
-        folder: for the fleet file and SUMO's types of vehicles.
-        bus: for the vehicles' messages.
-        seed: of the orders.
-    """
+    """Write the files of the town into a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     network = load_network(DEMO_NETWORK)
     deliveries = named_anew(draw_deliveries(_FLEET, network, seed, "town"))

@@ -13,8 +13,6 @@ class AcceptanceLimits:
     """Limits of a day.
 
     Attributes:
-        teleports: vehicles that SUMO had to lift out of a jam, at most.
-        depart_delay_s: mean wait to get onto the road, below.
         left: vehicles driving or waiting at the end, below; of whole days alone.
         emergency_stops: at most; each is a vehicle that could not brake in time.
     """

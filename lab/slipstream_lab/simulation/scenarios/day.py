@@ -30,18 +30,8 @@ class DaySpec:
     """What to simulate.
 
     Attributes:
-        net: a SUMO net.
-        routes: its route files.
-        segments: of the network, in the order of the record's tables.
-        additional: further SUMO files, as another signal program.
-        rsus: whose windows are recorded.
         begin_s: simulated time; vehicles due earlier are left out.
-        end_s: simulated time.
         step_s: of the simulation; a window and a second must be multiples of it.
-        interval_s: of the traffic tables; divides an hour.
-        window_every_s: a window of the RSUs ends at each multiple.
-        window_s: its length, no more than that.
-        seed: of SUMO. With the scenarios' own vehicles nothing is drawn from it.
         rule: of the true stability of windows: the paper's, without hysteresis.
     """
 
@@ -96,9 +86,6 @@ def run_day(spec: DaySpec, progress: Progress | None = None) -> Day:
 
 def simulate(spec: DaySpec, report_time: Callable[[float], None]) -> Day:
     """Simulate in this process.
-
-    Args:
-        report_time: called with the simulated time now and then.
 
     Raises:
         InputError: SUMO refuses a file.

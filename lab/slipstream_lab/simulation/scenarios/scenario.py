@@ -58,14 +58,7 @@ class Scenario:
     """A world to evaluate in.
 
     Attributes:
-        name: for people and files.
-        net: the SUMO net.
-        network: its roads, the largest connected part of them.
-        demand: of the background.
         rsus: where they stand; None: on the busiest approaches of the day's background.
-        fleet: what is delivered.
-        routes: the user's own route files, instead of the demand.
-        additional: the user's further SUMO files.
         left_out: what of the net is not in the network; None: nothing.
     """
 
@@ -85,12 +78,8 @@ class Background:
     """One day's background traffic, ready to be simulated.
 
     Attributes:
-        files: SUMO's route files.
         rsus: the scenario's, or those that were placed by this traffic.
         trips: drawn from the seed; None where the files are the user's.
-        routes: theirs.
-        breakdowns: drawn from the seed.
-        additional: further SUMO files that belong to it.
     """
 
     files: tuple[Path, ...]
@@ -119,8 +108,6 @@ def load_scenario(
     which may last for an hour at any time, orders come evenly, some in each five minutes.
 
     Args:
-        routes: SUMO route files instead of any demand.
-        additional: SUMO additional files.
         own_routes: whether there are routes of the user's, where they are not given here.
 
     Raises:
@@ -157,7 +144,6 @@ def prepare(scenario: Scenario, seed: int, folder: Path) -> Background:
 
     Args:
         seed: the same one gives the same file, byte for byte; the user's own is the same in all.
-        folder: made if it does not exist.
 
     Raises:
         InputError: the demand does not fit the network.

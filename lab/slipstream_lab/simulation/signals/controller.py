@@ -31,7 +31,6 @@ class SignalController:
     Args:
         intersections: ids of the signals; requests to others are left out.
         grants: whether the city gives priority; if not, each request is rejected.
-        settings: how priority is given.
     """
 
     def __init__(

@@ -16,14 +16,7 @@ class Request:
     """A vehicle before a signal.
 
     Attributes:
-        vehicle: that requests.
         number: the vehicle's, of the request.
-        group: signal group of its movement.
-        first_s: when it was heard first.
-        heard_s: when it was heard last.
-        arrival_s: at the stop line, unhindered.
-        through_s: when the vehicle and its followers have passed the line.
-        served: whether the signal changed its times for it.
     """
 
     vehicle: str

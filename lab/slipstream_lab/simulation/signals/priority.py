@@ -32,14 +32,7 @@ from slipstream_lab.simulation.signals.timing import Running, RunningSignals
 
 @dataclass
 class Counts:
-    """Counts of requests and grants.
-
-    Attributes:
-        requests: vehicles at signals that asked.
-        served: of them, those that something was done for.
-        extensions: grants that extended a green.
-        early_greens: grants that cut a phase.
-    """
+    """Counts of requests and grants."""
 
     requests: int = 0
     served: int = 0
@@ -49,15 +42,7 @@ class Counts:
 
 @dataclass
 class _Grant:
-    """What a signal does for a request.
-
-    Attributes:
-        request: the first one that it was given for.
-        base_s: by the begin of a phase, when it would have ended without the grant.
-        green: whether the movement has had green since.
-        held: whether a green was extended for it.
-        cut: whether a phase was cut for it.
-    """
+    """What a signal does for a request."""
 
     request: Request
     base_s: dict[float, float] = field(default_factory=dict)
@@ -71,7 +56,6 @@ class Priority:
 
     Args:
         signals: of the running simulation; changes of their times are reported to it.
-        settings: how.
     """
 
     def __init__(self, signals: RunningSignals, settings: PrioritySettings | None = None) -> None:
@@ -85,12 +69,7 @@ class Priority:
         self.counts = Counts()
 
     def step(self, now_s: float, requests: Mapping[str, Sequence[Request]]) -> None:
-        """Before a step: act at the signals.
-
-        Args:
-            now_s: simulated time.
-            requests: open ones by intersection, those that were first to ask first.
-        """
+        """Before a step: act at the signals."""
         for intersection in [*self._compensation_s]:
             self._settle(intersection, now_s)
         for intersection in sorted({*requests, *self._grants}):

@@ -27,11 +27,7 @@ def movement_states(
     """The phases to come of all movements, numbered as SUMO's links.
 
     Args:
-        program: that runs.
-        phase: of it that runs.
-        begun_s: when that phase began, simulated time.
         end_s: its end; the earliest one if it is actuated.
-        compensation_s: see `Program.course`.
     """
     course = list(program.course(phase, end_s, compensation_s))
     ends_ns = [round(ends_s * 1e9) for _, ends_s in course]

@@ -24,12 +24,7 @@ class Running:
     """What a signal does now.
 
     Attributes:
-        program: that it runs.
-        phase: number of its phase.
-        begun_s: when that phase began.
         end_s: when it ends; at the earliest, if it is actuated.
-        read_s: when this was read.
-        name: of the program.
         message: what was told of it last; None: nothing since it changed.
     """
 
@@ -103,7 +98,6 @@ class RunningSignals:
         """Take in a change of a signal's times.
 
         Args:
-            intersection: whose signals.
             compensation_s: what its phases owe now; see `Program.course`.
         """
         self._running.pop(intersection, None)

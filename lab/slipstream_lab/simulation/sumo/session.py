@@ -26,7 +26,6 @@ class Session:
     """A running simulation as a context manager: `with Session(options, files) as session`.
 
     Args:
-        options: of SUMO, the program's name left out.
         files: that they name, the net first; errors name one of them.
 
     Raises:

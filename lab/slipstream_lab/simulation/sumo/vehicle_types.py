@@ -13,18 +13,7 @@ from xml.sax.saxutils import quoteattr
 
 @dataclass(frozen=True)
 class VehicleType:
-    """A type of vehicle.
-
-    Attributes:
-        id: its name in route files.
-        vclass: SUMO's class.
-        length_m: of the vehicle.
-        max_speed_mps: of the vehicle, whatever the limit.
-        acceleration_mps2: largest one of the IDM.
-        deceleration_mps2: comfortable one of the IDM.
-        time_gap_s: time gap of the IDM.
-        min_gap_m: standing gap.
-    """
+    """A type of vehicle."""
 
     id: str
     vclass: str

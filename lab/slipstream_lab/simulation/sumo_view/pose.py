@@ -162,8 +162,6 @@ def load_camera(path: Path, net: Path, rsu_id: str | None) -> RsuSettings:
     """The camera of a file of RSUs, or of one camera.
 
     Args:
-        path: of the file.
-        net: of their roads.
         rsu_id: which RSU; None: the file has one only.
 
     Raises:

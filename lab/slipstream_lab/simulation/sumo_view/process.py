@@ -41,9 +41,6 @@ class ViewSpec:
 class Simulation:
     """A simulation as a context manager: `with Simulation(order) as simulation`.
 
-    Attributes:
-        roads: those within the order's radius.
-
     Raises:
         InputError: a file is no SUMO file, SUMO refuses it or dies of it.
         ModuleNotFoundError: libsumo is not installed.

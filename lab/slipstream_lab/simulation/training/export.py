@@ -34,8 +34,6 @@ class ExportSettings:
     """What to export and how.
 
     Attributes:
-        weights: a YOLO11 detector, .pt.
-        out: folder that receives the model.
         shape: (height, width) that the weights were trained at; it fixes the scale at which an RSU
             looks, and the road's part of the picture is cut out at that scale.
         calibrate: clip or folder of pictures that INT8 is fitted to; None: float weights.
@@ -61,9 +59,6 @@ class ExportReport:
 
     Attributes:
         model: the .xml; its weights, a .bin, lie beside it.
-        classes: what it tells apart, in its own order.
-        left_out: classes of the weights that it has no more.
-        megabytes: of .xml and .bin.
         before: figures of the float model; None without a labelled set.
         after: figures of the INT8 model; None without one, or for a float export.
     """
@@ -142,9 +137,6 @@ def load_yolo(weights: Path) -> Any:
 
 def keep_vehicles(yolo: Any, source: Path) -> tuple[tuple[str, ...], int]:
     """Cut the model's last layer down to the vehicle classes; what it says of these is unchanged.
-
-    Returns:
-        The classes kept, in the order of VEHICLE_CLASSES, and how many were left out.
 
     Raises:
         InputError: none of its classes is a vehicle.

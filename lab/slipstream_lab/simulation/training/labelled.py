@@ -20,13 +20,7 @@ _SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".webp"})
 
 @dataclass(frozen=True)
 class LabelledSet:
-    """One split of a labelled set.
-
-    Attributes:
-        data: the data.yaml that describes it.
-        names: its classes.
-        pictures: the picture files, sorted.
-    """
+    """One split of a labelled set."""
 
     data: Path
     names: tuple[str, ...]

@@ -116,12 +116,7 @@ class Scene:
 
 
 def keeps_label(seen: Seen, scale: float) -> bool:
-    """The label rule: visible fraction >= 0.4 and box height >= 8 px at 640 wide.
-
-    Args:
-        seen: the vehicle's box in the rendered picture.
-        scale: labelled picture's width over the rendered picture's width.
-    """
+    """The label rule: visible fraction >= 0.4 and box height >= 8 px at 640 wide."""
     height = (seen.box_px[3] - seen.box_px[1]) * scale
     return seen.visible_fraction >= MIN_VISIBLE_FRACTION and height >= MIN_HEIGHT_PX
 

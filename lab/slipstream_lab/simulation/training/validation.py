@@ -92,7 +92,6 @@ def evaluate_model(
 
     Args:
         model: an .xml, or a model read from one; it is not changed.
-        labelled: the pictures.
         shape: (height, width) that a dynamic input is given; None: it is static.
         min_heights: px of a picture scaled to a width of 640 px.
 

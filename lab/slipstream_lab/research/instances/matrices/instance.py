@@ -21,12 +21,7 @@ _UNITS: Mapping[Measure, str] = {"distance": "m", "duration": "s", "energy": "kW
 
 @dataclass(frozen=True)
 class MatrixInstance:
-    """A routing problem on given matrices.
-
-    Attributes:
-        file: what the file holds.
-        network: the places as junctions without roads.
-    """
+    """A routing problem on given matrices."""
 
     file: MatrixFile
     network: RoadNetwork

@@ -37,11 +37,6 @@ class MatrixPlan:
 
     Attributes:
         routes: stops in order by vehicle; none for one that stays.
-        unserved: stops on no route.
-        faults: rules that the routes break, by a check of their own.
-        sums: of the matrices along the routes.
-        straight_m: of the straight lines along them, not rounded.
-        wall_s: of the search.
     """
 
     routes: Mapping[str, tuple[str, ...]]

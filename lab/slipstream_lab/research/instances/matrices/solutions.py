@@ -33,8 +33,6 @@ class Solution:
     """A solution file.
 
     Attributes:
-        cost: as it is written.
-        decimals: how many digits it has behind the point.
         routes: customers in their order, the first after the depot being 1; none: not given.
     """
 
@@ -75,11 +73,6 @@ def with_best_known(data: dict[str, Any], instance: MatrixInstance, path: Path) 
     """The instance with the cost of a solution file, by the distances that the solution counts.
 
     Where these are no distances of the instance, the cost is not comparable, and says why.
-
-    Args:
-        data: plain data of the instance.
-        instance: made of them.
-        path: of the solution.
     """
     solution = read_solution(path)
     rounding, comparable, note = _counted(data, instance, solution)

@@ -32,13 +32,7 @@ _SLOWEST: Final = 0.3
 
 @dataclass(frozen=True)
 class Ideal:
-    """An ideal drive of an arm's legs.
-
-    Attributes:
-        alone_kwh: without drafting.
-        drafted_kwh: with 20 % less drag all the way.
-        travel_s: of all legs.
-    """
+    """An ideal drive of an arm's legs."""
 
     alone_kwh: float
     drafted_kwh: float
@@ -83,11 +77,6 @@ class LossShares:
     """Where the energy of an arm's legs goes, each vehicle alone; kWh, the parts add up.
 
     Attributes:
-        rolling: rolling resistance.
-        drag: air.
-        deliveries: braked away at the ends of legs.
-        turns: for turns and lower limits, as on an empty road.
-        stands: before standing on the road, at signals or in queues.
         traffic: slowing without standing beyond what turns take: for others, and for signals that
             turned green in time. Below zero where vehicles come to turns slower than on an empty
             road.
@@ -105,9 +94,6 @@ def compute_ceilings(
     arm: ArmResult, roads: RoadNetwork, vehicle: VehicleParameters = PAPER_CAR
 ) -> Ceilings:
     """Ceilings of an arm.
-
-    Args:
-        roads: of the arm's net, with the ways through its junctions.
 
     Raises:
         ValueError: the arm drove nothing.
@@ -149,10 +135,6 @@ def share_of_ceiling(saving: float, ceiling: float) -> float | None:
 
 def free_drive(path: Sequence[str], roads: RoadNetwork, pace: float = 1.0) -> Drive:
     """A leg on empty roads without signals: limits, and the speeds that turns allow.
-
-    Args:
-        path: segments, at least one.
-        pace: desired speed over the limit.
 
     Raises:
         KeyError: a segment that the net has not, or two that no lane joins.

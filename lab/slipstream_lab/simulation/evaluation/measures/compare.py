@@ -29,13 +29,8 @@ class Compared:
     """One arm of one seed against the baseline of that seed, on the same orders.
 
     Attributes:
-        saving: share of the baseline's energy, at each arm's own travel time.
-        at_equal_time: share of what the baseline would have needed in the same travel time.
         unequal: why there is no `at_equal_time`; "" where there is.
         parts: the saving by its causes, kWh.
-        shares: the same as shares of the baseline's energy.
-        travel: longer travel time than the baseline, share.
-        others_s: longer trips of the background, s each.
     """
 
     saving: float
@@ -49,12 +44,7 @@ class Compared:
 
 @dataclass(frozen=True)
 class Comparison:
-    """All arms against the baseline.
-
-    Attributes:
-        compared: by arm and seed, where they compare.
-        apart: elsewhere, why not; of sound arms.
-    """
+    """All arms against the baseline."""
 
     compared: Mapping[str, Mapping[int, Compared]]
     apart: Mapping[str, Mapping[int, str]]
@@ -65,9 +55,7 @@ class Spread:
     """Of one figure over the seeds.
 
     Attributes:
-        mean: of all.
         deviation: the sample's standard deviation; None of a single seed.
-        count: seeds.
     """
 
     mean: float

@@ -18,9 +18,6 @@ class Headline:
 
     Attributes:
         saving: share of what the baseline needs; None: nothing may be quoted.
-        orders: served, in all seeds that are in it.
-        seeds: that are in it.
-        missing: of the others, why not.
     """
 
     saving: Spread | None
@@ -31,16 +28,7 @@ class Headline:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """The arms that are there, in the order of the tables.
-
-    Attributes:
-        provenance: what they depend on.
-        seeds: that were asked for, rising.
-        arms: as stored, by name and seed.
-        runs: in figures, refused ones included.
-        compared: sound ones against the baseline, where they compare.
-        apart: elsewhere, why not.
-    """
+    """The arms that are there, in the order of the tables."""
 
     provenance: Provenance
     seeds: tuple[int, ...]

@@ -73,9 +73,6 @@ _REACHES: Final = (
 def ceiling_tables(evaluation: Evaluation, roads: RoadNetwork) -> tuple[Table, ...]:
     """What the baseline's legs would cost at best, where their energy goes, and the levers' shares
     of it; nothing where there is no sound baseline.
-
-    Args:
-        roads: of the evaluation's net.
     """
     fit = evaluation.results(BASELINE)
     if not fit:

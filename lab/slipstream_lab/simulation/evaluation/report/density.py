@@ -40,11 +40,7 @@ _Spreads = dict[int, Spread | None]
 
 
 def density_shares(evaluations: Mapping[int, Evaluation]) -> tuple[_Spreads, _Spreads]:
-    """(Planned, driven) share of the drafting ceiling of the cooperative arm.
-
-    Args:
-        evaluations: by vehicles a day.
-    """
+    """(Planned, driven) share of the drafting ceiling of the cooperative arm."""
     shown = _with_cooperative(evaluations)
     return (
         {n: e.figure(COOPERATIVE, _planned_share) for n, e in shown.items()},
@@ -53,11 +49,7 @@ def density_shares(evaluations: Mapping[int, Evaluation]) -> tuple[_Spreads, _Sp
 
 
 def density_tables(evaluations: Mapping[int, Evaluation]) -> tuple[Table, ...]:
-    """What the cooperative arm planned and drove, and why not all of it.
-
-    Args:
-        evaluations: by vehicles a day.
-    """
+    """What the cooperative arm planned and drove, and why not all of it."""
     shown = _with_cooperative(evaluations)
     source = f"arm {COOPERATIVE} of `density-N/arms.csv`"
 

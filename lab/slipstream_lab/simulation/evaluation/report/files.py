@@ -30,10 +30,6 @@ def write_results(
 
     The same arms give the same bytes.
 
-    Args:
-        more: further tables for the report.
-        exogenous: evaluations whose figures are written in their own folders.
-
     Raises:
         InputError: a file cannot be written.
     """

@@ -17,11 +17,7 @@ class Table:
     """A table of the report.
 
     Attributes:
-        title: its heading.
         columns: their heads; the first one names the rows.
-        rows: as long as the columns.
-        source: where its numbers come from.
-        notes: how to read it.
     """
 
     title: str

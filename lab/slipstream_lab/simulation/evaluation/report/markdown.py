@@ -43,13 +43,7 @@ _NO_PLATOON: Final = "Nobody drove in a platoon"
 def report(
     evaluation: Evaluation, pictures: Sequence[str], missing: str | None, more: Sequence[Table] = ()
 ) -> str:
-    """The whole report.
-
-    Args:
-        pictures: files of the figures, beside the report.
-        missing: why there are no pictures.
-        more: further tables, as of ceilings or of an exogenous evaluation.
-    """
+    """The whole report."""
     tables = (
         day_table(evaluation),
         energy_table(evaluation),

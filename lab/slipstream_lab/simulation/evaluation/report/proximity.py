@@ -25,9 +25,6 @@ _WITHIN_MIN: Final = (1, 10, 30)
 def proximity_table(evaluation: Evaluation, lengths_m: Mapping[str, float]) -> Table | None:
     """What arms with platoons drafted, beside what those near each other could have; None where
     there is no such arm.
-
-    Args:
-        lengths_m: of segments.
     """
     rows, names = [], []
     for name in _ARMS:
@@ -70,11 +67,6 @@ def proximity_kwh(
     """Energy that drafting saves if all who are near each other on a segment are one platoon, kWh.
 
     A leg's drag and time are taken as even along its way.
-
-    Args:
-        legs: as driven.
-        lengths_m: of segments.
-        within_s: between the first one and the last one of a platoon.
     """
     passages: dict[str, list[tuple[float, float]]] = defaultdict(list)
     for leg in legs:

@@ -39,9 +39,6 @@ _LOOK_S: Final = 0.5
 def arms_on(settings: ClusterSettings) -> Iterator[ArmsOnCluster]:
     """A connection for a with statement.
 
-    Args:
-        settings: with a scheduler's address.
-
     Raises:
         InputError: a TLS file cannot be used, the extra is not installed, or no worker is ready.
     """
@@ -59,11 +56,7 @@ def arms_on(settings: ClusterSettings) -> Iterator[ArmsOnCluster]:
 
 
 class ArmsOnCluster:
-    """Simulates arms as `run_arm` does, with the same result.
-
-    Args:
-        cluster: with a worker that is ready.
-    """
+    """Simulates arms as `run_arm` does, with the same result."""
 
     def __init__(self, cluster: Cluster) -> None:
         self._cluster = cluster
@@ -119,9 +112,7 @@ def simulate_sent(
     """Simulate an arm in this process, a worker's.
 
     Args:
-        stamp: the sender's `code_stamp`.
         order: its paths are names of what is in `contents`, in the order of `_paths`.
-        contents: bytes of its files.
 
     Returns:
         the result; or what `simulate_arm` refused the files for.

@@ -24,12 +24,7 @@ What the progress callback raises ends the arm.
 
 @dataclass(frozen=True)
 class RunSummary:
-    """Summary of a run.
-
-    Attributes:
-        kept: arms that were in the folder already.
-        wall_s: what each newly simulated arm took, by its name and seed.
-    """
+    """Summary of a run."""
 
     kept: int
     wall_s: dict[tuple[str, int], float]
@@ -51,8 +46,6 @@ def run_missing(
     """Simulate what is not in the store, seed by seed, so that an interrupted run has whole seeds.
 
     Args:
-        span_s: begin and end of the simulated time.
-        workers: arms at once.
         progress: called with the simulated time done and the total, s; never concurrently.
 
     Raises:

@@ -24,14 +24,7 @@ _NEW_FOLDER: Final = "give another folder, or empty this one to simulate all ane
 
 @dataclass(frozen=True)
 class StoredArm:
-    """One stored arm of one seed.
-
-    Attributes:
-        file: its path in the evaluation's folder.
-        digest: SHA-256 of the file, 12 digits.
-        code: what simulated it: versions, and a digest of the sources.
-        result: what it left.
-    """
+    """One stored arm of one seed."""
 
     file: str
     digest: str
@@ -44,8 +37,6 @@ class Store:
 
     Args:
         folder: of the evaluation; made with its parents.
-        provenance: what its arms must have been simulated on.
-        code: what simulates new ones.
 
     Raises:
         InputError: the folder cannot be written, or another run is at it.

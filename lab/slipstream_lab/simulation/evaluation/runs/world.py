@@ -36,13 +36,7 @@ class WorldFiles:
     """A scenario as a user names it.
 
     Attributes:
-        name: of a built-in one, or any with a net.
         net: a SUMO net of the user's.
-        demand: settings of the background.
-        routes: route files instead of any demand, the same in all seeds.
-        rsus: where they stand.
-        fleet: settings of the deliveries.
-        additional: further SUMO files.
     """
 
     name: str
@@ -74,11 +68,7 @@ class World:
     """Simulates arms; several threads may ask at once.
 
     Args:
-        files: of the scenario.
-        folder: for the route files of the seeds.
-        signals: how signals are run.
         span_s: begin and end of the time in which orders are released; the begin a multiple of 300.
-        prices: of waiting for other vehicles.
 
     Raises:
         InputError: the scenario's files are missing or faulty.
@@ -141,7 +131,6 @@ class World:
         """Simulate an arm.
 
         Args:
-            run: other than `run_arm`, which starts a subprocess.
             databases: folder for a database of the arm; None: it gets none.
 
         Raises:

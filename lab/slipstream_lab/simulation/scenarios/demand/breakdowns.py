@@ -50,15 +50,7 @@ class Breakdown(Settings):
 
 @dataclass(frozen=True)
 class DrawnBreakdown:
-    """One that was drawn.
-
-    Attributes:
-        name: of its kind.
-        segment: on which it stands, in the rightmost lane.
-        at_m: its front, from the segment's beginning.
-        begin_s: when it drives onto the segment, s since midnight, to a tenth.
-        end_s: when it drives on.
-    """
+    """One that was drawn."""
 
     name: str
     segment: str

@@ -33,8 +33,6 @@ class Routes:
     """Routes of trips.
 
     Attributes:
-        segments: ids; `ways` has their indices.
-        ways: the distinct routes, each a tuple of segment indices.
         of_trip: index of each trip's route, shape (n,).
     """
 

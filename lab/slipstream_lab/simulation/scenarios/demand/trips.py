@@ -91,16 +91,8 @@ class Trips:
     """Trips in the order of departure; arrays of shape (n,).
 
     Attributes:
-        depart_s: since midnight, to a tenth of a second.
-        origin: index of the junction in `junctions`.
-        destination: likewise.
-        flow: index of the purpose.
-        kind: index in `types`.
-        speed_factor: the driver's own.
         place: how far along its first and its last segment it starts and ends, shape (n, 2), in
             [0.1, 0.9].
-        junctions: ids.
-        types: ids.
     """
 
     depart_s: Array

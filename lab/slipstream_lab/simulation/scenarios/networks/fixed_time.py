@@ -18,9 +18,6 @@ def write_fixed_time(net: Path, path: Path) -> int:
     """Write an additional file that puts a net's signals on fixed times; an empty one where it has
     none, as on a motorway.
 
-    Returns:
-        How many signals there are.
-
     Raises:
         InputError: the net cannot be read.
     """

@@ -21,9 +21,7 @@ class LeftOut:
     """Segments of a net that a scenario does not use: the fleet neither drives nor delivers there.
 
     Attributes:
-        closed: that a car may not use.
         unconnected: that cannot be reached from the largest part, or from which it cannot be.
-        of: segments of the whole net.
     """
 
     closed: int

@@ -25,9 +25,6 @@ class Observation:
     """One window of one watched segment as a perfect observer would report it.
 
     Attributes:
-        time_s: the window's end, simulated.
-        rsu: which unit.
-        segment: of the road network.
         truth: features over the window; None where no vehicle came by.
     """
 
@@ -119,17 +116,7 @@ def window_of(
     step_s: float,
     rule: StabilitySettings,
 ) -> TrueWindow | None:
-    """Features over the steps of a window by the edge's own definitions.
-
-    Args:
-        stretch: only vehicles whose middle is on it, on a lane that is watched, count.
-        seen: vehicles on the segment, step by step.
-        step_s: between steps.
-        rule: thresholds of the flag.
-
-    Returns:
-        None if no vehicle was there.
-    """
+    """Features over the steps of a window by the edge's own definitions."""
     rows = [
         (frame, p.front_m - p.length_m / 2, p)
         for frame, step in enumerate(seen)

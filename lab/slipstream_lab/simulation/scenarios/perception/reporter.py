@@ -158,10 +158,8 @@ class Reporter:
 
     Args:
         errors: the model; None: none, the truth itself with standard errors of 0.
-        seed: of the errors.
         keep_s: how long which RSUs keep a flag, as of `StabilitySettings`; the others not at all.
         noise: the paper's, on top: each feature times 1 + noise · N(0, 1).
-        midnight_ns: UTC of simulated time 0.
     """
 
     def __init__(

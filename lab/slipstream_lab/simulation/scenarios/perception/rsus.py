@@ -22,15 +22,8 @@ def place_rsus(
     """RSUs on the busiest approaches that are long enough and not too near each other.
 
     Args:
-        passages: vehicles a day over each segment.
-        min_m: shortest stretch worth watching.
-        max_m: longest that a unit can watch, with two cameras back to back.
         setback_m: between the stretch and the junction: what lies nearer is a queue most of the
             time, whatever the traffic does.
-        min_spacing_m: least distance of the junctions that RSUs stand at.
-
-    Returns:
-        Fewer than ``count`` where there are no more.
     """
     chosen: list[Rsu] = []
     taken: list[tuple[float, float]] = []

@@ -48,10 +48,7 @@ def light_road(image: Image, surface: Image, camera: Camera, vehicles: Sequence[
     """Add the vehicles' low beams to the road; changes the picture in place.
 
     Args:
-        image: the picture so far.
         surface: the same view without vehicles in even light of factor 1.
-        camera: the camera.
-        vehicles: vehicles with their lamps on.
     """
     height, width = image.shape[:2]
     size = width // _COARSE, height // _COARSE

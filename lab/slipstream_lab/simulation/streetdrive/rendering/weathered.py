@@ -27,9 +27,6 @@ def snowed(image: Grid, view: GroundView, road: Road, cover: float) -> Grid:
     """Snow on verges and pavements, and on the carriageway but for the wheels' tracks.
 
     Args:
-        image: unlit road plane; changed in place.
-        view: what each pixel shows.
-        road: where the lanes lie.
         cover: share of the carriageway that is covered, 0..1.
     """
     tracks = np.ones_like(view.y)

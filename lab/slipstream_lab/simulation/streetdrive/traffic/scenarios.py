@@ -216,14 +216,6 @@ def simulate(
 ) -> list[Track]:
     """Trajectories of all vehicles of a scenario, sampled at the clip's frames.
 
-    Args:
-        scenario: one of SCENARIOS.
-        road: where the lanes lie.
-        seconds: the clip's length.
-        fps: frames per second.
-        seed: same seed, same traffic.
-        length_of: length in metres of the vehicle with a given number.
-
     Raises:
         ValueError: the scenario is unknown.
     """
