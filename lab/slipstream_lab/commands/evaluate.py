@@ -347,7 +347,7 @@ def _prices(options: argparse.Namespace) -> WaitingPrices:
             problem = f"no price: {price_kw:g}"
             raise InputError("evaluate", problem, "give 0 or more, as 2.5", key=key)
         if wants_exogenous(options.arms):
-            problem = "exogenous arms wait at a price of their own"
+            problem = "waiting has no price in exogenous arms"
             raise InputError("evaluate", problem, "give --arms B,C", key=key)
     return WaitingPrices(options.waiting_kw, options.standing_kw)
 

@@ -43,9 +43,9 @@ class RoutingPlan:
 
     Attributes:
         hours: on the road, expected stops included; of `alone_kwh`: `alone_hours`.
-        ceilings_kwh: of the routes without platooning, if vehicles were close at once in platoons of all who come to
-            a segment with an open gate within each of `WINDOWS_S`; then, if everybody followed
-            wherever the gate is open; then, if everybody followed everywhere.
+        ceilings_kwh: of the routes without platooning, if vehicles were close at once in platoons
+            of all who come to an open segment within each of `WINDOWS_S`; then, if all followed
+            wherever the gate is open; then, if all followed everywhere.
     """
 
     seed: int

@@ -30,8 +30,8 @@ many as are reported, elsewhere (see `gates.open_gates`)."""
 
 @dataclass(frozen=True)
 class WaitingPrices:
-    """What an hour of waiting for other vehicles costs, kWh; None: as driving time does, and 10 at
-    the depot where that has no value.
+    """What an hour of waiting for other vehicles costs, kWh, by the objective of energy; None: as
+    driving time does. The paper's objective has no price of waiting.
 
     Attributes:
         standing_kw: at a stop that has been served; None: `waiting_kw` if that is more.

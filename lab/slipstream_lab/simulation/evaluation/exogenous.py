@@ -85,7 +85,7 @@ def exogenous_evaluation(
         world.provenance,
         step_s=_STEP_S,
         rsus=f"{watched} {world.provenance.rsus}"[:72],
-        waiting_kw=None,  # these arms have a price of their own
+        waiting_kw=None,  # the paper's objective has no price of waiting
         standing_kw=None,
     )
     span_s = provenance.begin_s, provenance.end_s
@@ -117,7 +117,7 @@ def exogenous_evaluation(
 
 def run_exogenous(spec: ExogenousSpec, report_time: Callable[[float], None]) -> ArmResult:
     """Evaluate an arm in this process, on a background that is recorded already."""
-    day = exogenous_day(
+    return exogenous_day(
         spec.files.load(),
         _recorded(spec),
         spec.policy,
@@ -125,7 +125,6 @@ def run_exogenous(spec: ExogenousSpec, report_time: Callable[[float], None]) -> 
         end_s=spec.span_s[1],
         progress=lambda now_s, _: report_time(now_s),
     )
-    return day.arm
 
 
 def _recorded(spec: ExogenousSpec) -> RecordedTraffic:

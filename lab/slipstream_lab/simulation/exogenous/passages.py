@@ -55,22 +55,11 @@ class RecordedLeg:
         return self.due_s + self.drive.duration_s
 
 
-@dataclass(frozen=True)
-class Passages:
-    """What came of all legs of a day."""
-
-    legs: tuple[DrivenLeg, ...]
-    disengagements: int
-    violations: int
-    violated_m: float
-    watched_m: float
-    open_m: float
-
-
 def evaluate(
     legs: Sequence[RecordedLeg], roadside: Roadside, network: RoadNetwork, sync_window_s: float
-) -> Passages:
-    """Platoons from exact times, and energies.
+) -> tuple[tuple[DrivenLeg, ...], int]:
+    """The legs with platoons from exact times and energies, and the number of platoons on segments
+    that were turbulent in truth.
 
     On a segment whose gate is open when they enter it, vehicles within the window drive as a
     platoon (`planning.platooning`). On one that is turbulent in truth, the traffic's accelerations
@@ -79,26 +68,19 @@ def evaluate(
     entries = _entries(legs)
     eta = [[ETA_ALONE] * len(leg.path) for leg in legs]
     platooned_s = [0.0] * len(legs)
-    disengagements = violations = 0
-    watched_m = open_m = violated_m = 0.0
+    disengagements = 0
     extra = np.zeros(len(legs))
     for segment in sorted(entries):
-        length = network.segments[segment].length_m
         passing = entries[segment]
-        if segment in roadside.watched:
-            watched_m += length * len(passing)
         for entry, leaving, (_, index, _) in passing:
             extra[index] += turbulence_kwh(roadside, network, segment, entry, leaving)
         welcome = [timed for timed in passing if roadside.is_open(segment, timed[0])]
-        open_m += length * len(welcome)
         for group in platoons_of(welcome, sync_window_s):
             if len(group) < 2:
                 continue
             truth = roadside.truth(segment, group[0][0])
             turbulent = is_turbulent(truth)
             disengagements += turbulent
-            violations += turbulent * len(group)
-            violated_m += turbulent * len(group) * length
             for place, (entry, leaving, (_, index, position)) in enumerate(group):
                 eta[index][position] = ETA_FOLLOWER if place else ETA_LEADER
                 platooned_s[index] += turbulent * (leaving - entry)
@@ -110,7 +92,7 @@ def evaluate(
         for i, leg in enumerate(legs)
     ]
     made.sort(key=lambda leg: (leg.arrived_s, leg.vehicle))
-    return Passages(tuple(made), disengagements, violations, violated_m, watched_m, open_m)
+    return tuple(made), disengagements
 
 
 def turbulence_kwh(

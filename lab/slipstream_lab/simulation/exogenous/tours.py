@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
 
 from slipstream.energy.drive import DrivingStyle, plan_drive
 from slipstream.messages import PlannedSegment, VehiclePlan
 from slipstream.roads import RoadNetwork
 from slipstream_lab.simulation.closed_loop.record import Service
+from slipstream_lab.simulation.exogenous.passages import RecordedLeg
 from slipstream_lab.simulation.scenarios.demand import Deliveries, Order
 
 
@@ -21,7 +21,6 @@ class LegOrder:
         round: number of the tour in the vehicle's day, from 0.
         path: segments, the first one left from its beginning, the last one driven to its end.
         ready_s: from when on it could have left, s since midnight; travel time counts from then.
-        planned: the plan's segments of this leg, in order, with platoons and entry times.
     """
 
     vehicle: str
@@ -31,31 +30,11 @@ class LegOrder:
     ready_s: float
     due_s: float
     free_s: float
-    planned: tuple[PlannedSegment, ...]
 
     @property
     def id(self) -> str:
         """Its name."""
         return f"{self.vehicle}/{self.round}/{self.leg}"
-
-
-class Arrival(Protocol):
-    """A leg that ended."""
-
-    @property
-    def vehicle(self) -> str:
-        """Of the fleet."""
-        ...
-
-    @property
-    def leg(self) -> int:
-        """Its number in the tour."""
-        ...
-
-    @property
-    def arrived_s(self) -> float:
-        """When, s since midnight."""
-        ...
 
 
 @dataclass
@@ -110,7 +89,7 @@ class Tours:
         self._begun[plan.vehicle] += 1
         yield from self._next(plan.vehicle, plan.issued_ns / 1e9, plan.depart_ns / 1e9)
 
-    def arrived(self, leg: Arrival) -> Iterator[LegOrder]:
+    def arrived(self, leg: RecordedLeg) -> Iterator[LegOrder]:
         """A vehicle ended a leg; the next one, none at its depot."""
         self._under_way[leg.vehicle].leg = leg.leg
         yield from self._serve(leg.vehicle, leg.arrived_s)
@@ -122,20 +101,6 @@ class Tours:
     def late_s(self) -> dict[str, float]:
         """By how much each vehicle under way began its present leg later than planned."""
         return {name: own.late_s for name, own in self._under_way.items()}
-
-    def slack_s(self, vehicle: str, due_s: float) -> float:
-        """Largest delay of a departure without a late delivery on the rest of the tour, s.
-
-        The rest takes as long as planned; 0 where the vehicle is late already.
-        """
-        own = self._under_way[vehicle]
-        shift = due_s - own.plan.stops[own.leg].departure_ns / 1e9
-        spare = [
-            self._orders[stop.stop].latest_s - stop.arrival_ns / 1e9 - shift
-            for stop in own.plan.stops[own.leg + 1 : -1]
-            if stop.stop in self._orders
-        ]
-        return max(0.0, min(spare, default=0.0))
 
     def services(self, end_s: float) -> tuple[Service, ...]:
         """One an order that was released before the end."""
@@ -179,7 +144,6 @@ class Tours:
             ready_s,
             due_s,
             free_s(self.network, path),
-            planned,
         )
 
 

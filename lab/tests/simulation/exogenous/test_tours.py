@@ -134,15 +134,6 @@ def test_two_stops_at_one_junction_need_no_drive_between_them(tours: Tours) -> N
     assert tours.services(1000.0)[1] == Service("o1", 900.0, 290.0)
 
 
-def test_slack_is_what_the_tightest_delivery_leaves(tours: Tours) -> None:
-    """Planned to begin at 400 s and due by 900 s, o1 leaves 500 s, and less to whoever is late."""
-    segment = next(iter(tours.network.segments))
-    (first,) = tours.begin(plan(segment))
-    assert tours.slack_s("van", first.due_s) == 500.0
-    assert tours.slack_s("van", first.due_s + 30.0) == 470.0
-    assert tours.slack_s("van", first.due_s + 1000.0) == 0.0
-
-
 def test_a_day_that_begins_late_leaves_earlier_orders_out(tours: Tours) -> None:
     """They are neither dispatched nor counted."""
     tours.deliveries = replace(

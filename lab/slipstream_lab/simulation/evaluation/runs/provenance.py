@@ -15,7 +15,7 @@ from slipstream_lab.simulation.rsus import Rsu
 from slipstream_lab.simulation.scenarios.perception import measured_errors
 from slipstream_lab.simulation.scenarios.scenario import Scenario, SignalControl
 
-FORMAT: Final = 4
+FORMAT: Final = 5
 """Of stored arms. Raise it when the same order gives another result, or means another thing."""
 
 _PACKAGES: Final = (
