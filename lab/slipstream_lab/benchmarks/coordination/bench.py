@@ -11,8 +11,8 @@ from slipstream.errors import InputError
 from slipstream_lab.benchmarks.aims import Load, measured_on
 from slipstream_lab.benchmarks.coordination import report
 from slipstream_lab.research.coordination.cells import Cell, Place, Result, found, measured
-from slipstream_lab.research.coordination.corridor import DENSITIES, WINDOWS_MIN
-from slipstream_lab.research.coordination.region import TRUCKS
+from slipstream_lab.research.coordination.trips.corridor import DENSITIES, WINDOWS_MIN
+from slipstream_lab.research.coordination.trips.region import TRUCKS
 
 PRICES_KW: Final = (10, 0, 27)
 """10: a driver's time partly used otherwise; 0: free waits; 27: what slower driving would save."""

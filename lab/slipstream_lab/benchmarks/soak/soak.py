@@ -116,7 +116,7 @@ def run_soak(
         "slipstream": __version__,
         "the run's own figures": json.dumps(figures),
     }
-    report.write(settings.out, verdict, samples, observer, about)
+    report.write(settings.out, verdict, samples, about)
     return verdict
 
 

@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from slipstream_lab.benchmarks.perception.slope import MIN_VALUES
 from slipstream_lab.benchmarks.soak.observer import Observer, StateArrival
 from slipstream_lab.benchmarks.soak.processes import Sample
 from slipstream_lab.benchmarks.soak.trend import Trend, count_trend, memory_trend
@@ -19,7 +20,6 @@ MAX_SKIPPED_SHARE: Final = 0.1
 """Two cores skip no frame of two cameras (docs/results.md): above it the daemons were short of
 processor time, and their figures are those of an overloaded machine. It allows stalls of 20 s in
 the 200 s that five minutes judge."""
-_MIN_SAMPLES: Final = 6
 
 
 @dataclass(frozen=True)
@@ -174,16 +174,17 @@ def _processes(
         figures = ProcessFigures(
             name=name,
             memory_mb=memory_trend(times, [s.rss_mb for s in last_run]),
-            descriptors=count_trend(times, [s.descriptors for s in last_run]),
-            threads=count_trend(times, [s.threads for s in last_run]),
+            descriptors=count_trend([s.descriptors for s in last_run]),
+            threads=count_trend([s.threads for s in last_run]),
             cpu_share=float(np.mean([s.cpu_share for s in last_run])),
             restarts=restarts,
         )
         found.append(figures)
-        if len(last_run) < _MIN_SAMPLES:
+        if len(last_run) < MIN_VALUES:
             faults.append(f"{name}: only {len(last_run)} samples, too few to judge")
-        if figures.memory_mb.growing:
-            faults.append(f"{name}: memory grows by {figures.memory_mb.slope_per_h:.1f} MB an hour")
+        if figures.memory_mb.growing and figures.memory_mb.slope is not None:
+            per_h = figures.memory_mb.slope.per_h
+            faults.append(f"{name}: memory grows by {per_h:.1f} MB an hour")
         for what, trend in (("descriptors", figures.descriptors), ("threads", figures.threads)):
             if trend.growing:
                 faults.append(f"{name}: {what} grow from {trend.start:.0f} to {trend.end:.0f}")

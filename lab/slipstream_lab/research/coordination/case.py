@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-from slipstream_lab.research.coordination.freight import MS, Freight, FreightSegment, Trip
+from slipstream_lab.research.coordination.trips.freight import MS, Freight, FreightSegment, Trip
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -79,10 +79,6 @@ class Case:
         paying = np.floor(most / self.price_kwh_per_ms).astype(np.int64)
         return np.asarray(np.minimum(self.slack_ms, paying))
 
-    def at_price(self, price_kw: float) -> Case:
-        """The same trips at another price of waiting."""
-        return replace(self, price_kw=price_kw)
-
 
 def build_case(freight: Freight, price_kw: float, sync_window_s: float) -> Case:
     """The arrays of some trips.
@@ -90,8 +86,6 @@ def build_case(freight: Freight, price_kw: float, sync_window_s: float) -> Case:
     Raises:
         ValueError: a price that is negative or not finite.
     """
-    if not 0 <= price_kw < float("inf"):
-        raise ValueError(f"price_kw must be finite and not negative, got {price_kw}")
     first_of = _links(freight)
     numbers: dict[str, int] = {}
     parts: list[list[FreightSegment]] = []

@@ -9,7 +9,7 @@ import numpy as np
 
 from dispatcher_daemon.planning.platooning import TimedPassage, platoons_of
 from slipstream_lab.research.coordination.case import Case, Floats, Ints
-from slipstream_lab.research.coordination.freight import MS
+from slipstream_lab.research.coordination.trips.freight import MS
 
 Plan = Ints
 """How much later than undelayed each trip is on each of its stretches, ms: shape (trips, stretches)

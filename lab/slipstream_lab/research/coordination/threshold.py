@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 
 from slipstream_lab.research.coordination.case import Case
-from slipstream_lab.research.coordination.freight import MS
 from slipstream_lab.research.coordination.plan import Plan, evaluate, undelayed
+from slipstream_lab.research.coordination.trips.freight import MS
 
 _SIZES: Final = (2, 5)
 _WAITS_S: Final = (30, 120, 600)

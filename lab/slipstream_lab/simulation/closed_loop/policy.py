@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -40,11 +39,6 @@ class WaitingPrices:
     waiting_kw: float | None = None
     standing_kw: float | None = None
 
-    def __post_init__(self) -> None:
-        for price_kw in (self.waiting_kw, self.standing_kw):
-            if price_kw is not None and not (math.isfinite(price_kw) and price_kw >= 0):
-                raise ValueError(f"a price of waiting must be >= 0, got {price_kw}")
-
 
 AS_DRIVING: Final = WaitingPrices()
 
@@ -67,7 +61,3 @@ class Policy:
     pace: float = 1.0
     coasting_budget: float = 0.06
     solver: str = "exact"
-
-    def __post_init__(self) -> None:
-        if self.noise < 0 or self.pace <= 0 or self.coasting_budget < 0:
-            raise ValueError("noise and coasting_budget must be >= 0 and pace > 0")

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from slipstream_lab.research.coordination.bound import upper_bound
 from slipstream_lab.research.coordination.case import Case, build_case
-from slipstream_lab.research.coordination.corridor import corridor_freight
-from slipstream_lab.research.coordination.freight import Freight, FreightSegment, Trip
 from slipstream_lab.research.coordination.plan import evaluate
-from slipstream_lab.research.coordination.region import region_freight
 from slipstream_lab.research.coordination.strategies import STRATEGIES
+from slipstream_lab.research.coordination.trips.corridor import corridor_freight
+from slipstream_lab.research.coordination.trips.freight import Freight, FreightSegment, Trip
+from slipstream_lab.research.coordination.trips.region import region_freight
 
 STEP_MS = 1000
 

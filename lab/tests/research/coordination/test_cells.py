@@ -51,7 +51,6 @@ def _set(key: str, value: object) -> Callable[[str], str]:
     return lambda text: json.dumps({**json.loads(text), key: value})
 
 
-@pytest.mark.parametrize("kind", ["plans", "bound"])
 @pytest.mark.parametrize(
     "change",
     [
@@ -64,17 +63,17 @@ def _set(key: str, value: object) -> Callable[[str], str]:
     ids=["format", "code", "half", "list", "field"],
 )
 def test_a_file_of_something_else_is_made_anew(
-    tmp_path: Path, planned: list[str], kind: str, change: Callable[[str], str]
+    tmp_path: Path, planned: list[str], change: Callable[[str], str]
 ) -> None:
-    """Another format or code, or damaged; the other file of the cell is kept."""
+    """Another format or code, or damaged."""
     first = measured(CELL, tmp_path, silent)
-    path = tmp_path / f"{CELL.name}.{kind}.json"
+    path = tmp_path / f"{CELL.name}.json"
     path.write_text(change(path.read_text()))
     assert found(CELL, tmp_path) is None
     again = measured(CELL, tmp_path, silent)
     assert found(CELL, tmp_path) == again
     assert again.plans.rows[0].outcome == first.plans.rows[0].outcome
-    assert len(planned) == (2 if kind == "plans" else 1)
+    assert len(planned) == 2
 
 
 def test_a_window_longer_than_any_wait_that_pays_is_planned_once(

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from slipstream_lab.research.coordination.case import Case, build_case
-from slipstream_lab.research.coordination.corridor import corridor_freight
-from slipstream_lab.research.coordination.freight import Freight, FreightSegment, Trip
 from slipstream_lab.research.coordination.local_search import local_search, nobody_worse_off
 from slipstream_lab.research.coordination.pairwise import pairwise_leaders
 from slipstream_lab.research.coordination.plan import check, evaluate, undelayed
 from slipstream_lab.research.coordination.schedule import Schedule, Worth
 from slipstream_lab.research.coordination.strategies import STRATEGIES, hub_waiting
 from slipstream_lab.research.coordination.threshold import best_threshold, release
+from slipstream_lab.research.coordination.trips.corridor import corridor_freight
+from slipstream_lab.research.coordination.trips.freight import Freight, FreightSegment, Trip
 
 
 def one_segment(ready_s: list[int], slack_s: int = 60, price_kw: float = 0.0) -> Case:

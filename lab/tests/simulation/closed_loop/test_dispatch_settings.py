@@ -85,11 +85,3 @@ def test_what_waiting_costs_reaches_the_problem(
     assert (problem.objective, problem.price_of_waiting_kw) == ("paper", 0.0)
     assert paper.advice is not None
     assert paper.advice.value_of_time_kw == DEFAULT_TIME_WORTH_KW
-
-
-@pytest.mark.parametrize("wrong", [-1.0, float("nan"), float("inf")])
-def test_a_price_of_waiting_is_a_number_from_0_on(wrong: float) -> None:
-    """Whatever made it."""
-    for prices in ({"waiting_kw": wrong}, {"standing_kw": wrong}):
-        with pytest.raises(ValueError, match="must be >= 0"):
-            WaitingPrices(**prices)

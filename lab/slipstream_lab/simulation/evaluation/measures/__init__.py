@@ -2,9 +2,7 @@
 
 from slipstream_lab.simulation.evaluation.measures.ceilings import (
     Ceilings,
-    LossShares,
     compute_ceilings,
-    loss_shares,
     share_of_ceiling,
 )
 from slipstream_lab.simulation.evaluation.measures.compare import Compared, Spread
@@ -28,13 +26,11 @@ __all__ = [
     "Course",
     "Evaluation",
     "Headline",
-    "LossShares",
     "Measures",
     "Spread",
     "collect",
     "compute_ceilings",
     "day_course",
-    "loss_shares",
     "no_platoons",
     "share_of_ceiling",
 ]

@@ -21,7 +21,6 @@ from slipstream.energy.drive import Drive, DrivingStyle, plan_drive
 from slipstream.roads import RoadNetwork
 from slipstream_lab.simulation.closed_loop.record import ArmResult
 from slipstream_lab.simulation.fleet.driven_leg import DrivenLeg
-from slipstream_lab.simulation.fleet.losses import drive_losses
 from slipstream_lab.simulation.sumo import TYPES
 
 _CAV: Final = TYPES["cav"]
@@ -72,24 +71,6 @@ class Ceilings:
         return {name: 1 - kwh / base for name, kwh in found.items()}
 
 
-@dataclass(frozen=True)
-class LossShares:
-    """Where the energy of an arm's legs goes, each vehicle alone; kWh, the parts add up.
-
-    Attributes:
-        traffic: slowing without standing beyond what turns take: for others, and for signals that
-            turned green in time. Below zero where vehicles come to turns slower than on an empty
-            road.
-    """
-
-    rolling: float
-    drag: float
-    deliveries: float
-    turns: float
-    stands: float
-    traffic: float
-
-
 def compute_ceilings(
     arm: ArmResult, roads: RoadNetwork, vehicle: VehicleParameters = PAPER_CAR
 ) -> Ceilings:
@@ -109,22 +90,6 @@ def compute_ceilings(
         _free(legs, roads, 1.0, vehicle),
         _free(legs, roads, _pace(legs, roads, travel_s), vehicle),
         Ideal(_steady_kwh(legs, 0.0, vehicle), _steady_kwh(legs, ETA_FOLLOWER, vehicle), travel_s),
-    )
-
-
-def loss_shares(
-    arm: ArmResult, roads: RoadNetwork, vehicle: VehicleParameters = PAPER_CAR
-) -> LossShares:
-    """Split the energy of an arm's legs by what it was lost to."""
-    lost = [leg.losses for leg in arm.legs]
-    turns = sum(drive_losses(free_drive(leg.path, roads), vehicle).slowing_kwh for leg in arm.legs)
-    return LossShares(
-        rolling=sum(own.rolling_kwh for own in lost),
-        drag=sum(own.drag_kwh for own in lost),
-        deliveries=sum(own.arrival_kwh for own in lost),
-        turns=turns,
-        stands=sum(own.stands_kwh for own in lost),
-        traffic=sum(own.slowing_kwh for own in lost) - turns,
     )
 
 

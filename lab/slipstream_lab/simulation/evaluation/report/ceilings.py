@@ -12,14 +12,12 @@ from slipstream_lab.simulation.evaluation.measures import (
     Ceilings,
     Compared,
     Evaluation,
-    LossShares,
     Spread,
     compute_ceilings,
-    loss_shares,
     share_of_ceiling,
 )
 from slipstream_lab.simulation.evaluation.report.cells import MEANS, arm_files
-from slipstream_lab.simulation.evaluation.report.formatting import NOTHING, Table, number, percent
+from slipstream_lab.simulation.evaluation.report.formatting import NOTHING, Table, percent
 from slipstream_lab.simulation.evaluation.report.proximity import proximity_table
 
 _CEILINGS: Final = (
@@ -78,12 +76,10 @@ def ceiling_tables(evaluation: Evaluation, roads: RoadNetwork) -> tuple[Table, .
     if not fit:
         return ()
     best = {seed: compute_ceilings(result, roads) for seed, result in fit.items()}
-    goes = {seed: loss_shares(result, roads) for seed, result in fit.items()}
     lengths_m = {name: segment.length_m for name, segment in roads.segments.items()}
     together = proximity_table(evaluation, lengths_m)
     return (
         _ceiling_table(evaluation, best),
-        _where_table(evaluation, goes),
         *_reach_table(evaluation, best),
         *(() if together is None else (together,)),
     )
@@ -118,32 +114,6 @@ def _ceiling_table(evaluation: Evaluation, best: Mapping[int, Ceilings]) -> Tabl
             "that its distance can cost in its time; deliveries cost nothing there, so nobody "
             "gets near it.",
         ),
-    )
-
-
-def _where_table(evaluation: Evaluation, goes: Mapping[int, LossShares]) -> Table:
-    words = {
-        "rolling": "rolling",
-        "drag": "drag",
-        "deliveries": "braked at deliveries",
-        "turns": "braked for turns and lower limits, as on empty roads",
-        "stands": "braked to a stand on the road: signals and queues",
-        "traffic": "braked else: traffic, and signals that turned green in time",
-    }
-    rows = tuple(
-        (
-            said,
-            number(Spread.over([getattr(found, part) for found in goes.values()]), 2),
-            percent(Spread.over([getattr(f, part) / sum(vars(f).values()) for f in goes.values()])),
-        )
-        for part, said in words.items()
-    )
-    return Table(
-        "Where the baseline's energy goes",
-        ("", "kWh", "share"),
-        rows,
-        f"{arm_files(evaluation, [BASELINE])}, by `simulation.evaluation.measures.loss_shares`",
-        (MEANS,),
     )
 
 

@@ -26,13 +26,11 @@ from slipstream_lab.simulation.evaluation.report.formatting import (
     percent,
 )
 from slipstream_lab.simulation.evaluation.report.tables import (
-    curve_table,
     day_table,
     driving_table,
     energy_table,
     losses_table,
     parts_table,
-    seed_table,
     waits_table,
 )
 from slipstream_lab.simulation.scenarios.acceptance import clock
@@ -55,8 +53,6 @@ def report(
         gating_table(evaluation),
         noise_table(evaluation),
         *more,
-        curve_table(evaluation),
-        seed_table(evaluation),
     )
     parts = [
         _head(evaluation),

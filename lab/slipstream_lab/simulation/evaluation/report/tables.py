@@ -9,9 +9,7 @@ from slipstream_lab.simulation.evaluation.arms import (
     BASELINE,
     COOPERATIVE,
     EVERY_LEVER,
-    PACES,
     SHORTEST,
-    paced,
 )
 from slipstream_lab.simulation.evaluation.measures import Compared, Evaluation, Measures
 from slipstream_lab.simulation.evaluation.report.cells import (
@@ -254,66 +252,4 @@ def waits_table(evaluation: Evaluation) -> Table:
         rows,
         arm_rows_source(evaluation),
         (WAITS_NOTE, f"An hour of waiting for others costs {prices(evaluation.provenance)}."),
-    )
-
-
-def curve_table(evaluation: Evaluation) -> Table | None:
-    """Energy over travel time of the baseline, which savings at equal time rest on."""
-    names = [name for name in (*map(paced, PACES), BASELINE) if name in evaluation]
-    if len(names) < 2:
-        return None
-    pace = {BASELINE: 1.0, **{paced(p): p for p in PACES}}
-    rows = tuple(
-        (
-            name,
-            f"{pace[name]:.2f}",
-            number(evaluation.figure(name, lambda m: m.per_order_s), 1),
-            number(evaluation.figure(name, lambda m: 1000 * m.per_order_kwh), 1),
-            percent(evaluation.against(name, lambda c: c.travel), sign=True),
-            percent(evaluation.against(name, lambda c: c.saving), sign=True),
-        )
-        for name in sorted(names, key=pace.__getitem__)
-    )
-    return Table(
-        "The baseline at other paces",
-        ("arm", "pace", "s/order", "Wh/order", "travel time", f"saving{AT_OWN_TIME}"),
-        rows,
-        arm_files(evaluation, names),
-        (
-            "Of each seed: made to fall with the time where it does not, then interpolated by a "
-            "monotone cubic. Beyond the slowest and the fastest pace nothing is compared.",
-        ),
-    )
-
-
-def seed_table(evaluation: Evaluation) -> Table:
-    """Every arm of every seed with its file, refused ones included."""
-    rows = []
-    for name, of_seed in evaluation.runs.items():
-        for seed, found in of_seed.items():
-            against = evaluation.compared.get(name, {}).get(seed)
-            stored = evaluation.arms[name][seed]
-            rows.append(
-                (
-                    name,
-                    str(seed),
-                    number(found.energy_kwh, 2),
-                    number(found.distance_km, 1),
-                    number(found.travel_h, 2),
-                    f"{found.served} of {found.orders}",
-                    str(found.late),
-                    percent(None if against is None else against.at_equal_time, 2),
-                    f"refused: {join_names(found.faults)}" if found.faults else "sound",
-                    f"`{stored.file}`",
-                    f"`{stored.digest}`",
-                )
-            )
-    return Table(
-        "Arm by arm, seed by seed",
-        (
-            *("arm", "seed", "kWh", "km", "travel h", "served", "late"),
-            *("saving at equal travel time", "", "file", "SHA-256"),
-        ),
-        tuple(rows),
-        "the file of each row; `arms.csv` has all their figures in full",
     )

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from slipstream.errors import InputError
-
 MS: int = 1000
 """Milliseconds a second. Times are whole milliseconds, so that vehicles meet exactly."""
 
@@ -51,27 +49,6 @@ class Freight:
     name: str
     segments: Mapping[str, FreightSegment]
     trips: tuple[Trip, ...]
-
-    def __post_init__(self) -> None:
-        """Check that the trips can be driven.
-
-        Raises:
-            InputError: no trip, an unknown segment, no open one on the way, or a window in which
-                nobody can arrive.
-        """
-        if not self.trips:
-            raise InputError(self.name, "no trip", "give at least one")
-        for trip in self.trips:
-            strange = next((name for name in trip.path if name not in self.segments), None)
-            if strange is not None:
-                problem, mend = f"no segment {strange!r}", "name one of the network"
-            elif not any(self.segments[name].is_open for name in trip.path):
-                problem, mend = "no open segment on the way", "leave the trip out"
-            elif self.slack_ms(trip) < 0:
-                problem, mend = "it arrives too late without a wait", "give a later latest_ms"
-            else:
-                continue
-            raise InputError(self.name, problem, mend, key=trip.id)
 
     def alone_ms(self, trip: Trip) -> int:
         """Driving time of a trip."""

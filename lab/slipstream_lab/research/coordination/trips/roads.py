@@ -11,7 +11,7 @@ from dispatcher_daemon.traffic import SegmentTraffic
 from slipstream.energy.traction import ETA_FOLLOWER, ETA_LEADER, drag_saving_kwh, stop_energy_kwh
 from slipstream.roads import RoadNetwork
 from slipstream.vehicle_types import RoutingProfile
-from slipstream_lab.research.coordination.freight import MS, FreightSegment
+from slipstream_lab.research.coordination.trips.freight import MS, FreightSegment
 
 
 def freight_segments(
