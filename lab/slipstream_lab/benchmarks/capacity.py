@@ -1,7 +1,8 @@
 """`python -m slipstream_lab.benchmarks.capacity`: the tables of docs/capacity.md, from measured
 unit costs.
 
-Every coefficient names the command that measures it; nothing else is assumed but what `Load` says.
+Every coefficient names the command that measures it; nothing else is assumed but what
+`PlannedLoad` says.
 """
 
 from __future__ import annotations
@@ -71,7 +72,7 @@ ADVICE_HZ: Final = 10
 
 
 @dataclass(frozen=True)
-class Load:
+class PlannedLoad:
     """What is to be carried.
 
     Attributes:
@@ -89,13 +90,13 @@ class Load:
 
 
 LOADS: Final = (
-    Load("one machine", 2, 4, 50, hops=1),
-    Load("two sites", 60, 4, 500),
-    Load("10,000 RSUs", 10_000, 4, 100_000),
+    PlannedLoad("one machine", 2, 4, 50, hops=1),
+    PlannedLoad("two sites", 60, 4, 500),
+    PlannedLoad("10,000 RSUs", 10_000, 4, 100_000),
 )
 
 
-def needs(load: Load) -> dict[str, str]:
+def needs(load: PlannedLoad) -> dict[str, str]:
     """What a load takes, by its line in the table."""
     states = load.rsus * load.segments
     positions = load.vehicles

@@ -23,10 +23,10 @@ from slipstream.messages import (
 )
 from slipstream_lab.benchmarks.soak import report
 from slipstream_lab.benchmarks.soak.__main__ import main
-from slipstream_lab.benchmarks.soak.observer import Observer, StateArrival
-from slipstream_lab.benchmarks.soak.processes import ProcessTree, Sample
+from slipstream_lab.benchmarks.soak.observer import BusObserver, StateArrival
+from slipstream_lab.benchmarks.soak.processes import ProcessSample, ProcessTree
 from slipstream_lab.benchmarks.soak.trend import LIMIT_MB, count_trend, memory_trend
-from slipstream_lab.benchmarks.soak.verdict import Window, judge
+from slipstream_lab.benchmarks.soak.verdict import SoakWindow, judge
 
 # What a soak of five minutes judges: some 200 s after the warm-up, a sample a second.
 TIMES = np.arange(100.0, 300.0)
@@ -123,10 +123,10 @@ def test_descriptors_are_judged_by_their_floor() -> None:
 
 def test_the_warm_up_is_a_third_or_a_minute_and_never_more_than_half() -> None:
     """For an hour, for two minutes, and for half a minute."""
-    assert Window.of(3600.0).begin_s == 1200.0
-    assert Window.of(150.0).begin_s == 60.0
-    assert Window.of(30.0).begin_s == 15.0
-    assert Window.of(300.0, warm_up_s=10.0).begin_s == 10.0
+    assert SoakWindow.of(3600.0).begin_s == 1200.0
+    assert SoakWindow.of(150.0).begin_s == 60.0
+    assert SoakWindow.of(30.0).begin_s == 15.0
+    assert SoakWindow.of(300.0, warm_up_s=10.0).begin_s == 10.0
 
 
 def rsu_health(frames: int, skipped: int) -> RsuHealth:
@@ -170,11 +170,11 @@ class Soak:
 
     def __init__(self) -> None:
         self.samples = [
-            Sample(t, name, pid, 100.0, 20, 9, 0.1)
+            ProcessSample(t, name, pid, 100.0, 20, 9, 0.1)
             for t in np.arange(0.0, 120.0)
             for pid, name in ((1, "supervisor"), (2, "r"), (3, "dispatcher"))
         ]
-        self.observer = Observer(clock=lambda: 0.0)
+        self.observer = BusObserver(clock=lambda: 0.0)
         self.observer.states["r/a"] = [StateArrival(t, 0.1) for t in np.arange(0.5, 120.0)]
         self.observer.rsus["r"] = [
             (t, rsu_health(int(20 * t), int(t))) for t in np.arange(0.0, 120.0)
@@ -185,7 +185,7 @@ class Soak:
     def faults(self) -> tuple[str, ...]:
         """What is found."""
         expected = ("supervisor", "r", "dispatcher")
-        window = Window.of(119.0)
+        window = SoakWindow.of(119.0)
         return judge(self.samples, self.observer, expected, ["r"], window, self.restarted).faults
 
 
@@ -193,7 +193,7 @@ def test_a_sound_soak_is_green_and_its_figures_are_right() -> None:
     """No fault; frames, drops and ages are those of the window."""
     soak = Soak()
     assert soak.faults() == ()
-    verdict = judge(soak.samples, soak.observer, (), ["r"], Window(60.0, 119.0), 0)
+    verdict = judge(soak.samples, soak.observer, (), ["r"], SoakWindow(60.0, 119.0), 0)
     (rsu,) = verdict.rsus
     assert (rsu.frames, rsu.frames_skipped) == (20 * 59, 59)
     assert rsu.skipped_share == pytest.approx(1 / 21)
@@ -259,7 +259,7 @@ def test_each_fault_is_named() -> None:
 def test_the_report_tells_all(tmp_path: Path) -> None:
     """Markdown, JSON and CSV name each process; a fault makes it red."""
     soak = Soak()
-    verdict = judge(soak.samples, soak.observer, ("gone",), ["r"], Window(60.0, 119.0), 0)
+    verdict = judge(soak.samples, soak.observer, ("gone",), ["r"], SoakWindow(60.0, 119.0), 0)
     report.write(tmp_path, verdict, soak.samples, {"machine": "two cores"})
     text = (tmp_path / "report.md").read_text()
     assert text.startswith("# Soak: RED\n\n- **gone: missing in 60 of 60 samples**")
@@ -274,7 +274,7 @@ def test_the_report_tells_all(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_the_observer_hears_the_daemons(bus: Bus) -> None:
     """States with their age, health of both kinds, and a count of what is neither."""
-    observer = Observer(clock=lambda: 7.0)
+    observer = BusObserver(clock=lambda: 7.0)
     observer.listen(bus)
     state = SegmentState(
         rsu="r",

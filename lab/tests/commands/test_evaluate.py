@@ -12,7 +12,7 @@ from lab.tests.research.coordination.fakes import result
 from lab.tests.simulation.evaluation.fakes import make_arm
 from slipstream_cli.main import main
 from slipstream_lab.research.coordination import curve
-from slipstream_lab.research.coordination.cells import Cell, Result
+from slipstream_lab.research.coordination.cells import CellResult, CoordinationCell
 from slipstream_lab.simulation.closed_loop.arm import ArmSpec
 from slipstream_lab.simulation.closed_loop.policy import WaitingPrices
 from slipstream_lab.simulation.closed_loop.record import ArmResult
@@ -20,7 +20,7 @@ from slipstream_lab.simulation.evaluation import exogenous, report
 from slipstream_lab.simulation.evaluation.exogenous import ExogenousSpec
 from slipstream_lab.simulation.evaluation.report import files
 from slipstream_lab.simulation.evaluation.runs import world
-from slipstream_lab.simulation.scenarios.scenario import Background, Scenario, load_scenario
+from slipstream_lab.simulation.scenarios.scenario import BackgroundTraffic, Scenario, load_scenario
 
 Capture = pytest.CaptureFixture[str]
 
@@ -38,8 +38,8 @@ def orders(monkeypatch: pytest.MonkeyPatch) -> list[ArmSpec]:
         ordered.append(order)
         return make_arm(order.policy, order.seed)
 
-    def prepare(scenario: Scenario, seed: int, folder: Path) -> Background:
-        return Background((folder / f"{scenario.name}-{seed}.rou.xml",), scenario.rsus or ())
+    def prepare(scenario: Scenario, seed: int, folder: Path) -> BackgroundTraffic:
+        return BackgroundTraffic((folder / f"{scenario.name}-{seed}.rou.xml",), scenario.rsus or ())
 
     monkeypatch.setattr(world, "run_arm", run_arm)
     monkeypatch.setattr(world, "prepare", prepare)
@@ -193,15 +193,15 @@ def test_prices_of_waiting_reach_the_arm_and_are_of_a_folder_of_their_own(
     assert len(orders) == 2
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_each_driven_density_is_an_evaluation_of_a_scaled_fleet(
     capsys: Capture, tmp_path: Path, orders: list[ArmSpec], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Orders and vehicles in proportion, all else as it was; finished ones are kept; one table and
     one picture with what is planned only, which is planned for the seeds that are driven."""
-    planned: list[Cell] = []
+    planned: list[CoordinationCell] = []
 
-    def measured(cell: Cell, *_: object) -> Result:
+    def measured(cell: CoordinationCell, *_: object) -> CellResult:
         planned.append(cell)
         return result(2.0, 1.0, 3.0, cell=cell)
 

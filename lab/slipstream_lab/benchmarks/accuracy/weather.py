@@ -17,7 +17,7 @@ from slipstream.messages import SegmentState
 from slipstream_cli.progress import ProgressLine
 from slipstream_cli.tables import markdown_table
 from slipstream_lab.benchmarks.accuracy.clips import WEATHER, follow, make
-from slipstream_lab.research.perception import Comparison, compare, true_windows
+from slipstream_lab.research.perception import TrackComparison, compare, true_windows
 from slipstream_lab.simulation.ground_truth import TrueWindow
 
 
@@ -34,7 +34,7 @@ class Flags:
 
 
 def flags_of(
-    windows: Sequence[tuple[SegmentState, TrueWindow]], comparisons: Sequence[Comparison]
+    windows: Sequence[tuple[SegmentState, TrueWindow]], comparisons: Sequence[TrackComparison]
 ) -> Flags:
     """Count the flags of some clips."""
     known = [(state, true) for state, true in windows if state.y_e is not None]
@@ -83,7 +83,7 @@ def main() -> int:
     found = {}
     with ProgressLine("conditions", sys.stderr) as progress:
         for condition, clips in chosen.items():
-            comparisons: list[Comparison] = []
+            comparisons: list[TrackComparison] = []
             windows: list[tuple[SegmentState, TrueWindow]] = []
             for _, folder in make(options.folder, clips):
                 run, truth, camera = follow(folder, settings)

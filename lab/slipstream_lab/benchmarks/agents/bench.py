@@ -30,7 +30,7 @@ from slipstream.messages import (
     spat_key,
     state_key,
 )
-from slipstream_lab.benchmarks.agents.traffic import Van, roadside
+from slipstream_lab.benchmarks.agents.traffic import BenchVan, roadside
 from slipstream_lab.benchmarks.aims import Check, report_head, write_report
 
 _INTERVAL_S: Final = 0.1
@@ -40,7 +40,7 @@ MAX_ONE_MB: Final = 60.0
 
 
 @dataclass(frozen=True)
-class Figures:
+class AgentFigures:
     """What was measured of one process."""
 
     vans: int
@@ -77,7 +77,7 @@ class _Heard:
             self.latencies_ms.append((now_ns - self.sensed_ns[advice.vehicle]) / 1e6)
 
 
-def measure(vans: int, seconds: float, folder: Path, say: Callable[[str], None]) -> Figures:
+def measure(vans: int, seconds: float, folder: Path, say: Callable[[str], None]) -> AgentFigures:
     """Run some agents for some time.
 
     Raises:
@@ -93,7 +93,7 @@ def measure(vans: int, seconds: float, folder: Path, say: Callable[[str], None])
                     "agents": {
                         "all": {
                             "state": str(folder / f"tours-{vans}-{time.time_ns()}"),
-                            "vehicles": [{"id": Van(i, 0).name} for i in range(vans)],
+                            "vehicles": [{"id": BenchVan(i, 0).name} for i in range(vans)],
                         }
                     },
                     "bus": {"connect": [router.endpoint]},
@@ -101,7 +101,7 @@ def measure(vans: int, seconds: float, folder: Path, say: Callable[[str], None])
             )
         )
         heard = _Heard()
-        keys = {advice_key(Van(i, 0).name) for i in range(vans)}
+        keys = {advice_key(BenchVan(i, 0).name) for i in range(vans)}
         bus.listener("advice", heard.take, every=True).listen(keys)
         command = [sys.executable, "-m", "slipstream_cli", "agent", "--config", str(config)]
         process = subprocess.Popen(command)
@@ -112,9 +112,11 @@ def measure(vans: int, seconds: float, folder: Path, say: Callable[[str], None])
             process.wait(30)
 
 
-def _drive(vans: int, seconds: float, bus: Bus, heard: _Heard, process: psutil.Process) -> Figures:
+def _drive(
+    vans: int, seconds: float, bus: Bus, heard: _Heard, process: psutil.Process
+) -> AgentFigures:
     began_ns = time.time_ns()
-    all_vans = [Van(i, began_ns) for i in range(vans)]
+    all_vans = [BenchVan(i, began_ns) for i in range(vans)]
     outlets = {van.name: bus.publisher(sensing_key(van.name), history=0) for van in all_vans}
     plans = {van.name: bus.publisher(plan_key(van.name)) for van in all_vans}
     for van in all_vans:
@@ -147,7 +149,7 @@ def _drive(vans: int, seconds: float, bus: Bus, heard: _Heard, process: psutil.P
     elapsed_s = time.monotonic() - measured_from
     latencies = np.array(heard.latencies_ms or [np.inf])
     given = max(1, sum(heard.modes.values()))
-    return Figures(
+    return AgentFigures(
         vans,
         elapsed_s,
         spent_s / elapsed_s,
@@ -166,7 +168,7 @@ def _roadside_key(message: Message) -> str:
     return spat_key(getattr(message, "intersection", ROOT))
 
 
-def checks(one: Figures, many: Figures) -> list[Check]:
+def checks(one: AgentFigures, many: AgentFigures) -> list[Check]:
     """The aims."""
     return [
         Check(
@@ -196,7 +198,7 @@ def checks(one: Figures, many: Figures) -> list[Check]:
     ]
 
 
-def write(folder: Path, one: Figures, many: Figures, about: Mapping[str, str]) -> None:
+def write(folder: Path, one: AgentFigures, many: AgentFigures, about: Mapping[str, str]) -> None:
     """Write report.md and report.json."""
     lines = report_head("Agents: what they cost", about, checks(one, many))
     lines += ["", *(f"- {figures}" for figures in (one, many)), ""]

@@ -41,7 +41,7 @@ _CALM = KinematicFeatures(
 
 
 @dataclass(frozen=True)
-class Van:
+class BenchVan:
     """One vehicle."""
 
     number: int

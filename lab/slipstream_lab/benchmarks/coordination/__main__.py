@@ -14,14 +14,14 @@ from slipstream_lab.benchmarks.command import Measured, report, say, start
 from slipstream_lab.benchmarks.coordination.bench import (
     FULL,
     SHORT,
-    BenchSettings,
-    Form,
+    CoordinationBenchForm,
+    CoordinationBenchSettings,
     run_bench,
     written,
 )
 from slipstream_lab.benchmarks.coordination.report import checks
 
-_DEFAULTS = BenchSettings()
+_DEFAULTS = CoordinationBenchSettings()
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -40,14 +40,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
 
     def measure() -> Measured:
-        settings = BenchSettings(options.out, _form(options))
+        settings = CoordinationBenchSettings(options.out, _form(options))
         results = written(settings) if options.report_only else run_bench(settings, say)
         return Measured(settings.out, checks(results))
 
     return report("bench-coordination", measure, as_json=options.json)
 
 
-def _form(options: argparse.Namespace) -> Form:
+def _form(options: argparse.Namespace) -> CoordinationBenchForm:
     form = SHORT if options.short else FULL
     if options.vehicles is not None:
         form = replace(form, vehicles=_numbers("--vehicles", options.vehicles, 1))

@@ -10,7 +10,13 @@ from typing import Final
 from slipstream.errors import InputError
 from slipstream_lab.benchmarks.aims import Load, measured_on
 from slipstream_lab.benchmarks.coordination import report
-from slipstream_lab.research.coordination.cells import Cell, Place, Result, found, measured
+from slipstream_lab.research.coordination.cells import (
+    CellResult,
+    CoordinationCell,
+    Place,
+    found,
+    measured,
+)
 from slipstream_lab.research.coordination.trips.corridor import DENSITIES, WINDOWS_MIN
 from slipstream_lab.research.coordination.trips.region import TRUCKS
 
@@ -19,7 +25,7 @@ PRICES_KW: Final = (10, 0, 27)
 
 
 @dataclass(frozen=True)
-class Form:
+class CoordinationBenchForm:
     """How much is planned."""
 
     vehicles: tuple[int, ...] = DENSITIES
@@ -27,24 +33,26 @@ class Form:
     prices_kw: tuple[int, ...] = PRICES_KW
     trucks: int = TRUCKS
 
-    def cells(self) -> Iterator[Cell]:
+    def cells(self) -> Iterator[CoordinationCell]:
         """All cells; the quick ones of a price and window first."""
         for price_kw in self.prices_kw:
             for window_min in sorted(self.windows_min, key=lambda w: (w != 10, -w)):
                 for vehicles in self.vehicles:
                     places: tuple[Place, ...] = ("one", "ten")
                     for place in places:
-                        yield Cell(place, vehicles, window_min, price_kw)
+                        yield CoordinationCell(place, vehicles, window_min, price_kw)
                 if self.trucks:
-                    yield Cell("region", self.trucks, window_min, price_kw)
+                    yield CoordinationCell("region", self.trucks, window_min, price_kw)
 
 
-FULL: Final = Form()
-SHORT: Final = Form(vehicles=(20, 50), windows_min=(1, 5), prices_kw=(10, 0), trucks=60)
+FULL: Final = CoordinationBenchForm()
+SHORT: Final = CoordinationBenchForm(
+    vehicles=(20, 50), windows_min=(1, 5), prices_kw=(10, 0), trucks=60
+)
 
 
 @dataclass(frozen=True)
-class BenchSettings:
+class CoordinationBenchSettings:
     """What is planned and where it goes.
 
     Attributes:
@@ -52,10 +60,10 @@ class BenchSettings:
     """
 
     out: Path = Path(".slipstream/bench-coordination")
-    form: Form = FULL
+    form: CoordinationBenchForm = FULL
 
 
-def run_bench(settings: BenchSettings, say: Callable[[str], None]) -> list[Result]:
+def run_bench(settings: CoordinationBenchSettings, say: Callable[[str], None]) -> list[CellResult]:
     """Plan all cells and write the report; it is written after each, so that none is lost.
 
     Raises:
@@ -68,7 +76,7 @@ def run_bench(settings: BenchSettings, say: Callable[[str], None]) -> list[Resul
     except OSError as error:
         raise InputError(settings.out, f"{error.strerror}", "choose another folder") from None
     load, cells = Load(), list(settings.form.cells())
-    results: list[Result] = []
+    results: list[CellResult] = []
     for number, cell in enumerate(cells, 1):
         if found(cell, folder) is None:
             say(f"{number} of {len(cells)}: {cell.name}")
@@ -77,7 +85,7 @@ def run_bench(settings: BenchSettings, say: Callable[[str], None]) -> list[Resul
     return results
 
 
-def written(settings: BenchSettings) -> list[Result]:
+def written(settings: CoordinationBenchSettings) -> list[CellResult]:
     """Report of what there is already; nothing is planned."""
     folder = settings.out / "cells"
     results = [r for cell in settings.form.cells() if (r := found(cell, folder)) is not None]
@@ -85,6 +93,6 @@ def written(settings: BenchSettings) -> list[Result]:
     return results
 
 
-def _about(settings: BenchSettings, load: Load) -> dict[str, object]:
+def _about(settings: CoordinationBenchSettings, load: Load) -> dict[str, object]:
     form = {FULL: "full", SHORT: "short: a minute or two"}
     return measured_on(load, form=form.get(settings.form, "own"))

@@ -24,7 +24,7 @@ from slipstream.messages import EnergySummary, PlannedSegment, PlannedStop, Vehi
 from slipstream.orders import FleetRecords, OrderChange, OrderRecord, PlanRecord
 from slipstream.roads import RoadNetwork, Segment, build_network
 from slipstream_lab.benchmarks.aims import Check
-from slipstream_lab.benchmarks.storage.city import CYCLE_S, START_NS, City, CityCycle
+from slipstream_lab.benchmarks.storage.city import CYCLE_S, START_NS, CityCycle, StoredCity
 from storage.traffic.rollups import RollUp
 
 MAX_S: Final = 2.0
@@ -87,7 +87,7 @@ def fill(url: str, days: int, seed: int, say: Callable[[str], None]) -> None:
 
     What the dispatcher would have deleted by its age, minutes and whole states, is not stored.
     """
-    city, drawn = City(ROADS, seed), random.Random(seed)
+    city, drawn = StoredCity(ROADS, seed), random.Random(seed)
     names = [state.segment for state in city.cycle(1).states]
     before: dict[str, VehiclePlan] = {}
     with storage.open_database(url, owned=True) as database:

@@ -16,7 +16,7 @@ _OPENINGS: Final = 5
 
 
 @dataclass
-class Viewer:
+class StreamViewer:
     """One browser's stream, read by a thread of its own.
 
     Attributes:

@@ -20,7 +20,7 @@ from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings
 from slipstream.messages import RsuHealth
 from slipstream_lab.benchmarks.perception.slope import MemoryUse, memory_use
-from slipstream_lab.benchmarks.soak.observer import Observer
+from slipstream_lab.benchmarks.soak.observer import BusObserver
 
 _START_LIMIT_S = 60.0
 _STOP_LIMIT_S = 15.0
@@ -82,7 +82,7 @@ def run_daemons(
     def clock() -> float:
         return time.monotonic() - began
 
-    observer = Observer(clock)
+    observer = BusObserver(clock)
     with ExitStack() as stack:
         router = stack.enter_context(Router())
         bus = stack.enter_context(Bus.open(BusSettings(connect=(router.endpoint,))))
@@ -162,7 +162,7 @@ def _daemon(clip: Path, folder: Path, rsu: str, pace: str, endpoint: str) -> Ite
                 process.wait()
 
 
-def _wait(daemons: dict[str, _Daemon], observer: Observer, folder: Path) -> None:
+def _wait(daemons: dict[str, _Daemon], observer: BusObserver, folder: Path) -> None:
     """Wait until each daemon reports processed frames."""
     deadline = time.monotonic() + _START_LIMIT_S
     while time.monotonic() < deadline:

@@ -26,7 +26,7 @@ MAX_OVERLOAD_MS: Final = 250.0
 
 
 @dataclass(frozen=True)
-class Results:
+class PerceptionResults:
     """All that was measured."""
 
     rounds: tuple[Mapping[str, Speed], ...]
@@ -40,7 +40,7 @@ class Results:
         return [speeds[name] for speeds in self.rounds if name in speeds]
 
 
-def checks(results: Results) -> list[Check]:
+def checks(results: PerceptionResults) -> list[Check]:
     """Each aim with what was measured."""
     ours = results.of(ROAD)
     found = []
@@ -108,7 +108,7 @@ def checks(results: Results) -> list[Check]:
     return found
 
 
-def _times_faster(results: Results, name: str, least: float) -> Check:
+def _times_faster(results: PerceptionResults, name: str, least: float) -> Check:
     ratios = [
         speeds[name].ms_per_frame / speeds[ROAD].ms_per_frame
         for speeds in results.rounds
@@ -125,7 +125,7 @@ def _median(values: Sequence[float]) -> float:
     return float(np.median(values))
 
 
-def markdown(results: Results, about: Mapping[str, object]) -> str:
+def markdown(results: PerceptionResults, about: Mapping[str, object]) -> str:
     """The report as people read it."""
     lines = report_head("Perception: how fast", about, checks(results), results.missing)
     lines += [
@@ -164,7 +164,7 @@ def markdown(results: Results, about: Mapping[str, object]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def write(folder: Path, results: Results, about: Mapping[str, object]) -> None:
+def write(folder: Path, results: PerceptionResults, about: Mapping[str, object]) -> None:
     """Write report.md and report.json into an existing folder."""
     content = {
         "checks": [asdict(check) for check in checks(results)],

@@ -28,7 +28,7 @@ _HEIGHTS_PX: Final = (0.0, 12.0, 20.0, 40.0, np.inf)
 
 
 @dataclass(frozen=True)
-class Labels:
+class BoxLabels:
     """Boxes drawn on some frames of a clip, every vehicle of them.
 
     Attributes:
@@ -55,7 +55,7 @@ class BoxScore:
     precision: float | None
 
 
-def load_labels(path: Path) -> Labels:
+def load_labels(path: Path) -> BoxLabels:
     """Read ``labels/*.csv``: a first line ``# sha256 of the clip``, columns as in `_COLUMNS`.
 
     Raises:
@@ -83,10 +83,10 @@ def load_labels(path: Path) -> Labels:
             raise InputError(path, str(error), "mend the line", key=f"{number}") from None
     if not boxes:
         raise InputError(path, "holds no box", "draw some")
-    return Labels(sha256, {frame: np.array(rows) for frame, rows in boxes.items()})
+    return BoxLabels(sha256, {frame: np.array(rows) for frame, rows in boxes.items()})
 
 
-def find_clip(labels: Labels, folder: Path) -> Path | None:
+def find_clip(labels: BoxLabels, folder: Path) -> Path | None:
     """The clip that the labels were drawn on, by its contents."""
     for path in sorted(folder.iterdir()):
         if (

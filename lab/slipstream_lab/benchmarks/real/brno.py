@@ -27,7 +27,7 @@ _SUFFIXES: Final = ("_truth.txt", "_truth.txt.gz")
 
 
 @dataclass(frozen=True)
-class Survey:
+class GateSurvey:
     """Distances measured on the road between points of the picture.
 
     Attributes:
@@ -75,7 +75,7 @@ class PixelTrack:
 
 
 @dataclass(frozen=True)
-class Recording:
+class GatedRecording:
     """One camera of one session.
 
     Attributes:
@@ -84,7 +84,7 @@ class Recording:
     """
 
     name: str
-    survey: Survey
+    survey: GateSurvey
     gates: Array
     lane_lines: Array
     passages: tuple[Passage, ...]
@@ -114,7 +114,7 @@ def find_recordings(folder: Path) -> list[tuple[Path, Path]]:
     return found
 
 
-def load_recording(truth: Path, tracks: Path) -> Recording:
+def load_recording(truth: Path, tracks: Path) -> GatedRecording:
     """Read a recording.
 
     Raises:
@@ -124,7 +124,7 @@ def load_recording(truth: Path, tracks: Path) -> Recording:
         table = _literal(_read(truth))
         fps = float(table["fps"])
         distances = table["distanceMeasurement"]
-        survey = Survey(
+        survey = GateSurvey(
             np.array([each["p1"][:2] for each in distances], dtype=np.float64),
             np.array([each["p2"][:2] for each in distances], dtype=np.float64),
             np.array([each["distance"] for each in distances], dtype=np.float64),
@@ -149,7 +149,7 @@ def load_recording(truth: Path, tracks: Path) -> Recording:
     except (ValueError, KeyError, TypeError, OSError, EOFError) as error:
         raise _unreadable(tracks, error) from None
     name = truth.name.split("_truth.txt")[0]
-    return Recording(name, survey, gates, lane_lines, passages, followed)
+    return GatedRecording(name, survey, gates, lane_lines, passages, followed)
 
 
 def _read(path: Path) -> str:

@@ -52,7 +52,7 @@ class Matched:
 
 
 @dataclass(frozen=True)
-class Figures:
+class SpeedFigures:
     """What the rules ask for.
 
     Attributes:
@@ -98,14 +98,14 @@ def match(passages: Sequence[Passage], measured: Sequence[VehicleSpeed]) -> Matc
     return Matched(true_kmh, speed_kmh, error_kmh, valid, unmatched)
 
 
-def figures(matched: Matched) -> Figures | None:
+def figures(matched: Matched) -> SpeedFigures | None:
     """The figures; None where nothing was matched."""
     if not len(matched.true_kmh):
         return None
     off = matched.speed_kmh - matched.true_kmh
     error, share = np.abs(off), np.abs(off) / matched.true_kmh
     count, bias = len(off), float(np.median(off / matched.true_kmh))
-    return Figures(
+    return SpeedFigures(
         count,
         100 * bias,
         float(np.median(np.abs(off - bias * matched.true_kmh))),

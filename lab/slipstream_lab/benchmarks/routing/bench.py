@@ -14,7 +14,7 @@ from slipstream_lab.benchmarks.routing import report
 from slipstream_lab.benchmarks.routing.figures import CityRun, Gap
 from slipstream_lab.benchmarks.routing.instances import measure_instances
 from slipstream_lab.benchmarks.routing.plots import draw
-from slipstream_lab.benchmarks.routing.report import Results
+from slipstream_lab.benchmarks.routing.report import RoutingResults
 from slipstream_lab.benchmarks.routing.watch import watched
 
 PARTS: Final = ("instances", "city", "large", "scaling", "rivals", "gap")
@@ -38,7 +38,7 @@ class CitySize:
 
 
 @dataclass(frozen=True)
-class Form:
+class RoutingBenchForm:
     """How much is measured.
 
     Attributes:
@@ -64,8 +64,8 @@ class Form:
     gap_s: float = 120.0
 
 
-FULL: Final = Form()
-SHORT: Final = Form(
+FULL: Final = RoutingBenchForm()
+SHORT: Final = RoutingBenchForm(
     repeats=1,
     city=CitySize(40, 200, 400),
     city_seeds=(1,),
@@ -86,7 +86,7 @@ SHORT: Final = Form(
 
 
 @dataclass(frozen=True)
-class BenchSettings:
+class RoutingBenchSettings:
     """What is measured and where it goes.
 
     Attributes:
@@ -95,18 +95,18 @@ class BenchSettings:
 
     out: Path = Path(".slipstream/bench-routing")
     plots: Path | None = None
-    form: Form = FULL
+    form: RoutingBenchForm = FULL
     parts: tuple[str, ...] = PARTS
 
 
 @dataclass
 class _Bench:
-    settings: BenchSettings
+    settings: RoutingBenchSettings
     say: Callable[[str], None]
     missing: list[str] = field(default_factory=list)
 
     @property
-    def form(self) -> Form:
+    def form(self) -> RoutingBenchForm:
         return self.settings.form
 
     @property
@@ -166,7 +166,7 @@ class _Bench:
             return None
 
 
-def run_bench(settings: BenchSettings, say: Callable[[str], None]) -> Results:
+def run_bench(settings: RoutingBenchSettings, say: Callable[[str], None]) -> RoutingResults:
     """Measure all and write the report; it is written after each part, so that none is lost.
 
     Raises:
@@ -180,7 +180,7 @@ def run_bench(settings: BenchSettings, say: Callable[[str], None]) -> Results:
     bench = _Bench(settings, say)
     bench.log.unlink(missing_ok=True)
     load = Load()
-    results = Results()
+    results = RoutingResults()
     for part in settings.parts:
         results = _PARTS[part](bench, results)
         results = replace(results, missing=tuple(bench.missing))
@@ -189,24 +189,24 @@ def run_bench(settings: BenchSettings, say: Callable[[str], None]) -> Results:
     return results
 
 
-def _instances(bench: _Bench, results: Results) -> Results:
+def _instances(bench: _Bench, results: RoutingResults) -> RoutingResults:
     bench.say("named instances")
     return replace(results, instances=tuple(measure_instances(bench.form.repeats)))
 
 
-def _city(bench: _Bench, results: Results) -> Results:
+def _city(bench: _Bench, results: RoutingResults) -> RoutingResults:
     form = bench.form
     runs = [r for s in form.city_seeds for r in bench.city(form.city, 1, form.budget_s, s)]
     best = [r for s in form.best_seeds for r in bench.city(form.city, 1, form.best_s, s, "--long")]
     return replace(results, city=tuple(runs), best=tuple(best))
 
 
-def _large(bench: _Bench, results: Results) -> Results:
+def _large(bench: _Bench, results: RoutingResults) -> RoutingResults:
     runs = bench.city(bench.form.large, 1, bench.form.large_s)
     return replace(results, large=tuple(runs))
 
 
-def _scaling(bench: _Bench, results: Results) -> Results:
+def _scaling(bench: _Bench, results: RoutingResults) -> RoutingResults:
     return replace(
         results,
         fixed=tuple(_series(bench, growing=False)),
@@ -225,7 +225,7 @@ def _series(bench: _Bench, *, growing: bool) -> Iterator[CityRun]:
             yield from bench.city(size, seed, _GENEROUS_S, 1, "--unguarded")
 
 
-def _rivals(bench: _Bench, results: Results) -> Results:
+def _rivals(bench: _Bench, results: RoutingResults) -> RoutingResults:
     form = bench.form
     runs = [
         run
@@ -235,12 +235,12 @@ def _rivals(bench: _Bench, results: Results) -> Results:
     return replace(results, rivals=tuple(runs))
 
 
-def _gap(bench: _Bench, results: Results) -> Results:
+def _gap(bench: _Bench, results: RoutingResults) -> RoutingResults:
     gaps = [gap for seed in bench.form.gap_seeds for gap in bench.gap(bench.form.gap, seed)]
     return replace(results, gaps=tuple(gaps))
 
 
-_PARTS: Final[dict[str, Callable[[_Bench, Results], Results]]] = {
+_PARTS: Final[dict[str, Callable[[_Bench, RoutingResults], RoutingResults]]] = {
     "instances": _instances,
     "city": _city,
     "large": _large,
@@ -250,6 +250,6 @@ _PARTS: Final[dict[str, Callable[[_Bench, Results], Results]]] = {
 }
 
 
-def _about(settings: BenchSettings, load: Load) -> dict[str, object]:
+def _about(settings: RoutingBenchSettings, load: Load) -> dict[str, object]:
     form = {FULL: "full", SHORT: "short: smaller than the aims ask"}.get(settings.form, "own")
     return measured_on(load, form=form, parts=", ".join(settings.parts))

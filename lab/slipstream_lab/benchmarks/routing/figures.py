@@ -14,7 +14,7 @@ SAME_KWH: Final = 1e-6
 
 
 @dataclass(frozen=True)
-class Answer:
+class SolverAnswer:
     """One solver on one named instance.
 
     Attributes:
@@ -33,7 +33,7 @@ class InstanceRow:
     name: str
     variables: int
     optimum_kwh: float
-    answers: dict[str, Answer]
+    answers: dict[str, SolverAnswer]
 
     def solved(self, solver: str) -> bool:
         """True if the solver's answers are all the optimum."""
@@ -110,7 +110,7 @@ class Gap:
 
 
 @dataclass(frozen=True)
-class Spread:
+class RivalSpread:
     """Of some values."""
 
     mean: float
@@ -119,9 +119,9 @@ class Spread:
     most: float
 
 
-def spread(values: Sequence[float]) -> Spread:
+def spread(values: Sequence[float]) -> RivalSpread:
     """Mean and spread of at least one value."""
-    return Spread(fmean(values), min(values), median(values), max(values))
+    return RivalSpread(fmean(values), min(values), median(values), max(values))
 
 
 def relative(value: float, reference: float) -> float:

@@ -14,7 +14,7 @@ from slipstream_lab.benchmarks.routing.figures import (
     medians_by_size,
     saved_share,
 )
-from slipstream_lab.benchmarks.routing.report import MAX_SLOPE, Results
+from slipstream_lab.benchmarks.routing.report import MAX_SLOPE, RoutingResults
 
 _BLUE: Final = "#0072b2"
 _ORANGE: Final = "#d55e00"
@@ -23,7 +23,7 @@ _PINK: Final = "#cc79a7"
 _GREY: Final = "#777777"
 
 
-def draw(results: Results, folder: Path) -> list[Path]:
+def draw(results: RoutingResults, folder: Path) -> list[Path]:
     """Draw what there are figures for; the pictures' paths."""
     drawn = []
     if len({run.vehicles for run in results.fixed}) > 1:
@@ -35,7 +35,7 @@ def draw(results: Results, folder: Path) -> list[Path]:
     return drawn
 
 
-def scaling(results: Results, path: Path) -> None:
+def scaling(results: RoutingResults, path: Path) -> None:
     """Time of a cycle against fleet size on logarithmic axes, with fitted slopes."""
     plt = _pyplot()
     figure, axes = plt.subplots(figsize=(6.4, 4.4), layout="constrained")

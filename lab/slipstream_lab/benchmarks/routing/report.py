@@ -14,7 +14,7 @@ from slipstream_lab.benchmarks.routing.figures import (
     CityRun,
     Gap,
     InstanceRow,
-    Spread,
+    RivalSpread,
     log_slope,
     medians_by_size,
     relative,
@@ -45,7 +45,7 @@ MAX_BASE_ABOVE_RIVAL: Final = 0.005
 
 
 @dataclass(frozen=True)
-class Results:
+class RoutingResults:
     """All that was measured."""
 
     instances: tuple[InstanceRow, ...] = ()
@@ -64,7 +64,7 @@ class Results:
         return min(run.objective_kwh for run in (*self.city, *self.best))
 
 
-def checks(results: Results) -> list[Check]:
+def checks(results: RoutingResults) -> list[Check]:
     """Each aim with what was measured."""
     return [
         *_instance_checks(results.instances),
@@ -98,7 +98,7 @@ def _instance_checks(rows: Sequence[InstanceRow]) -> list[Check]:
     ]
 
 
-def _city_checks(results: Results) -> list[Check]:
+def _city_checks(results: RoutingResults) -> list[Check]:
     if not results.city:
         return []
     runs = results.city
@@ -158,7 +158,7 @@ def _large_checks(runs: Sequence[CityRun]) -> list[Check]:
     ]
 
 
-def _slope_checks(results: Results) -> list[Check]:
+def _slope_checks(results: RoutingResults) -> list[Check]:
     found = []
     for runs, what in ((results.fixed, "fixed"), (results.growing, "growing with the fleet")):
         times = medians_by_size(runs)
@@ -221,7 +221,7 @@ def _own_search_checks(runs: Sequence[CityRun]) -> list[Check]:
     ]
 
 
-def _shown(shares: Spread) -> str:
+def _shown(shares: RivalSpread) -> str:
     return f"{percent(shares.mean)} ({percent(shares.least)} to {percent(shares.most)})"
 
 
@@ -243,7 +243,7 @@ def _gap_checks(gaps: Sequence[Gap]) -> list[Check]:
     ]
 
 
-def markdown(results: Results, about: Mapping[str, object]) -> str:
+def markdown(results: RoutingResults, about: Mapping[str, object]) -> str:
     """The report as people read it."""
     lines = report_head("Routing core: how good, how fast", about, checks(results), results.missing)
     if results.instances:
@@ -272,7 +272,7 @@ def markdown(results: Results, about: Mapping[str, object]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def write(folder: Path, results: Results, about: Mapping[str, object]) -> None:
+def write(folder: Path, results: RoutingResults, about: Mapping[str, object]) -> None:
     """Write report.md and report.json into an existing folder."""
     content = {"checks": [asdict(c) for c in checks(results)], **asdict(results)}
     write_report(folder, markdown(results, about), about, content)

@@ -22,7 +22,7 @@ FLEET: Final[dict[str, Any]] = {
 
 
 @dataclass(frozen=True)
-class Figures:
+class TelemetryFigures:
     """What was measured.
 
     Attributes:
@@ -55,7 +55,7 @@ class Figures:
 
 def measure(
     rsus: int, segments_each: int, seconds: float, folder: Path, say: Callable[[str], None]
-) -> Figures:
+) -> TelemetryFigures:
     """Send each segment's state once a second for some time.
 
     Raises:
@@ -87,14 +87,14 @@ def watched_grid(
     }
 
 
-def _figures(rsus: int, found: Loaded) -> Figures:
+def _figures(rsus: int, found: Loaded) -> TelemetryFigures:
     age = "slipstream_dispatcher_state_age_seconds"
     earlier, after = found.before.buckets(age), found.after
     counts = {bound: count - earlier.get(bound, 0.0) for bound, count in after.buckets(age).items()}
     total = max(counts.values())
     p99 = next((b for b, count in sorted(counts.items()) if count >= 0.99 * total), None)
     accepted = after.total("slipstream_dispatcher_states_total", verdict="accepted")
-    return Figures(
+    return TelemetryFigures(
         rsus=rsus,
         rate=found.sent / found.seconds,
         seconds=found.seconds,
@@ -109,7 +109,7 @@ def _figures(rsus: int, found: Loaded) -> Figures:
     )
 
 
-def checks(found: Figures) -> list[Check]:
+def checks(found: TelemetryFigures) -> list[Check]:
     """The aims."""
     bound = "above 5 s" if found.p99_s is None else f"≤ {1e3 * found.p99_s:.0f} ms"
     return [
@@ -136,8 +136,8 @@ def checks(found: Figures) -> list[Check]:
 
 def write(
     folder: Path,
-    found: Figures,
-    steps: Sequence[Figures],
+    found: TelemetryFigures,
+    steps: Sequence[TelemetryFigures],
     costs: Sequence[Cost],
     about: Mapping[str, str],
 ) -> list[Check]:

@@ -29,7 +29,7 @@ class StateArrival:
 
 
 @dataclass
-class Observer:
+class BusObserver:
     """Collects messages from `listen` on."""
 
     clock: Callable[[], float]

@@ -8,15 +8,15 @@ from dataclasses import asdict
 from pathlib import Path
 
 from slipstream_lab.benchmarks.aims import write_report
-from slipstream_lab.benchmarks.soak.processes import Sample
+from slipstream_lab.benchmarks.soak.processes import ProcessSample
 from slipstream_lab.benchmarks.soak.trend import Trend
-from slipstream_lab.benchmarks.soak.verdict import Verdict
+from slipstream_lab.benchmarks.soak.verdict import SoakVerdict
 
 
 def write(
     folder: Path,
-    verdict: Verdict,
-    samples: Sequence[Sample],
+    verdict: SoakVerdict,
+    samples: Sequence[ProcessSample],
     about: Mapping[str, object],
 ) -> None:
     """Write report.md, report.json, processes.csv.
@@ -38,7 +38,7 @@ def write(
             )
 
 
-def markdown(verdict: Verdict, about: Mapping[str, object]) -> str:
+def markdown(verdict: SoakVerdict, about: Mapping[str, object]) -> str:
     """The report as people read it."""
     begin, end = verdict.window.begin_s, verdict.window.end_s
     lines = [f"# Soak: {'green' if verdict.green else 'RED'}", ""]

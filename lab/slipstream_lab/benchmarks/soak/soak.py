@@ -27,9 +27,9 @@ from slipstream.service import die_with_parent
 from slipstream_cli.place.site_file import daemons_of
 from slipstream_lab.benchmarks.aims import Load
 from slipstream_lab.benchmarks.soak import report
-from slipstream_lab.benchmarks.soak.observer import Observer
-from slipstream_lab.benchmarks.soak.processes import ProcessTree, Sample
-from slipstream_lab.benchmarks.soak.verdict import Verdict, Window, judge
+from slipstream_lab.benchmarks.soak.observer import BusObserver
+from slipstream_lab.benchmarks.soak.processes import ProcessSample, ProcessTree
+from slipstream_lab.benchmarks.soak.verdict import SoakVerdict, SoakWindow, judge
 
 _START_LIMIT_S: Final = 600.0
 _STOP_LIMIT_S: Final = 20.0
@@ -65,7 +65,7 @@ class _Running:
 
 def run_soak(
     settings: SoakSettings, on_progress: Callable[[int, int], None] = lambda done, total: None
-) -> Verdict:
+) -> SoakVerdict:
     """Run, judge and write the report; a KeyboardInterrupt ends the run early.
 
     Raises:
@@ -73,7 +73,7 @@ def run_soak(
     """
     state = _prepare(settings)
     load = Load()
-    samples: list[Sample] = []
+    samples: list[ProcessSample] = []
     with _run(settings, state) as running:
         configs = _wait_for_daemons(running, settings)
         began = time.monotonic()
@@ -81,7 +81,7 @@ def run_soak(
         def clock() -> float:
             return time.monotonic() - began
 
-        observer = Observer(clock)
+        observer = BusObserver(clock)
         tree = ProcessTree(running.process.pid)
         end_s = settings.seconds - _MARGIN_S
         with Bus.open(BusSettings(connect=_endpoints(configs))) as bus:
@@ -95,7 +95,7 @@ def run_soak(
                 # The samples so far are reported too.
                 end_s = clock()
                 running.process.terminate()
-        window = Window.of(end_s, settings.warm_up_s)
+        window = SoakWindow.of(end_s, settings.warm_up_s)
         figures = _figures(running)
     verdict = judge(
         samples,

@@ -15,7 +15,7 @@ from dispatcher_daemon.service.store import PRUNE_BATCH, TIDY_S, delete_old_traf
 from slipstream.messages import VehiclePlan
 from slipstream.orders import FleetRecords, PlanRecord
 from slipstream_lab.benchmarks.aims import Check, report_head, write_report
-from slipstream_lab.benchmarks.storage.city import CYCLE_S, START_NS, City, CityCycle
+from slipstream_lab.benchmarks.storage.city import CYCLE_S, START_NS, CityCycle, StoredCity
 
 CYCLES_A_DAY: Final = 86_400 // CYCLE_S
 MAX_GB: Final = 2.0
@@ -31,7 +31,7 @@ _BACKLOG_CALLS: Final = 10
 
 
 @dataclass(frozen=True)
-class Figures:
+class StorageFigures:
     """What was measured of one database.
 
     Attributes:
@@ -67,9 +67,9 @@ def measure(
     days: int,
     segments: int,
     say: Callable[[str], None],
-) -> Figures:
+) -> StorageFigures:
     """Store so many days in an empty database and measure it."""
-    city = City(segments)
+    city = StoredCity(segments)
     record, rollup, purge, purge_cpu = [], [], [], []
     cycles = days * CYCLES_A_DAY
     half, longest_ms = 0, 0.0
@@ -107,7 +107,7 @@ def measure(
             _ms(lambda: database.prune(days / 2, now_ns, limit=PRUNE_BATCH, budget_s=TIDY_S))
             for _ in range(_BACKLOG_CALLS)
         ]
-    return Figures(
+    return StorageFigures(
         kind,
         days,
         segments,
@@ -177,7 +177,7 @@ def _ms(call: Callable[[], object]) -> float:
     return 1e3 * (time.monotonic() - began)
 
 
-def checks(figures: Figures) -> list[Check]:
+def checks(figures: StorageFigures) -> list[Check]:
     """The aims of one database; those of sizes from `MIN_DAYS` of 1,000 segments on."""
     slowest = max(figures.queries_ms.values())
     purge = max(figures.purge_ms[1], figures.backlog_ms)
@@ -212,7 +212,7 @@ def checks(figures: Figures) -> list[Check]:
     ]
 
 
-def write(folder: Path, all_figures: list[Figures], about: Mapping[str, str]) -> None:
+def write(folder: Path, all_figures: list[StorageFigures], about: Mapping[str, str]) -> None:
     """Write report.md and report.json."""
     folder.mkdir(parents=True, exist_ok=True)
     aims = [check for figures in all_figures for check in checks(figures)]

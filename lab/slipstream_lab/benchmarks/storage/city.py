@@ -43,7 +43,7 @@ class CityCycle:
     minutes: Sequence[RollUp]
 
 
-class City:
+class StoredCity:
     """So many watched segments, from a seed."""
 
     def __init__(self, segments: int, seed: int = 1) -> None:

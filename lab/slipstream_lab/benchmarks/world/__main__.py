@@ -11,10 +11,17 @@ from pathlib import Path
 
 from slipstream.errors import InputError
 from slipstream_lab.benchmarks.command import Measured, parts_of, report, say, start
-from slipstream_lab.benchmarks.world.bench import FULL, PARTS, SHORT, BenchSettings, Form, run_bench
+from slipstream_lab.benchmarks.world.bench import (
+    FULL,
+    PARTS,
+    SHORT,
+    WorldBenchForm,
+    WorldBenchSettings,
+    run_bench,
+)
 from slipstream_lab.benchmarks.world.report import checks
 
-_DEFAULTS = BenchSettings()
+_DEFAULTS = WorldBenchSettings()
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -33,7 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
 
     def measure() -> Measured:
-        settings = BenchSettings(
+        settings = WorldBenchSettings(
             out=options.out,
             form=_form(options),
             seeds=_seeds(options.seeds or ("1" if options.short else "1,2,3")),
@@ -45,7 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return report("bench-world", measure, as_json=options.json)
 
 
-def _form(options: argparse.Namespace) -> Form:
+def _form(options: argparse.Namespace) -> WorldBenchForm:
     form = SHORT if options.short else FULL
     if options.scenarios is not None:
         names = tuple(options.scenarios.split(","))

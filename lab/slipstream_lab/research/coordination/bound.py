@@ -20,8 +20,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from slipstream_lab.research.coordination.bins import Bins, Part, choose_bins
-from slipstream_lab.research.coordination.case import Case, Floats
+from slipstream_lab.research.coordination.bins import Bins, TripPart, choose_bins
+from slipstream_lab.research.coordination.case import CoordinationCase, Floats
 
 _ITERATIONS: Final = (400, 1000)
 """Least and greatest number of steps."""
@@ -46,7 +46,7 @@ class Bound:
     bin_s: float
 
 
-def upper_bound(case: Case, iterations: int | None = None) -> Bound:
+def upper_bound(case: CoordinationCase, iterations: int | None = None) -> Bound:
     """Bound the net value of all plans.
 
     Args:
@@ -79,7 +79,7 @@ def _between(ends: tuple[float, float], done: float) -> float:
 class _Prices:
     """Shares of the losses, and γ: by the part of `Bins.parts` that trips are in."""
 
-    def __init__(self, case: Case, bins: Bins) -> None:
+    def __init__(self, case: CoordinationCase, bins: Bins) -> None:
         follower, leader = np.append(case.follower_kwh, 0.0), np.append(case.leader_kwh, 0.0)
         self._case, self._bins = case, bins
         self._loss = (follower - leader)[bins.link]
@@ -134,7 +134,7 @@ class _Prices:
         self._back[0] = 0.0
 
     def _charges(
-        self, part: Part, mass: Floats, rate: Floats
+        self, part: TripPart, mass: Floats, rate: Floats
     ) -> tuple[Floats, npt.NDArray[np.int8]]:
         """(Charge less γ, number of the pool): of the pools that a trip can be in, which differ by
         the bin of the first vehicle, the cheapest; shapes (links of a trip, trips, bins).
@@ -170,7 +170,7 @@ class _Prices:
         return found
 
 
-def _answers(case: Case, part: Part, follower: Floats, charges: Floats) -> Floats:
+def _answers(case: CoordinationCase, part: TripPart, follower: Floats, charges: Floats) -> Floats:
     """Best by the bin of the first stretch: a dynamic program over stretches, as for a plan."""
     stops_kwh, trips = case.stop_kwh[part.trips], part.trips
     gains = np.zeros((int(case.stretch[trips].max()) + 1, *part.reached.shape))

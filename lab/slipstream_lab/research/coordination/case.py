@@ -17,7 +17,7 @@ Bools = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class Case:
+class CoordinationCase:
     """A day's trips with the price of waiting.
 
     A *link* is a run of open segments that every trip on one of them drives wholly. A *stretch* is
@@ -80,7 +80,7 @@ class Case:
         return np.asarray(np.minimum(self.slack_ms, paying))
 
 
-def build_case(freight: Freight, price_kw: float, sync_window_s: float) -> Case:
+def build_case(freight: Freight, price_kw: float, sync_window_s: float) -> CoordinationCase:
     """The arrays of some trips.
 
     Raises:
@@ -97,7 +97,7 @@ def build_case(freight: Freight, price_kw: float, sync_window_s: float) -> Case:
     def padded(values: list[list[int]], width: int) -> Ints:
         return np.array([row + [-1] * (width - len(row)) for row in values], dtype=np.int64)
 
-    return Case(
+    return CoordinationCase(
         freight,
         price_kw,
         round(MS * sync_window_s),

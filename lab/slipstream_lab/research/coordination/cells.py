@@ -15,8 +15,8 @@ from pydantic import TypeAdapter
 from dispatcher_daemon.settings import DispatcherSettings
 from slipstream.sources import sources_digest
 from slipstream_lab.research.coordination.bound import upper_bound
-from slipstream_lab.research.coordination.case import Case, build_case
-from slipstream_lab.research.coordination.plan import Outcome, evaluate
+from slipstream_lab.research.coordination.case import CoordinationCase, build_case
+from slipstream_lab.research.coordination.plan import PlanOutcome, evaluate
 from slipstream_lab.research.coordination.strategies import STRATEGIES
 from slipstream_lab.research.coordination.trips.corridor import WINDOWS_MIN, corridor_freight
 from slipstream_lab.research.coordination.trips.freight import MS, Freight
@@ -37,7 +37,7 @@ _REPORTS: Final = tuple(f"{_PACKAGE}/{module}.py" for module in ("cells", "curve
 
 
 @dataclass(frozen=True)
-class Cell:
+class CoordinationCell:
     """What is planned."""
 
     place: Place
@@ -54,11 +54,11 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Row:
+class StrategyRow:
     """What one strategy reached."""
 
     strategy: str
-    outcome: Outcome
+    outcome: PlanOutcome
     wall_s: float
 
     @property
@@ -83,7 +83,7 @@ class Plans:
 
     ceiling_kwh: float
     longest_wait_s: float
-    rows: tuple[Row, ...]
+    rows: tuple[StrategyRow, ...]
 
 
 @dataclass(frozen=True)
@@ -96,15 +96,15 @@ class Bounded:
 
 
 @dataclass(frozen=True)
-class Result:
+class CellResult:
     """A cell with what came out."""
 
-    cell: Cell
+    cell: CoordinationCell
     plans: Plans
     bounded: Bounded
 
     @property
-    def best(self) -> Row:
+    def best(self) -> StrategyRow:
         """Of the highest net value."""
         return max(self.plans.rows, key=lambda row: row.net_kwh)
 
@@ -113,7 +113,7 @@ class Result:
         """The bound as a share of the ceiling."""
         return self.bounded.bound_kwh / self.plans.ceiling_kwh
 
-    def row(self, strategy: str) -> Row:
+    def row(self, strategy: str) -> StrategyRow:
         """What a strategy reached."""
         return next(row for row in self.plans.rows if row.strategy == strategy)
 
@@ -122,7 +122,7 @@ class Result:
         return self.row(strategy).net_kwh / self.plans.ceiling_kwh
 
 
-def measured(cell: Cell, folder: Path, say: Callable[[str], None]) -> Result:
+def measured(cell: CoordinationCell, folder: Path, say: Callable[[str], None]) -> CellResult:
     """A cell's result; what this code has put into the folder before is not made again.
 
     A window in which no trip can use all its time at the price gives the same as a shorter one that
@@ -140,13 +140,13 @@ def measured(cell: Cell, folder: Path, say: Callable[[str], None]) -> Result:
     for row in plans.rows:
         if row.net_kwh > bounded.bound_kwh * (1 + 1e-9) + 1e-9:
             raise RuntimeError(f"{smallest.name}: {row.strategy} is above the bound")
-    result = Result(smallest, plans, bounded)
+    result = CellResult(smallest, plans, bounded)
     document = {"format": FORMAT, "code": _code(), **asdict(result)}
     write_atomically(_path(smallest, folder), json.dumps(document, indent=1) + "\n")
     return replace(result, cell=cell)
 
 
-def found(cell: Cell, folder: Path) -> Result | None:
+def found(cell: CoordinationCell, folder: Path) -> CellResult | None:
     """The result of a cell if it is stored; by a shorter window if that has the same plans."""
     for shorter in _no_longer_windows(cell):
         stored = _stored(_path(shorter, folder))
@@ -163,20 +163,20 @@ def _code() -> str:
     return sources_digest((_PACKAGE,), _REPORTS)[:16]
 
 
-def _plan(cell: Cell, say: Callable[[str], None]) -> Plans:
+def _plan(cell: CoordinationCell, say: Callable[[str], None]) -> Plans:
     case = _case(cell)
     rows = []
     for name, strategy in STRATEGIES.items():
         began = time.perf_counter()
         plan = strategy(case)
         wall_s = time.perf_counter() - began
-        row = Row(name, evaluate(case, plan), wall_s)
+        row = StrategyRow(name, evaluate(case, plan), wall_s)
         rows.append(row)
         say(f"{cell.name}: {name}, {row.net_kwh / case.ceiling_kwh:.1%}, {wall_s:.1f} s")
     return Plans(case.ceiling_kwh, float(case.useful_ms.max()) / MS, tuple(rows))
 
 
-def _bound(cell: Cell, say: Callable[[str], None]) -> Bounded:
+def _bound(cell: CoordinationCell, say: Callable[[str], None]) -> Bounded:
     case = _case(cell)
     began = time.perf_counter()
     bound = upper_bound(case)
@@ -185,44 +185,44 @@ def _bound(cell: Cell, say: Callable[[str], None]) -> Bounded:
     return Bounded(bound.kwh, bound.bin_s, wall_s)
 
 
-def _case(cell: Cell) -> Case:
+def _case(cell: CoordinationCell) -> CoordinationCase:
     return build_case(_freight(cell), cell.price_kw, DispatcherSettings().sync_window_s)
 
 
-def _freight(cell: Cell) -> Freight:
+def _freight(cell: CoordinationCell) -> Freight:
     if cell.place == "region":
         return region_freight(cell.window_min, cell.vehicles, cell.seed)
     return corridor_freight(cell.vehicles, cell.window_min, cell.place, cell.seed)
 
 
-def _smallest_window(cell: Cell) -> Cell:
+def _smallest_window(cell: CoordinationCell) -> CoordinationCell:
     for shorter in _no_longer_windows(cell):
         if shorter == cell or not _binds(shorter, float(_case(shorter).useful_ms.max()) / MS):
             break
     return shorter
 
 
-def _no_longer_windows(cell: Cell) -> list[Cell]:
+def _no_longer_windows(cell: CoordinationCell) -> list[CoordinationCell]:
     """The cell by windows of the law up to its own."""
     shorter = [w for w in WINDOWS_MIN if w < cell.window_min and cell.price_kw > 0]
     return [replace(cell, window_min=w) for w in (*shorter, cell.window_min)]
 
 
-def _binds(cell: Cell, longest_wait_s: float) -> bool:
+def _binds(cell: CoordinationCell, longest_wait_s: float) -> bool:
     """Whether a trip could use more time than the window leaves it."""
     return longest_wait_s >= 2 * 60 * cell.window_min
 
 
-def _path(cell: Cell, folder: Path) -> Path:
+def _path(cell: CoordinationCell, folder: Path) -> Path:
     return folder / f"{cell.name}.json"
 
 
-def _stored(path: Path) -> Result | None:
+def _stored(path: Path) -> CellResult | None:
     """What a file has; None where it is missing, damaged or of another format or code."""
     try:
         document = TypeAdapter(dict[str, Any]).validate_json(path.read_bytes())
         if (document.pop("format", None), document.pop("code", None)) != (FORMAT, _code()):
             return None
-        return TypeAdapter(Result).validate_python(document)
+        return TypeAdapter(CellResult).validate_python(document)
     except (OSError, ValueError):
         return None

@@ -7,7 +7,7 @@ from typing import Final, Self
 
 import numpy as np
 
-from slipstream_lab.research.coordination.case import Case, Floats, Ints
+from slipstream_lab.research.coordination.case import CoordinationCase, Floats, Ints
 from slipstream_lab.research.coordination.plan import Plan
 
 _COUNTS: Final = 1024
@@ -46,7 +46,7 @@ class Schedule:
     both sides of a slot's end are not: the evaluation of a whole plan finds them.
     """
 
-    def __init__(self, case: Case, plan: Plan, driving: Ints | None = None) -> None:
+    def __init__(self, case: CoordinationCase, plan: Plan, driving: Ints | None = None) -> None:
         """Put trips on the roads.
 
         Args:
@@ -181,7 +181,7 @@ class _Part:
 
 
 def answer_in_turn(
-    case: Case, plan: Plan, worth: Worth, max_rounds: int, order: Ints | None = None
+    case: CoordinationCase, plan: Plan, worth: Worth, max_rounds: int, order: Ints | None = None
 ) -> Plan:
     """Each trip in turn takes its best answer to the others, until nobody changes.
 

@@ -35,7 +35,7 @@ class Invalid(ValueError):
     """A solution that breaks a rule."""
 
 
-class Instance:
+class VrpcpInstance:
     """What an instance file holds.
 
     Attributes:
@@ -118,7 +118,7 @@ class Instance:
         return math.fsum(costs) - math.fsum(saved)
 
 
-def check_solution(instance: Instance, text: str) -> float:
+def check_solution(instance: VrpcpInstance, text: str) -> float:
     """The objective in kWh of a solution file's text.
 
     Raises:
@@ -203,7 +203,7 @@ def main(arguments: list[str]) -> int:
             print(f"{path}: {error}", file=sys.stderr)
             return 2
     try:
-        objective = check_solution(Instance(texts[0]), texts[1])
+        objective = check_solution(VrpcpInstance(texts[0]), texts[1])
     except BadInstance as error:
         print(f"{arguments[0]}: {error}", file=sys.stderr)
         return 2

@@ -106,7 +106,7 @@ class TrueBoxes:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class TrackComparison:
     """One clip's recording matched with its truth.
 
     Attributes:
@@ -125,15 +125,15 @@ class Comparison:
 
 def compare(
     recorder: Recorder, truth: Truth, camera: Camera, rule: StabilitySettings
-) -> Comparison:
+) -> TrackComparison:
     """Match a recording with the truth of the same clip."""
     frames, owners, boxes = _match(recorder, truth, camera)
     errors, covered, kinds = _speed_errors(recorder, truth, owners)
     windows = true_windows(recorder, truth, camera, rule, rule.min_coverage)
-    return Comparison(frames, boxes, errors, covered, kinds, windows)
+    return TrackComparison(frames, boxes, errors, covered, kinds, windows)
 
 
-def score(comparisons: Sequence[Comparison]) -> Scores:
+def score(comparisons: Sequence[TrackComparison]) -> Scores:
     """The figures over all speeds, windows and frames of one or more clips."""
     errors = np.concatenate([np.zeros(0), *(c.speed_errors_mps for c in comparisons)])
     covered = np.concatenate([np.zeros(0, np.bool_), *(c.speed_covered for c in comparisons)])
@@ -173,7 +173,7 @@ def score(comparisons: Sequence[Comparison]) -> Scores:
     )
 
 
-def _class(kind: int, comparisons: Sequence[Comparison]) -> ClassScore | None:
+def _class(kind: int, comparisons: Sequence[TrackComparison]) -> ClassScore | None:
     followed, errors, vehicles = [], [], 0
     for comparison in comparisons:
         of_class = comparison.boxes.kind == kind

@@ -54,7 +54,7 @@ class QoblibSettings(Settings):
 
 
 @dataclass(frozen=True)
-class Case:
+class QoblibCase:
     """An instance with its runs.
 
     Attributes:
@@ -82,7 +82,7 @@ def run(
     progress: Callable[[int, int], None],
     *,
     stored: bool = False,
-) -> list[Case]:
+) -> list[QoblibCase]:
     """Make the runs that are missing; seed by seed, so that an interrupted one has whole tables.
 
     Args:
@@ -128,7 +128,7 @@ def _row(solver: str, seed: int) -> str:
     return f"{solver} {seed}"
 
 
-def _record(task: Task, case: Case, store: Store, executor: WorkerExecutor) -> Record:
+def _record(task: Task, case: QoblibCase, store: Store, executor: WorkerExecutor) -> Record:
     """One run; one that fails or is late has no answer, and the reason."""
     nothing: Record = {"seed": task.seed, "date": time.strftime("%Y-%m-%d", time.gmtime())}
     nothing |= {"cost": None, "routes": None, "bound": None, "cpu_s": None, "wall_s": None}
@@ -151,7 +151,7 @@ def _record(task: Task, case: Case, store: Store, executor: WorkerExecutor) -> R
         return nothing | {"reason": error_line(error)}
 
 
-def find_cases(data: Path, most: int | None) -> list[Case]:
+def find_cases(data: Path, most: int | None) -> list[QoblibCase]:
     """The instances of a folder, those with the fewest routes first.
 
     Raises:
@@ -169,7 +169,7 @@ def find_cases(data: Path, most: int | None) -> list[Case]:
         instance = read_published(path, "qoblib")
         best = instance.file.best_known
         cases.append(
-            Case(
+            QoblibCase(
                 path,
                 len(instance.fleet.stops),
                 len(instance.fleet.vehicles),
@@ -181,7 +181,7 @@ def find_cases(data: Path, most: int | None) -> list[Case]:
     return sorted(cases, key=lambda case: (case.routes, case.name))[:most]
 
 
-def best_cost(case: Case) -> float | None:
+def best_cost(case: QoblibCase) -> float | None:
     """The best known cost, the library's or a better one that was found."""
     costs = [r["cost"] for runs in case.runs.values() for r in runs if r["cost"] is not None]
     return min([*costs, *([] if case.best_known is None else [case.best_known])], default=None)

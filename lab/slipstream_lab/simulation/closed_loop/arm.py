@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from slipstream_lab.simulation.closed_loop.policy import AS_DRIVING, Policy, WaitingPrices
-from slipstream_lab.simulation.closed_loop.record import ArmResult, Others, Service
+from slipstream_lab.simulation.closed_loop.record import ArmResult, OrderService, Others
 from slipstream_lab.simulation.rsus import Rsu
 from slipstream_lab.simulation.scenarios.day import DaySpec, sumo_options
 from slipstream_lab.simulation.scenarios.demand import DAY_S, FleetSettings, draw_deliveries
@@ -101,13 +101,13 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
     # Imported here: they need libsumo, or take a second to load.
     from dispatcher_daemon.fleet.learning import History
     from slipstream_lab.simulation.closed_loop.dispatching import Dispatching
-    from slipstream_lab.simulation.closed_loop.gates import WINDOW_S, Roadside
+    from slipstream_lab.simulation.closed_loop.gates import WINDOW_S, SimulatedRoadside
     from slipstream_lab.simulation.fleet.exchange import Exchange
     from slipstream_lab.simulation.fleet.sensing import PREFIX
     from slipstream_lab.simulation.fleet.van import yards
     from slipstream_lab.simulation.fleet.world import FleetWorld
     from slipstream_lab.simulation.signals import SignalController
-    from slipstream_lab.simulation.sumo.session import Session
+    from slipstream_lab.simulation.sumo.session import SumoSession
 
     scenario = _scenario(order)
     network, policy = scenario.network, order.policy
@@ -118,7 +118,7 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
     over = orders.keys() - due.keys()
     home_s = home_by_s(scenario.fleet, order.end_s)
     history = None if order.history is None else History.load(order.history)
-    roadside = Roadside(order.rsus, order.seed, policy.noise, policy.gating)
+    roadside = SimulatedRoadside(order.rsus, order.seed, policy.noise, policy.gating)
     day = DaySpec(
         scenario.net,
         order.background,
@@ -140,7 +140,7 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
         ]
         legs = []
         gridlock = GridlockWatch()
-        with Session(options, day.files) as session:
+        with SumoSession(options, day.files) as session:
             parameters = AgentParameters(
                 length_m=TYPES["cav"].length_m,
                 interval_s=order.step_s,
@@ -212,7 +212,7 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
             if not trip.id.startswith(PREFIX) and trip.depart_s + trip.duration_s <= end_s
         ]
     services = tuple(
-        Service(one.id, one.latest_s, world.begun_s.get(one.id))
+        OrderService(one.id, one.latest_s, world.begun_s.get(one.id))
         for one in due.values()
         if one.release_s < end_s
     )

@@ -30,7 +30,7 @@ from slipstream_lab.simulation.closed_loop.dispatch_settings import (
     evaluation_settings,
     evaluation_solve,
 )
-from slipstream_lab.simulation.closed_loop.gates import WINDOW_S, Roadside
+from slipstream_lab.simulation.closed_loop.gates import WINDOW_S, SimulatedRoadside
 from slipstream_lab.simulation.closed_loop.planned_platoons import PlannedPlatoons
 from slipstream_lab.simulation.closed_loop.policy import AS_DRIVING, Policy, WaitingPrices
 from slipstream_lab.simulation.closed_loop.record import LoopCycleRecord
@@ -55,7 +55,7 @@ class Dispatching:
         seed: int,
         executor: Executor,
         send: Callable[[VehiclePlan], None],
-        roadside: Roadside,
+        roadside: SimulatedRoadside,
         history: History | None = None,
         database: Database | None = None,
         prices: WaitingPrices = AS_DRIVING,

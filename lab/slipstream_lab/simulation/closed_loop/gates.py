@@ -28,7 +28,7 @@ _STREAM: Final = 3000
 _MIN_VEHICLES: Final = StabilitySettings().min_vehicles
 
 
-class Roadside:
+class SimulatedRoadside:
     """RSUs of a running simulation: windows, reports with errors, gates.
 
     Args:

@@ -96,12 +96,12 @@ def record_history(day: DaySpec, network: RoadNetwork, progress: Progress | None
 
 
 def _simulate(spec: HistorySpec, report_time: Callable[[float], None]) -> History:
-    from slipstream_lab.simulation.sumo.session import Session
+    from slipstream_lab.simulation.sumo.session import SumoSession
 
     day = spec.day
     passages = Passages(spec.limits_mps, day.step_s)
     gridlock = GridlockWatch()
-    with Session(sumo_options(day), day.files) as session:
+    with SumoSession(sumo_options(day), day.files) as session:
         traces: dict[str, DrivenTrace | None] = {}
         finished: list[DrivenTrace] = []
         while (now_s := session.time_s) < day.end_s:

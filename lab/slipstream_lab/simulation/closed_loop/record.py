@@ -8,7 +8,7 @@ from slipstream_lab.simulation.fleet.driven_leg import DrivenLeg
 
 
 @dataclass(frozen=True)
-class Service:
+class OrderService:
     """One order: when it was due and when its service began; None: never in this day."""
 
     order: str
@@ -58,7 +58,7 @@ class ArmResult:
     begin_s: float
     end_s: float
     legs: tuple[DrivenLeg, ...]
-    services: tuple[Service, ...]
+    services: tuple[OrderService, ...]
     cycles: tuple[LoopCycleRecord, ...]
     others: Others
     disengagements: int

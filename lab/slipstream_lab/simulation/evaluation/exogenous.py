@@ -21,7 +21,7 @@ from slipstream_lab.simulation.evaluation.arms import (
 )
 from slipstream_lab.simulation.evaluation.measures import Evaluation, collect
 from slipstream_lab.simulation.evaluation.runs import (
-    Store,
+    ArmStore,
     World,
     WorldFiles,
     code_stamp,
@@ -29,7 +29,7 @@ from slipstream_lab.simulation.evaluation.runs import (
 )
 from slipstream_lab.simulation.exogenous.day import exogenous_day
 from slipstream_lab.simulation.exogenous.recorded import RecordedTraffic, Watched, record_background
-from slipstream_lab.simulation.scenarios.scenario import Background, SignalControl
+from slipstream_lab.simulation.scenarios.scenario import BackgroundTraffic, SignalControl
 from slipstream_lab.simulation.sumo import Progress, run_in_subprocess
 
 ARMS: Final[Mapping[Watched, tuple[str, ...]]] = {
@@ -53,7 +53,7 @@ class ExogenousSpec:
     """
 
     files: WorldFiles
-    background: Background
+    background: BackgroundTraffic
     folder: Path
     watched: Watched
     policy: Policy
@@ -109,7 +109,7 @@ def exogenous_evaluation(
         return run_in_subprocess(run_exogenous, spec, source, provenance.end_s, report)
 
     policies = [POLICIES[name] for name in ARMS[watched]]
-    with Store(folder / f"exogenous-{watched}", provenance, code_stamp()) as store:
+    with ArmStore(folder / f"exogenous-{watched}", provenance, code_stamp()) as store:
         if not stored:
             run_missing(policies, seeds, span_s, store, simulate, workers, progress)
         return collect(store, provenance, seeds)

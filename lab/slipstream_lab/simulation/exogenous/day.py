@@ -30,7 +30,7 @@ from slipstream_lab.simulation.closed_loop.policy import Policy
 from slipstream_lab.simulation.closed_loop.record import ArmResult, LoopCycleRecord, Others
 from slipstream_lab.simulation.exogenous.passages import RecordedLeg, evaluate
 from slipstream_lab.simulation.exogenous.recorded import RecordedTraffic
-from slipstream_lab.simulation.exogenous.roadside import Roadside
+from slipstream_lab.simulation.exogenous.roadside import RecordedRoadside
 from slipstream_lab.simulation.exogenous.tours import LegOrder, Tours
 from slipstream_lab.simulation.scenarios.demand import draw_deliveries, fleet_at
 from slipstream_lab.simulation.scenarios.scenario import Scenario
@@ -70,7 +70,7 @@ def exogenous_day(
     settings = settings.model_copy(update={"objective": "paper", "seed": seed})
     deliveries = draw_deliveries(scenario.fleet, scenario.network, seed, scenario.name)
     keep_s = {rsu.id: rsu.keep_s for rsu in scenario.rsus or ()}
-    roadside = Roadside(recorded, scenario.network, policy, seed, keep_s)
+    roadside = RecordedRoadside(recorded, scenario.network, policy, seed, keep_s)
     day = _FleetDay(Tours(deliveries, scenario.network), roadside, settings)
     begin_s = recorded.traffic.begin_s
     end_s = recorded.end_s if end_s is None else end_s
@@ -104,7 +104,7 @@ class _FleetDay:
     """The fleet's day, cycle by cycle."""
 
     tours: Tours
-    roadside: Roadside
+    roadside: RecordedRoadside
     settings: DispatcherSettings
     legs: list[RecordedLeg] = field(default_factory=list)
     cycles: list[LoopCycleRecord] = field(default_factory=list)

@@ -23,7 +23,7 @@ from slipstream.energy.consumption import (
 from slipstream.energy.drive import Drive
 from slipstream.roads import RoadNetwork
 from slipstream_lab.simulation.closed_loop.gates import is_turbulent
-from slipstream_lab.simulation.exogenous.roadside import Roadside
+from slipstream_lab.simulation.exogenous.roadside import RecordedRoadside
 from slipstream_lab.simulation.fleet.driven_leg import DrivenLeg
 from slipstream_lab.simulation.fleet.losses import drive_losses
 
@@ -56,7 +56,10 @@ class RecordedLeg:
 
 
 def evaluate(
-    legs: Sequence[RecordedLeg], roadside: Roadside, network: RoadNetwork, sync_window_s: float
+    legs: Sequence[RecordedLeg],
+    roadside: RecordedRoadside,
+    network: RoadNetwork,
+    sync_window_s: float,
 ) -> tuple[tuple[DrivenLeg, ...], int]:
     """The legs with platoons from exact times and energies, and the number of platoons on segments
     that were turbulent in truth.
@@ -96,7 +99,7 @@ def evaluate(
 
 
 def turbulence_kwh(
-    roadside: Roadside, network: RoadNetwork, segment: str, entry_s: float, exit_s: float
+    roadside: RecordedRoadside, network: RoadNetwork, segment: str, entry_s: float, exit_s: float
 ) -> float:
     """What a turbulent segment costs beyond steady driving, kWh, ≥ 0; 0 where it is calm or nobody
     knows.

@@ -13,14 +13,14 @@ import numpy as np
 
 from slipstream.roads import RoadNetwork
 from slipstream_lab.simulation.ground_truth import TrueWindow
-from slipstream_lab.simulation.rsus import Rsu, Stretch
+from slipstream_lab.simulation.rsus import Rsu, WatchedStretch
 from slipstream_lab.simulation.scenarios.acceptance import AcceptanceLimits
 from slipstream_lab.simulation.scenarios.day import DaySpec, run_day
 from slipstream_lab.simulation.scenarios.demand import Array
 from slipstream_lab.simulation.scenarios.perception import Observation
 from slipstream_lab.simulation.scenarios.record import Traffic
 from slipstream_lab.simulation.scenarios.scenario import (
-    Background,
+    BackgroundTraffic,
     Scenario,
     SignalControl,
     day_spec,
@@ -53,7 +53,7 @@ class RecordedTraffic:
 
 def record_background(
     scenario: Scenario,
-    background: Background,
+    background: BackgroundTraffic,
     folder: Path,
     *,
     watched: Watched = "rsus",
@@ -100,7 +100,9 @@ def rsus_everywhere(
     for name in sorted(network.segments):
         end_m = round(network.segments[name].length_m - setback_m, 1)
         if end_m >= min_m:
-            stretch = Stretch(segment=name, from_m=max(0.0, round(end_m - max_m, 1)), to_m=end_m)
+            stretch = WatchedStretch(
+                segment=name, from_m=max(0.0, round(end_m - max_m, 1)), to_m=end_m
+            )
             rsus.append(Rsu(id=f"rsu-{name}", watch=(stretch,)))
     return tuple(rsus)
 

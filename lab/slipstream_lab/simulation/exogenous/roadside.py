@@ -23,7 +23,7 @@ from slipstream_lab.simulation.scenarios.perception import Reporter, measured_er
 from slipstream_lab.simulation.scenarios.record import Traffic
 
 
-class Roadside:
+class RecordedRoadside:
     """Reports a recorded day's windows as time goes by, and remembers what they were."""
 
     def __init__(

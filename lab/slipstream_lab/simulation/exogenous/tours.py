@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from slipstream.energy.drive import DrivingStyle, plan_drive
 from slipstream.messages import PlannedSegment, VehiclePlan
 from slipstream.roads import RoadNetwork
-from slipstream_lab.simulation.closed_loop.record import Service
+from slipstream_lab.simulation.closed_loop.record import OrderService
 from slipstream_lab.simulation.exogenous.passages import RecordedLeg
 from slipstream_lab.simulation.scenarios.demand import Deliveries, Order
 
@@ -102,10 +102,10 @@ class Tours:
         """By how much each vehicle under way began its present leg later than planned."""
         return {name: own.late_s for name, own in self._under_way.items()}
 
-    def services(self, end_s: float) -> tuple[Service, ...]:
+    def services(self, end_s: float) -> tuple[OrderService, ...]:
         """One an order that was released before the end."""
         return tuple(
-            Service(order.id, order.latest_s, self._served.get(order.id))
+            OrderService(order.id, order.latest_s, self._served.get(order.id))
             for order in self._orders.values()
             if order.release_s < end_s
         )

@@ -26,7 +26,7 @@ partners that have not met, as one of them left late or drives late."""
 _QUEUE_SHARE: Final = 0.7
 
 
-class Gates(Protocol):
+class RoadsideGates(Protocol):
     """Gate and true traffic of a segment."""
 
     def is_open(self, segment: str) -> bool:
@@ -56,7 +56,7 @@ class Drafting:
 def drafting(
     sensed: Mapping[str, VehicleSensing],
     following: Mapping[str, bool],
-    gates: Gates,
+    gates: RoadsideGates,
     laws: Mapping[str, DragLaw] | None = None,
 ) -> Drafting:
     """The drag reductions of a step.

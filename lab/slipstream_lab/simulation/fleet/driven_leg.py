@@ -58,7 +58,7 @@ class DrivenLeg:
 
 
 @dataclass
-class Measurement:
+class LegMeasurement:
     """What is measured of a leg, step by step; fields as of `DrivenLeg`."""
 
     departed_s: float

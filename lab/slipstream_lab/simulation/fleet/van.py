@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from slipstream.messages import PlannedSegment, VehiclePlan
 from slipstream.roads import RoadNetwork
 from slipstream_lab.simulation.fleet.actuation import Driver
-from slipstream_lab.simulation.fleet.driven_leg import Measurement
+from slipstream_lab.simulation.fleet.driven_leg import LegMeasurement
 from slipstream_lab.simulation.scenarios.demand import Deliveries
 
 
 @dataclass
-class Van:
+class SimulatedVan:
     """One vehicle of the fleet.
 
     Attributes:
@@ -28,14 +28,14 @@ class Van:
     ready_s: float = 0.0
     serves: tuple[str, float] | None = None
     told_s: float = 0.0
-    way: Way | None = None
+    way: DrivenWay | None = None
     entering: bool = False
-    measured: Measurement | None = None
+    measured: LegMeasurement | None = None
     driver: Driver = field(default_factory=lambda: Driver(""))
 
 
 @dataclass
-class Way:
+class DrivenWay:
     """A leg that is driven.
 
     Attributes:

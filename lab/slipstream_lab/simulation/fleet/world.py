@@ -18,11 +18,11 @@ from slipstream.messages import (
 )
 from slipstream.vehicle_types import RoutingProfile
 from slipstream_lab.simulation.fleet.actuation import Driver
-from slipstream_lab.simulation.fleet.drafting import Cause, Gates, drafting, why_missed
-from slipstream_lab.simulation.fleet.driven_leg import DrivenLeg, Measurement, free_s
+from slipstream_lab.simulation.fleet.drafting import Cause, RoadsideGates, drafting, why_missed
+from slipstream_lab.simulation.fleet.driven_leg import DrivenLeg, LegMeasurement, free_s
 from slipstream_lab.simulation.fleet.sensing import PREFIX, sense, standing
-from slipstream_lab.simulation.fleet.van import Van, Way, planned_leg
-from slipstream_lab.simulation.sumo.session import Session
+from slipstream_lab.simulation.fleet.van import DrivenWay, SimulatedVan, planned_leg
+from slipstream_lab.simulation.sumo.session import SumoSession
 from vehicle_agent.platooning import CLOSE_GAP_M
 
 # The IDM approaches the end of a leg asymptotically: the last metres would take minutes.
@@ -68,11 +68,11 @@ class FleetWorld:
 
     def __init__(
         self,
-        session: Session,
+        session: SumoSession,
         places: Mapping[str, str],
         lengths_m: Mapping[str, float],
         agents: Agents,
-        gates: Gates,
+        gates: RoadsideGates,
         service_s: Callable[[str], float | None],
         step_s: float,
         clock_ns: Callable[[], int],
@@ -85,7 +85,7 @@ class FleetWorld:
         self._clock_ns = clock_ns
         self._look_ns, self._pace, self._profiles = round(look_s * 1e9), pace, profiles or {}
         self._laws = {name: profile.drafting for name, profile in self._profiles.items()}
-        self._vans = {name: Van(segment) for name, segment in sorted(places.items())}
+        self._vans = {name: SimulatedVan(segment) for name, segment in sorted(places.items())}
         self._sensed: dict[str, VehicleSensing] = {}
         self._following: dict[str, bool] = {}
         self.disengagements = 0
@@ -157,7 +157,7 @@ class FleetWorld:
         self._admit(after_s)
         return ended
 
-    def _stand(self, name: str, van: Van, now_s: float, now_ns: int) -> None:
+    def _stand(self, name: str, van: SimulatedVan, now_s: float, now_ns: int) -> None:
         """Serve; ask the agent; leave when it says so."""
         if van.serves is not None and now_s >= max(van.serves[1], van.told_s + _TELL_S):
             # Said again until the agent has taken it in: it may have been restarted.
@@ -189,7 +189,7 @@ class FleetWorld:
         else:
             self._enter(name, van, plan, advice.leg, now_s)
 
-    def _serve(self, van: Van, stop: PlannedStop, now_s: float) -> None:
+    def _serve(self, van: SimulatedVan, stop: PlannedStop, now_s: float) -> None:
         if stop.stop in self.begun_s:
             self.again.append(stop.stop)
         self.begun_s.setdefault(stop.stop, now_s)
@@ -199,7 +199,9 @@ class FleetWorld:
             service_s = max(0.0, stays_s - stop.wait_s)
         van.serves, van.told_s = (stop.stop, now_s + service_s), 0.0
 
-    def _enter(self, name: str, van: Van, plan: VehiclePlan, leg: int, now_s: float) -> None:
+    def _enter(
+        self, name: str, van: SimulatedVan, plan: VehiclePlan, leg: int, now_s: float
+    ) -> None:
         planned = planned_leg(plan, leg)
         # Not at leg 0: the first stop may be at the depot's junction.
         begins = plan.continues is None and van.begun != plan.cycle
@@ -211,7 +213,7 @@ class FleetWorld:
             due_s = max(due_s, self._time_s(plan.stops[leg].departure_ns))
         due_s = max(due_s, van.ready_s + _breaks_s(plan, leg))
         path = tuple(segment.segment for segment in planned)
-        van.way = Way(plan, leg, planned, path, due_s, free_s(planned))
+        van.way = DrivenWay(plan, leg, planned, path, due_s, free_s(planned))
         van.serves, van.entering = None, True
         sumo = f"{PREFIX}{name}/{van.tour}/{van.leg}"
         van.driver = Driver(sumo, self._pace)
@@ -238,7 +240,7 @@ class FleetWorld:
         for sumo in libsumo.simulation.getDepartedIDList() if waiting else ():
             van = waiting.get(sumo)
             if van is not None:
-                van.entering, van.measured = False, Measurement(now_s)
+                van.entering, van.measured = False, LegMeasurement(now_s)
 
     def _drive(self, now_ns: int) -> None:
         """Each vehicle on the road senses and obeys, those behind after those ahead of them."""
@@ -274,7 +276,7 @@ class FleetWorld:
         # One a platoon: whoever is behind another one that parts is of the same.
         self.disengagements += sum(partner not in parted for partner in parted.values())
 
-    def _why_missed(self, name: str, way: Way) -> Cause | None:
+    def _why_missed(self, name: str, way: DrivenWay) -> Cause | None:
         """Why it was in no platoon in the step that has ended, if its plan has one there."""
         sensed = self._sensed.get(name)
         if sensed is None:
@@ -287,7 +289,9 @@ class FleetWorld:
         heard_ns = now_ns if advice is None else advice.time_ns
         self.longest_silence_s = max(self.longest_silence_s, (now_ns - heard_ns) / 1e9)
 
-    def _navigate(self, name: str, van: Van, way: Way, advice: VehicleAdvice | None) -> None:
+    def _navigate(
+        self, name: str, van: SimulatedVan, way: DrivenWay, advice: VehicleAdvice | None
+    ) -> None:
         """Take another way to the next stop, as a newer plan has it."""
         if advice is None or advice.cycle is None or advice.cycle == way.plan.cycle:
             return
@@ -313,7 +317,7 @@ class FleetWorld:
         way.plan, way.number, way.planned = plan, advice.leg, planned
         way.path, way.at, way.first = path, at, at
 
-    def _has_arrived(self, sumo: str, way: Way, speed_mps: float) -> bool:
+    def _has_arrived(self, sumo: str, way: DrivenWay, speed_mps: float) -> bool:
         if way.at < len(way.path) - 1 or speed_mps > _ARRIVED_MPS:
             return False
         if libsumo.vehicle.getRoadID(sumo).startswith(":"):
@@ -321,7 +325,7 @@ class FleetWorld:
         left_m = self._lengths_m[way.path[-1]] - libsumo.vehicle.getLanePosition(sumo)
         return bool(left_m < _ARRIVED_M)
 
-    def _end(self, name: str, van: Van, now_s: float) -> DrivenLeg:
+    def _end(self, name: str, van: SimulatedVan, now_s: float) -> DrivenLeg:
         assert van.way is not None
         assert van.measured is not None
         way = van.way

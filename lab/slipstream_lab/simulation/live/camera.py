@@ -15,7 +15,7 @@ from slipstream.errors import InputError
 from slipstream.service import die_with_parent
 from slipstream_lab.simulation.live.world_spec import CameraEndpoint
 from slipstream_lab.simulation.rsus import RsuSettings
-from slipstream_lab.simulation.sumo_view import Pose, Roads, SumoClipSettings, ViewedVehicle
+from slipstream_lab.simulation.sumo_view import LaneRoads, Pose, SumoClipSettings, ViewedVehicle
 
 JPEG_QUALITY: Final = 85
 _HELD: Final = 0.6
@@ -33,13 +33,13 @@ class CameraSpec:
 
     site: RsuSettings
     pose: Pose
-    roads: Roads
+    roads: LaneRoads
     clip: SumoClipSettings
     calibration: Path
     parent: int
 
 
-class Camera:
+class SimulatedCamera:
     """The camera as the simulation has it: `show` never waits."""
 
     def __init__(self, spec: CameraSpec) -> None:

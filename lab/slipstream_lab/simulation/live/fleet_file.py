@@ -10,7 +10,7 @@ from pathlib import Path
 from slipstream_lab.simulation.scenarios.demand import Deliveries, fleet_at
 
 
-class FleetFile:
+class LiveFleetFile:
     """Rewritten as orders are released and served; its times count from then.
 
     Orders that were released before the last wave count as served when the world begins. All

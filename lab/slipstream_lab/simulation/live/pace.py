@@ -12,7 +12,7 @@ as a burst of steps would show vehicles racing."""
 
 
 @dataclass
-class Pace:
+class WorldPace:
     """Steps of a simulation that runs in real time.
 
     Attributes:

@@ -9,7 +9,7 @@ from typing import Final
 from dispatcher_daemon.fleet import Depot
 from slipstream.config import BusSettings
 from slipstream.roads.sumo_net import DEMO_NETWORK, load_network
-from slipstream_lab.simulation.live.fleet_file import FleetFile
+from slipstream_lab.simulation.live.fleet_file import LiveFleetFile
 from slipstream_lab.simulation.live.prepare import named_anew
 from slipstream_lab.simulation.live.world_spec import WorldSpec
 from slipstream_lab.simulation.scenarios.day import DaySpec
@@ -50,7 +50,7 @@ def town(folder: Path, bus: BusSettings, seed: int = 1) -> WorldSpec:
     types = folder / "town.rou.xml"
     types.write_text(f"<routes>\n{TYPES['cav'].xml()}\n</routes>\n", encoding="utf-8")
     orders = folder / "fleet.json"
-    FleetFile(orders, deliveries, _FULL_S).write(_FULL_S, ())
+    LiveFleetFile(orders, deliveries, _FULL_S).write(_FULL_S, ())
     with resources.as_file(resources.files("slipstream") / "data" / "demo.net.xml") as net:
         day = DaySpec(net, (types,), tuple(network.segments), begin_s=_FULL_S)
     return WorldSpec(day, _FULL_S, (), deliveries, orders, bus, folder)

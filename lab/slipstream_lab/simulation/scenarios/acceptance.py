@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from slipstream.errors import InputError
-from slipstream_lab.simulation.scenarios.record import Day
+from slipstream_lab.simulation.scenarios.record import SimulatedDay
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class AcceptanceLimits:
     left: int = 100
     emergency_stops: int = 0
 
-    def faults(self, day: Day) -> tuple[str, ...]:
+    def faults(self, day: SimulatedDay) -> tuple[str, ...]:
         """Reasons to refuse a day; empty if it is accepted."""
         found, faults = day.statistics, []
         if day.gridlock_s is not None:
@@ -45,7 +45,7 @@ class AcceptanceLimits:
             )
         return tuple(faults)
 
-    def check(self, day: Day, scenario: str) -> None:
+    def check(self, day: SimulatedDay, scenario: str) -> None:
         """Refuse a day that is not fit.
 
         Raises:

@@ -13,7 +13,7 @@ from edge_daemon.settings import StabilitySettings
 from slipstream_lab.simulation.rsus import Rsu
 from slipstream_lab.simulation.scenarios.gridlock import CHECK_S, GridlockWatch
 from slipstream_lab.simulation.scenarios.record import (
-    Day,
+    SimulatedDay,
     hours_of,
     read_statistics,
     read_traffic,
@@ -73,7 +73,7 @@ def sumo_options(spec: DaySpec, additional: tuple[Path, ...] = ()) -> list[str]:
     ]
 
 
-def run_day(spec: DaySpec, progress: Progress | None = None) -> Day:
+def run_day(spec: DaySpec, progress: Progress | None = None) -> SimulatedDay:
     """Simulate in another process.
 
     Raises:
@@ -84,13 +84,13 @@ def run_day(spec: DaySpec, progress: Progress | None = None) -> Day:
     return run_in_subprocess(simulate, spec, spec.source, spec.end_s, progress)
 
 
-def simulate(spec: DaySpec, report_time: Callable[[float], None]) -> Day:
+def simulate(spec: DaySpec, report_time: Callable[[float], None]) -> SimulatedDay:
     """Simulate in this process.
 
     Raises:
         InputError: SUMO refuses a file.
     """
-    from slipstream_lab.simulation.sumo.session import Session
+    from slipstream_lab.simulation.sumo.session import SumoSession
 
     began = time.monotonic()
     with tempfile.TemporaryDirectory() as name:
@@ -107,11 +107,11 @@ def simulate(spec: DaySpec, report_time: Callable[[float], None]) -> Day:
             *("--tripinfo-output", str(trips), "--statistic-output", str(statistics)),
         ]
         watch = _Watch(spec, report_time)
-        with Session(options, spec.files) as session:
+        with SumoSession(options, spec.files) as session:
             end_s = watch.run(session.advance)
         ended = read_trips(trips)
         traffic = read_traffic(edges, spec.segments, spec.begin_s, end_s, spec.interval_s)
-        return Day(
+        return SimulatedDay(
             spec.begin_s,
             end_s,
             read_statistics(statistics, ended),

@@ -83,7 +83,7 @@ class Statistics:
 
 
 @dataclass(frozen=True)
-class Day:
+class SimulatedDay:
     """A simulated day, or a part of one.
 
     Attributes:

@@ -74,7 +74,7 @@ class Scenario:
 
 
 @dataclass(frozen=True)
-class Background:
+class BackgroundTraffic:
     """One day's background traffic, ready to be simulated.
 
     Attributes:
@@ -139,7 +139,7 @@ def load_scenario(
     )
 
 
-def prepare(scenario: Scenario, seed: int, folder: Path) -> Background:
+def prepare(scenario: Scenario, seed: int, folder: Path) -> BackgroundTraffic:
     """Draw a day's background and write its route file, or take the user's own.
 
     Args:
@@ -159,7 +159,7 @@ def prepare(scenario: Scenario, seed: int, folder: Path) -> Background:
             additional = (*additional, types)
         if rsus is None:
             rsus = place_rsus(scenario.network, count_passages(scenario.routes, scenario.network))
-        return Background(scenario.routes, rsus, additional=additional)
+        return BackgroundTraffic(scenario.routes, rsus, additional=additional)
     source = f"{scenario.name}: demand"
     trips = draw_trips(scenario.demand, scenario.network, seed, source)
     breakdowns = draw_breakdowns(scenario.demand.breakdowns, scenario.network, seed, source)
@@ -168,12 +168,12 @@ def prepare(scenario: Scenario, seed: int, folder: Path) -> Background:
     write_routes(file, trips, routes, scenario.network, breakdowns)
     if rsus is None:
         rsus = place_rsus(scenario.network, routes.passages())
-    return Background((file,), rsus, trips, routes, breakdowns, additional)
+    return BackgroundTraffic((file,), rsus, trips, routes, breakdowns, additional)
 
 
 def day_spec(
     scenario: Scenario,
-    background: Background,
+    background: BackgroundTraffic,
     folder: Path,
     *,
     signals: SignalControl = "actuated",

@@ -20,7 +20,7 @@ _REPEAT_NS: Final = 1_000_000_000
 
 
 @dataclass
-class Running:
+class RunningProgram:
     """What a signal does now.
 
     Attributes:
@@ -47,7 +47,7 @@ class RunningSignals:
     def __init__(self, min_green_s: float = 8.0) -> None:
         self._min_green_s = min_green_s
         self._programs: dict[tuple[str, str], Program] = {}
-        self._running: dict[str, Running] = {}
+        self._running: dict[str, RunningProgram] = {}
         self._compensation_s: dict[str, Mapping[int, float]] = {}
         self._revisions: dict[str, int] = {}
 
@@ -78,7 +78,7 @@ class RunningSignals:
             known = running.message = known.model_copy(update={"time_ns": now_ns})
         return known
 
-    def running(self, intersection: str, now_s: float) -> Running:
+    def running(self, intersection: str, now_s: float) -> RunningProgram:
         """What a signal does at a time, which must be the simulation's."""
         known = self._running.get(intersection)
         if known is not None and known.read_s == now_s:
@@ -90,7 +90,9 @@ class RunningSignals:
             known.read_s = now_s
             return known
         begun_s = now_s - lights.getSpentDuration(intersection)
-        known = Running(self._program(intersection, name), phase, begun_s, end_s, now_s, name)
+        known = RunningProgram(
+            self._program(intersection, name), phase, begun_s, end_s, now_s, name
+        )
         self._running[intersection] = known
         return known
 

@@ -22,7 +22,7 @@ from slipstream.errors import InputError
 _QUIT: Final = "Quitting (on error)."
 
 
-class Session:
+class SumoSession:
     """A running simulation as a context manager: `with Session(options, files) as session`.
 
     Args:
@@ -37,7 +37,7 @@ class Session:
         self._command = ["sumo", *options]
         self._files = tuple(files)
 
-    def __enter__(self) -> Session:
+    def __enter__(self) -> SumoSession:
         if libsumo.isLoaded():
             raise RuntimeError("a SUMO simulation already runs in this process")
         with ExitStack() as stack:

@@ -45,7 +45,7 @@ class Carriageway:
 
 
 @dataclass(frozen=True)
-class Roads:
+class LaneRoads:
     """Carriageways and the outlines (n, 2) of junctions around the RSU, in the net's metres.
 
     `edges` are all edges of the net, near or far.

@@ -13,7 +13,7 @@ import numpy as np
 from libsumo import constants
 
 from slipstream.errors import InputError
-from slipstream_lab.simulation.sumo.session import Session
+from slipstream_lab.simulation.sumo.session import SumoSession
 from slipstream_lab.simulation.sumo_view.polylines import distances
 from slipstream_lab.simulation.sumo_view.shapes import Kind, is_known
 from slipstream_lab.simulation.sumo_view.traffic import STEP_S, State, ViewedVehicle, between
@@ -28,7 +28,7 @@ _VARIABLES: Final = (
 )
 
 
-class World:
+class SumoViewWorld:
     """A simulation as a context manager: `with World(...) as world`.
 
     Raises:
@@ -55,11 +55,11 @@ class World:
             *("--seed", str(seed), "--xml-validation", "never"),
             *("--no-step-log", "true", "--no-warnings", "true", "--duration-log.disable", "true"),
         ]
-        self._session = Session(options, (net, *routes, *additional))
+        self._session = SumoSession(options, (net, *routes, *additional))
         self._kinds: dict[str, Kind] = {}
         self._stretch: dict[str, float] = {}
 
-    def __enter__(self) -> World:
+    def __enter__(self) -> SumoViewWorld:
         self._session.__enter__()
         return self
 
@@ -153,7 +153,9 @@ class World:
         return self._stretch[lane]
 
 
-def drive(world: World, begin_s: float, fps: float, frames: int) -> Iterator[list[ViewedVehicle]]:
+def drive(
+    world: SumoViewWorld, begin_s: float, fps: float, frames: int
+) -> Iterator[list[ViewedVehicle]]:
     """The vehicles around the world's point in each frame; the first frame is at `begin_s`.
 
     Raises:

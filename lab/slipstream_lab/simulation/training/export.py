@@ -23,7 +23,7 @@ from edge_daemon.frame import Image
 from slipstream.errors import InputError
 from slipstream_lab.simulation.training.calibration import calibration_inputs
 from slipstream_lab.simulation.training.labelled import LabelledSet, read_labelled_set
-from slipstream_lab.simulation.training.metrics import Figures
+from slipstream_lab.simulation.training.metrics import DetectionFigures
 from slipstream_lab.simulation.training.validation import evaluate_model, to_planes
 
 CALIBRATION_PICTURES = 200
@@ -67,8 +67,8 @@ class ExportReport:
     classes: tuple[str, ...]
     left_out: int
     megabytes: float
-    before: Figures | None
-    after: Figures | None
+    before: DetectionFigures | None
+    after: DetectionFigures | None
 
 
 def export_model(settings: ExportSettings) -> ExportReport:
@@ -242,5 +242,7 @@ def save(model: Any, metadata: str, out: Path, name: str) -> Path:
     return path
 
 
-def _evaluated(model: Any, labelled: LabelledSet | None, shape: tuple[int, int]) -> Figures | None:
+def _evaluated(
+    model: Any, labelled: LabelledSet | None, shape: tuple[int, int]
+) -> DetectionFigures | None:
     return evaluate_model(model, labelled, shape)[0] if labelled else None

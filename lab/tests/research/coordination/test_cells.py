@@ -11,11 +11,11 @@ import pytest
 
 from slipstream_lab.research.coordination import cells
 from slipstream_lab.research.coordination.bound import Bound
-from slipstream_lab.research.coordination.case import Case
-from slipstream_lab.research.coordination.cells import Cell, found, measured
+from slipstream_lab.research.coordination.case import CoordinationCase
+from slipstream_lab.research.coordination.cells import CoordinationCell, found, measured
 from slipstream_lab.research.coordination.plan import Plan, undelayed
 
-CELL = Cell("one", 3, 10, 0)
+CELL = CoordinationCell("one", 3, 10, 0)
 
 
 def silent(_: str) -> None:
@@ -27,7 +27,7 @@ def planned(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """What was planned; the plan and the bound take no time."""
     done: list[str] = []
 
-    def plan(case: Case) -> Plan:
+    def plan(case: CoordinationCase) -> Plan:
         done.append(case.freight.name)
         return undelayed(case)
 
@@ -80,7 +80,7 @@ def test_a_window_longer_than_any_wait_that_pays_is_planned_once(
     tmp_path: Path, planned: list[str]
 ) -> None:
     """At a price the shorter cell is taken for it; where waits are free each window is its own."""
-    priced = Cell("one", 20, 10, 27)
+    priced = CoordinationCell("one", 20, 10, 27)
     assert measured(priced, tmp_path, silent).cell == priced
     assert found(replace(priced, window_min=30), tmp_path) is not None
     assert found(replace(priced, window_min=1), tmp_path) is None

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slipstream_lab.research.coordination.case import Case, build_case
+from slipstream_lab.research.coordination.case import CoordinationCase, build_case
 from slipstream_lab.research.coordination.plan import check, evaluate, undelayed
 from slipstream_lab.research.coordination.trips.freight import Freight, FreightSegment, Trip
 
 
-def road(price_kw: float = 36.0) -> Case:
+def road(price_kw: float = 36.0) -> CoordinationCase:
     """Two segments with a hub between; a and b drive both, c the second one."""
     segments = {
         "closed": FreightSegment(500.0, 5_000, 2.0, 0.5, is_open=False),

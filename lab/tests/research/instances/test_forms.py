@@ -134,7 +134,7 @@ def test_route_form_evaluates_the_greedy_plan_as_it_is() -> None:
     assert plan.objective_kwh == pytest.approx(min(form.references_kwh().values()), abs=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_route_form_keeps_windows_and_serves_every_stop_once() -> None:
     """The optimum over the options breaks no rule on the road. By the model it costs no more than
     greedy; on the road it may, where three vehicles and more change at once, but hardly.

@@ -28,7 +28,7 @@ from slipstream_lab.simulation.evaluation.measures.ceilings import (
 from slipstream_lab.simulation.evaluation.measures.evaluation import Evaluation, collect
 from slipstream_lab.simulation.evaluation.report.ceilings import ceiling_tables
 from slipstream_lab.simulation.evaluation.report.proximity import proximity_kwh
-from slipstream_lab.simulation.evaluation.runs.store import Store
+from slipstream_lab.simulation.evaluation.runs.store import ArmStore
 from slipstream_lab.simulation.fleet.driven_leg import DrivenLeg
 from slipstream_lab.simulation.fleet.losses import drive_losses, losses
 
@@ -195,7 +195,7 @@ def evaluation(tmp_path_factory: pytest.TempPathFactory) -> Evaluation:
     """Made-up arms of two seeds."""
     folder = tmp_path_factory.mktemp("evaluation")
     names = ("B", "B-0.88", "C", "C+", "only-platoons", "only-coasting")
-    with Store(folder, GROUND, "code") as store:
+    with ArmStore(folder, GROUND, "code") as store:
         for name in names:
             for seed in (1, 2):
                 arm = make_arm(POLICIES[name], seed)

@@ -77,6 +77,7 @@ def test_a_file_that_sumo_refuses_is_bad_input(
         arms.run(replace(order, net=net), lambda *_: None)
 
 
+@pytest.mark.long
 def test_a_worker_with_other_sources_refuses(order: ArmSpec) -> None:
     """Its results would be those of another program."""
     with pytest.raises(ValueError, match="other sources is asked for"):

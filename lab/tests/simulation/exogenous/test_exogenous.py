@@ -33,13 +33,13 @@ from slipstream_lab.simulation.exogenous.recorded import (
     record_background,
     rsus_everywhere,
 )
-from slipstream_lab.simulation.exogenous.roadside import Roadside
+from slipstream_lab.simulation.exogenous.roadside import RecordedRoadside
 from slipstream_lab.simulation.ground_truth import TrueWindow
 from slipstream_lab.simulation.scenarios.day import DaySpec
 from slipstream_lab.simulation.scenarios.demand.deliveries import FleetSettings
 from slipstream_lab.simulation.scenarios.perception.observer import Observation
-from slipstream_lab.simulation.scenarios.record import Day, Statistics, Traffic
-from slipstream_lab.simulation.scenarios.scenario import Background, Scenario, default_demand
+from slipstream_lab.simulation.scenarios.record import SimulatedDay, Statistics, Traffic
+from slipstream_lab.simulation.scenarios.scenario import BackgroundTraffic, Scenario, default_demand
 
 CALM: Final = TrueWindow(12.0, 0.0, 0.03, 0.4, 0.03, 30.0, 6, 1, False)
 ROUGH: Final = TrueWindow(5.0, -0.3, 0.1, 2.5, 1.5, None, 9, 0, False)
@@ -144,13 +144,13 @@ def test_a_background_is_simulated_once_and_read_back_as_it_was(
     )
     orders: list[DaySpec] = []
 
-    def simulated(order: DaySpec, progress: object) -> Day:
+    def simulated(order: DaySpec, progress: object) -> SimulatedDay:
         orders.append(order)
         counts = Statistics(1, 1, 0, 0, 0, 0, 0, 0, 0.0, 0.0)
-        return Day(0.0, 1800.0, counts, made.traffic, (), made.observations, None, 1.0)
+        return SimulatedDay(0.0, 1800.0, counts, made.traffic, (), made.observations, None, 1.0)
 
     monkeypatch.setattr(recording, "run_day", simulated)
-    background = Background((routes,), ())
+    background = BackgroundTraffic((routes,), ())
     first = record_background(scenario, background, tmp_path, end_s=1800.0)
     again = record_background(scenario, background, tmp_path, end_s=1800.0)
     assert len(orders) == 1
@@ -196,7 +196,7 @@ def test_gates_open_where_the_policy_lets_them(network: RoadNetwork, gating: Gat
         name: CALM if i < 8 else ROUGH for i, name in enumerate(names)
     }
     day = a_day(network, windows, hours=0.25)
-    roadside = Roadside(day, network, cooperative(gating), 5)
+    roadside = RecordedRoadside(day, network, cooperative(gating), 5)
     snapshot = roadside.snapshot(300.0)
     opened = {name for name, traffic in snapshot.segments.items() if traffic.open}
     reported = set(names[:8])
@@ -210,7 +210,7 @@ def test_gates_open_where_the_policy_lets_them(network: RoadNetwork, gating: Gat
         assert opened != reported
     assert all(roadside.is_open(name, 300.0) == (name in opened) for name in network.segments)
     assert not any(roadside.is_open(name, 59.0) for name in names)
-    closed = Roadside(day, network, BASELINE, 5)
+    closed = RecordedRoadside(day, network, BASELINE, 5)
     assert not any(traffic.open for traffic in closed.snapshot(300.0).segments.values())
     assert closed.counts() == (20, 20, 0, 0)
 
@@ -220,19 +220,21 @@ def test_plans_know_the_speeds_of_the_interval_before(network: RoadNetwork) -> N
     name = sorted(network.segments)[0]
     day = a_day(network, {name: CALM}, hours=0.5)
     day.traffic.distance_m[2:] *= 0.5
-    roadside = Roadside(day, network, cooperative(), 1)
+    roadside = RecordedRoadside(day, network, cooperative(), 1)
     limit = network.segments[name].speed_limit_mps
     assert roadside.snapshot(600.0).segments[name].speed_mps == pytest.approx(0.8 * limit)
     assert roadside.speed_mps(name, 600.0) == pytest.approx(0.4 * limit)
     day.traffic.present_s[:] = 0.0
-    assert Roadside(day, network, BASELINE, 1).speed_mps(name, 0.0) == limit
+    assert RecordedRoadside(day, network, BASELINE, 1).speed_mps(name, 0.0) == limit
 
 
 def test_vehicles_close_together_draft_on_open_segments_alone(network: RoadNetwork) -> None:
     """The first leads, who enters within 3 s follows, a late one drives alone; energies are the
     drives' with exactly these drag reductions."""
     path = a_way(network)
-    roadside = Roadside(a_day(network, dict.fromkeys(path[1:3], CALM)), network, cooperative(), 1)
+    roadside = RecordedRoadside(
+        a_day(network, dict.fromkeys(path[1:3], CALM)), network, cooperative(), 1
+    )
     roadside.until(3600.0)
     legs = legs_on(network, 1000.0, 1002.0, 1010.0)
     (first, second, third), disengagements = evaluate(legs, roadside, network, 3.0)
@@ -253,12 +255,14 @@ def test_platoons_in_turbulent_traffic_are_violations(network: RoadNetwork) -> N
     """Where gates are open whatever the traffic does, turbulence is counted, and costs energy."""
     path = a_way(network)
     day = a_day(network, {path[1]: ROUGH, path[2]: CALM})
-    roadside = Roadside(day, network, cooperative("open"), 1)
+    roadside = RecordedRoadside(day, network, cooperative("open"), 1)
     roadside.until(3600.0)
     found, disengagements = evaluate(legs_on(network, 1000.0, 1001.0), roadside, network, 3.0)
     assert disengagements == 1
     assert all(leg.turbulent_s > 0 for leg in found)
-    calm = Roadside(a_day(network, dict.fromkeys(path[1:3], CALM)), network, cooperative(), 1)
+    calm = RecordedRoadside(
+        a_day(network, dict.fromkeys(path[1:3], CALM)), network, cooperative(), 1
+    )
     calm.until(3600.0)
     without, _ = evaluate(legs_on(network, 1000.0, 1001.0), calm, network, 3.0)
     extra = turbulence_kwh(roadside, network, path[1], 1100.0, 1120.0)
@@ -316,7 +320,7 @@ def test_an_evaluations_exogenous_arms_are_kept_and_shown(
 ) -> None:
     """Each arm once, on a background that is there before it; a second call simulates nothing; the
     tables stand beside the paper's."""
-    background = Background((tmp_path / "town-1.rou.xml",), ())
+    background = BackgroundTraffic((tmp_path / "town-1.rou.xml",), ())
     seen: list[tuple[str, str]] = []
 
     class Town:
@@ -324,7 +328,7 @@ def test_an_evaluations_exogenous_arms_are_kept_and_shown(
         files = WorldFiles("troy")
         folder = tmp_path
 
-        def background(self, seed: int) -> Background:
+        def background(self, seed: int) -> BackgroundTraffic:
             return background
 
     def apart(

@@ -28,7 +28,7 @@ from slipstream_lab.simulation.scenarios.networks.corridor import (
 )
 from slipstream_lab.simulation.scenarios.networks.fixed_time import write_fixed_time
 from slipstream_lab.simulation.scenarios.networks.network import scenario_network
-from slipstream_lab.simulation.scenarios.networks.plan import Junction, NetworkPlan, Road
+from slipstream_lab.simulation.scenarios.networks.plan import Junction, NetworkPlan, PlannedRoad
 from slipstream_lab.simulation.scenarios.networks.route_files import check_routes
 from slipstream_lab.simulation.scenarios.networks.troy import troy_plan
 from slipstream_lab.simulation.scenarios.scenario import Scenario
@@ -157,7 +157,7 @@ def test_bad_sources_name_file_and_line(tmp_path: Path) -> None:
 def test_plan_with_a_road_twice_is_refused() -> None:
     """A plan may be without signals, as a motorway is."""
     ends = (Junction("a", 0, 0, "priority"), Junction("b", 100, 0, "priority"))
-    plan = NetworkPlan("x", ends, (Road("ab", "a", "b", 1, 10.0, 1),))
+    plan = NetworkPlan("x", ends, (PlannedRoad("ab", "a", "b", 1, 10.0, 1),))
     plan.check("x")
     with pytest.raises(InputError, match="two roads with this id"):
         replace(plan, roads=plan.roads * 2).check("x")

@@ -11,7 +11,7 @@ from slipstream_lab.simulation.streetdrive.clip import ClipRenderer, ClipSetting
 from slipstream_lab.simulation.streetdrive.traffic.road import Road
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_points_fit_one_homography(mixed_clip):
     """A homography fitted to the points reprojects each of them within half a pixel."""
     points = mixed_clip.camera["points"]

@@ -27,7 +27,7 @@ from slipstream_lab.simulation.sumo_view.examples import (
     find_routes,
     find_rsu,
 )
-from slipstream_lab.simulation.sumo_view.world import World
+from slipstream_lab.simulation.sumo_view.world import SumoViewWorld
 
 FILES = ("video.mp4", "truth.csv", "camera.toml")
 
@@ -87,7 +87,7 @@ def bend(tmp_path_factory: pytest.TempPathFactory) -> SumoClip:
 @contextmanager
 def plain_sumo(settings: SumoClipSettings) -> Iterator[None]:
     """The clip's simulation without the clip."""
-    with World(settings.net, settings.routes, settings.additional, settings.seed):
+    with SumoViewWorld(settings.net, settings.routes, settings.additional, settings.seed):
         libsumo.simulationStep(settings.begin_s)
         yield
 
@@ -176,7 +176,7 @@ def test_truth_is_consistent_in_time(clip_name, request):
     assert np.quantile(np.abs(acceleration_errors), 0.95) < 0.2
 
 
-@pytest.mark.parametrize("clip_name", ["straight", "bend"])
+@pytest.mark.parametrize("clip_name", ["straight", pytest.param("bend", marks=pytest.mark.long)])
 def test_calibration_maps_truth_into_the_boxes(clip_name, request):
     """Footprints, turned as the vehicles drive and mapped by camera.toml, lie in the boxes."""
     clip = request.getfixturevalue(clip_name)
@@ -212,6 +212,7 @@ def test_calibration_maps_truth_into_the_boxes(clip_name, request):
     assert whole > 10
 
 
+@pytest.mark.long
 def test_vehicles_are_drawn_where_truth_says(bend):
     """Between two pictures 1 s apart, boxes of moving vehicles change and the sky does not."""
     capture = cv2.VideoCapture(str(bend.folder / "video.mp4"))
@@ -265,9 +266,9 @@ def test_progress_reports_each_frame(tmp_path, straight):
 def test_one_simulation_a_process(straight):
     """A second simulation is refused while one runs, and the first is closed at its end."""
     settings = straight.settings
-    with World(settings.net, settings.routes, (), 1):
+    with SumoViewWorld(settings.net, settings.routes, (), 1):
         assert libsumo.isLoaded()
-        with pytest.raises(RuntimeError), World(settings.net, settings.routes, (), 1):
+        with pytest.raises(RuntimeError), SumoViewWorld(settings.net, settings.routes, (), 1):
             pass
         assert libsumo.isLoaded()
     assert not libsumo.isLoaded()

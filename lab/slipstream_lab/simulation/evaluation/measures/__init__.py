@@ -5,7 +5,7 @@ from slipstream_lab.simulation.evaluation.measures.ceilings import (
     compute_ceilings,
     share_of_ceiling,
 )
-from slipstream_lab.simulation.evaluation.measures.compare import Compared, Spread
+from slipstream_lab.simulation.evaluation.measures.compare import Compared, SeedSpread
 from slipstream_lab.simulation.evaluation.measures.curves import (
     BIN_S,
     HOUR_S,
@@ -27,7 +27,7 @@ __all__ = [
     "Evaluation",
     "Headline",
     "Measures",
-    "Spread",
+    "SeedSpread",
     "collect",
     "compute_ceilings",
     "day_course",

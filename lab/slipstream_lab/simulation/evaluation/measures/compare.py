@@ -43,7 +43,7 @@ class Compared:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class ArmComparison:
     """All arms against the baseline."""
 
     compared: Mapping[str, Mapping[int, Compared]]
@@ -51,7 +51,7 @@ class Comparison:
 
 
 @dataclass(frozen=True)
-class Spread:
+class SeedSpread:
     """Of one figure over the seeds.
 
     Attributes:
@@ -63,7 +63,7 @@ class Spread:
     count: int
 
     @classmethod
-    def over(cls, values: Sequence[float]) -> Spread | None:
+    def over(cls, values: Sequence[float]) -> SeedSpread | None:
         """Of these values; None of nothing."""
         if not values:
             return None
@@ -78,7 +78,7 @@ def sound(runs: Runs) -> dict[str, dict[int, Measures]]:
     }
 
 
-def compare(runs: Runs) -> Comparison:
+def compare(runs: Runs) -> ArmComparison:
     """Every sound arm against the baseline of its seed."""
     fit = sound(runs)
     bases = fit.get(BASELINE, {})
@@ -102,7 +102,7 @@ def compare(runs: Runs) -> Comparison:
             for seed in equal:
                 found = compared[name][seed]
                 compared[name][seed] = replace(found, at_equal_time=None, unequal=few)
-    return Comparison(compared, apart)
+    return ArmComparison(compared, apart)
 
 
 def _too_few(arms: Mapping[int, Measures], seeds: Collection[int]) -> str:

@@ -12,12 +12,12 @@ from slipstream_lab.simulation.evaluation.measures import (
     Ceilings,
     Compared,
     Evaluation,
-    Spread,
+    SeedSpread,
     compute_ceilings,
     share_of_ceiling,
 )
 from slipstream_lab.simulation.evaluation.report.cells import MEANS, arm_files
-from slipstream_lab.simulation.evaluation.report.formatting import NOTHING, Table, percent
+from slipstream_lab.simulation.evaluation.report.formatting import NOTHING, ReportTable, percent
 from slipstream_lab.simulation.evaluation.report.proximity import proximity_table
 
 _CEILINGS: Final = (
@@ -68,7 +68,7 @@ _REACHES: Final = (
 )
 
 
-def ceiling_tables(evaluation: Evaluation, roads: RoadNetwork) -> tuple[Table, ...]:
+def ceiling_tables(evaluation: Evaluation, roads: RoadNetwork) -> tuple[ReportTable, ...]:
     """What the baseline's legs would cost at best, where their energy goes, and the levers' shares
     of it; nothing where there is no sound baseline.
     """
@@ -85,13 +85,17 @@ def ceiling_tables(evaluation: Evaluation, roads: RoadNetwork) -> tuple[Table, .
     )
 
 
-def _ceiling_table(evaluation: Evaluation, best: Mapping[int, Ceilings]) -> Table:
+def _ceiling_table(evaluation: Evaluation, best: Mapping[int, Ceilings]) -> ReportTable:
     saved = {seed: found.savings() for seed, found in best.items()}
 
     def over(key: str | None) -> str:
-        return NOTHING if key is None else percent(Spread.over([s[key] for s in saved.values()]), 1)
+        return (
+            NOTHING
+            if key is None
+            else percent(SeedSpread.over([s[key] for s in saved.values()]), 1)
+        )
 
-    slower = Spread.over([f.free.travel_s / f.driven.travel_s - 1 for f in best.values()])
+    slower = SeedSpread.over([f.free.travel_s / f.driven.travel_s - 1 for f in best.values()])
     time = {"no signals or traffic": percent(slower, 1, sign=True)}
     rows = tuple(
         (
@@ -102,7 +106,7 @@ def _ceiling_table(evaluation: Evaluation, best: Mapping[int, Ceilings]) -> Tabl
         )
         for words, alone, drafted in _CEILINGS
     )
-    return Table(
+    return ReportTable(
         "Ceilings: what B's legs could save at best",
         ("", "alone", "every kilometre drafted", "travel time"),
         rows,
@@ -117,7 +121,7 @@ def _ceiling_table(evaluation: Evaluation, best: Mapping[int, Ceilings]) -> Tabl
     )
 
 
-def _reach_table(evaluation: Evaluation, best: Mapping[int, Ceilings]) -> tuple[Table, ...]:
+def _reach_table(evaluation: Evaluation, best: Mapping[int, Ceilings]) -> tuple[ReportTable, ...]:
     rows, names = [], [BASELINE]
     for reach in _REACHES:
         found = {
@@ -137,16 +141,16 @@ def _reach_table(evaluation: Evaluation, best: Mapping[int, Ceilings]) -> tuple[
         rows.append(
             (
                 reach.words,
-                percent(Spread.over(list(found.values())), 2, sign=True),
+                percent(SeedSpread.over(list(found.values())), 2, sign=True),
                 reach.ceiling,
-                percent(Spread.over(list(limits.values()))),
-                percent(Spread.over(shares)),
+                percent(SeedSpread.over(list(limits.values()))),
+                percent(SeedSpread.over(shares)),
             )
         )
     if not rows:
         return ()
     return (
-        Table(
+        ReportTable(
             "Levers as shares of their ceilings",
             ("lever", "saving", "ceiling", "at most", "reached"),
             tuple(rows),

@@ -19,7 +19,7 @@ from slipstream_lab.simulation.evaluation.report.cells import (
     why_missing,
 )
 from slipstream_lab.simulation.evaluation.report.formatting import (
-    Table,
+    ReportTable,
     as_markdown,
     join_names,
     number,
@@ -39,7 +39,10 @@ _NO_PLATOON: Final = "Nobody drove in a platoon"
 
 
 def report(
-    evaluation: Evaluation, pictures: Sequence[str], missing: str | None, more: Sequence[Table] = ()
+    evaluation: Evaluation,
+    pictures: Sequence[str],
+    missing: str | None,
+    more: Sequence[ReportTable] = (),
 ) -> str:
     """The whole report."""
     tables = (

@@ -28,7 +28,7 @@ from slipstream_lab.simulation.evaluation.report.cells import (
 )
 from slipstream_lab.simulation.evaluation.report.formatting import (
     NOTHING,
-    Table,
+    ReportTable,
     count,
     join_names,
     number,
@@ -61,7 +61,7 @@ LOSSES: Final[tuple[Callable[[Measures], float], ...]] = (
 )
 
 
-def day_table(evaluation: Evaluation) -> Table:
+def day_table(evaluation: Evaluation) -> ReportTable:
     """The paper's summary of its day, its columns beside ours."""
     names = [n for n in (SHORTEST, BASELINE, COOPERATIVE, EVERY_LEVER) if n in evaluation]
     papers = (PAPER_BASELINE, PAPER_COOPERATIVE)
@@ -95,7 +95,7 @@ def day_table(evaluation: Evaluation) -> Table:
             lambda name: equal_time(evaluation, name),
         ),
     )
-    return Table(
+    return ReportTable(
         "The day, beside the paper's",
         ("", "paper: baseline", "paper: cooperative", *(f"ours: {name}" for name in names)),
         rows,
@@ -109,7 +109,7 @@ def day_table(evaluation: Evaluation) -> Table:
     )
 
 
-def energy_table(evaluation: Evaluation) -> Table:
+def energy_table(evaluation: Evaluation) -> ReportTable:
     """Every arm: energy, time, what was delivered, and the saving by each measure."""
     names = [name for name in evaluation.runs if name in evaluation]
     rows = tuple(
@@ -128,7 +128,7 @@ def energy_table(evaluation: Evaluation) -> Table:
         )
         for name in names
     )
-    return Table(
+    return ReportTable(
         "Arms",
         (
             *("arm", "seeds", "kWh", "km", "travel h", "orders served", "late", "Wh/order"),
@@ -144,7 +144,7 @@ def energy_table(evaluation: Evaluation) -> Table:
     )
 
 
-def parts_table(evaluation: Evaluation) -> Table:
+def parts_table(evaluation: Evaluation) -> ReportTable:
     """The saving by its causes."""
     names = [name for name in evaluation.compared if evaluation.compared[name] and name != BASELINE]
     rows = tuple(
@@ -155,7 +155,7 @@ def parts_table(evaluation: Evaluation) -> Table:
         )
         for name in names
     )
-    return Table(
+    return ReportTable(
         "Where the saving comes from",
         (
             *("arm", "distance, kWh", "drag, kWh", "acceleration, kWh", "sum, kWh"),
@@ -171,7 +171,7 @@ def parts_table(evaluation: Evaluation) -> Table:
     )
 
 
-def losses_table(evaluation: Evaluation) -> Table:
+def losses_table(evaluation: Evaluation) -> ReportTable:
     """Every arm: what its energy went into."""
     names = [name for name in evaluation.runs if name in evaluation]
     rows = tuple(
@@ -183,7 +183,7 @@ def losses_table(evaluation: Evaluation) -> Table:
         )
         for name in names
     )
-    return Table(
+    return ReportTable(
         "What the energy went into",
         (
             *("arm", "Wh/km", "rolling, kWh", "drag, kWh", "braked to deliver, kWh"),
@@ -195,7 +195,7 @@ def losses_table(evaluation: Evaluation) -> Table:
     )
 
 
-def driving_table(evaluation: Evaluation) -> Table:
+def driving_table(evaluation: Evaluation) -> ReportTable:
     """Every arm: how it drove, and what others had of it."""
     names = [name for name in evaluation.runs if name in evaluation]
     rows = tuple(
@@ -215,7 +215,7 @@ def driving_table(evaluation: Evaluation) -> Table:
         )
         for name in names
     )
-    return Table(
+    return ReportTable(
         "How they drove",
         (
             *("arm", "stops", "stops/km", "standing, h", "platooned km", "planned", "share"),
@@ -235,7 +235,7 @@ def driving_table(evaluation: Evaluation) -> Table:
     )
 
 
-def waits_table(evaluation: Evaluation) -> Table:
+def waits_table(evaluation: Evaluation) -> ReportTable:
     """Every arm: how long its vehicles waited, and for how long they drove."""
     names = [name for name in evaluation.runs if name in evaluation]
     rows = tuple(
@@ -246,7 +246,7 @@ def waits_table(evaluation: Evaluation) -> Table:
         )
         for name in names
     )
-    return Table(
+    return ReportTable(
         "Waits",
         ("arm", *WAIT_HEADS, "late"),
         rows,

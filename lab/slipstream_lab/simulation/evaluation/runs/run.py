@@ -12,7 +12,7 @@ from pathlib import Path
 
 from slipstream_lab.simulation.closed_loop.policy import Policy
 from slipstream_lab.simulation.closed_loop.record import ArmResult
-from slipstream_lab.simulation.evaluation.runs.store import Store, write_atomically
+from slipstream_lab.simulation.evaluation.runs.store import ArmStore, write_atomically
 from slipstream_lab.simulation.sumo import Progress
 
 Simulate = Callable[[Policy, int, Progress], ArmResult]
@@ -38,7 +38,7 @@ def run_missing(
     policies: Sequence[Policy],
     seeds: Sequence[int],
     span_s: tuple[float, float],
-    store: Store,
+    store: ArmStore,
     simulate: Simulate,
     workers: int,
     progress: Callable[[float, float], None],

@@ -32,7 +32,7 @@ class StoredArm:
     result: ArmResult
 
 
-class Store:
+class ArmStore:
     """The arms of one folder; another run must not write to it until this is left.
 
     Args:

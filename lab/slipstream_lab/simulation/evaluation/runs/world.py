@@ -19,7 +19,7 @@ from slipstream_lab.simulation.evaluation.runs.provenance import Provenance, pro
 from slipstream_lab.simulation.scenarios.demand import DAY_S
 from slipstream_lab.simulation.scenarios.record import HOUR_S
 from slipstream_lab.simulation.scenarios.scenario import (
-    Background,
+    BackgroundTraffic,
     Scenario,
     SignalControl,
     day_spec,
@@ -90,7 +90,7 @@ class World:
         self._scenario = files.load()
         self._lock = threading.Lock()
         self._recording: dict[int, threading.Lock] = {}
-        self._backgrounds: dict[int, tuple[Background, tuple[Path, ...]]] = {}
+        self._backgrounds: dict[int, tuple[BackgroundTraffic, tuple[Path, ...]]] = {}
 
     @property
     def provenance(self) -> Provenance:
@@ -112,7 +112,7 @@ class World:
         """The world itself."""
         return self._scenario
 
-    def background(self, seed: int) -> Background:
+    def background(self, seed: int) -> BackgroundTraffic:
         """A seed's background, made when it is first needed.
 
         Raises:
@@ -202,7 +202,7 @@ class World:
                 record_history(day, self._scenario.network, at_begin).save(path)
             return path
 
-    def _background(self, seed: int) -> tuple[Background, tuple[Path, ...]]:
+    def _background(self, seed: int) -> tuple[BackgroundTraffic, tuple[Path, ...]]:
         """A seed's background and further files, made when the first arm of it needs them."""
         with self._lock:
             if seed not in self._backgrounds:

@@ -37,7 +37,7 @@ class Junction:
 
 
 @dataclass(frozen=True)
-class Road:
+class PlannedRoad:
     """One direction of a road.
 
     Attributes:
@@ -80,7 +80,7 @@ class NetworkPlan:
 
     name: str
     junctions: tuple[Junction, ...]
-    roads: tuple[Road, ...]
+    roads: tuple[PlannedRoad, ...]
     turns: tuple[Turn, ...] = ()
     geographic: bool = False
 
@@ -140,7 +140,7 @@ def write_plain(plan: NetworkPlan, folder: Path) -> list[str]:
     return options
 
 
-def _shape(plan: NetworkPlan, road: Road) -> str:
+def _shape(plan: NetworkPlan, road: PlannedRoad) -> str:
     if not road.shape:
         return ""
     places = {junction.id: (junction.x, junction.y) for junction in plan.junctions}

@@ -12,7 +12,7 @@ import numpy as np
 from edge_daemon.camera import WatchedSegment
 from edge_daemon.settings import StabilitySettings
 from slipstream_lab.simulation.ground_truth import TrueWindow, Truth, true_window
-from slipstream_lab.simulation.rsus import Rsu, Stretch
+from slipstream_lab.simulation.rsus import Rsu, WatchedStretch
 
 _LANE_M: Final = 3.2
 _NOBODY: Final = -1e6
@@ -88,11 +88,13 @@ class Observer:
             for (rsu, stretch), seen in zip(self._watched, self._seen, strict=True)
         )
 
-    def _window(self, stretch: Stretch, seen: list[list[ObservedVehicle]]) -> TrueWindow | None:
+    def _window(
+        self, stretch: WatchedStretch, seen: list[list[ObservedVehicle]]
+    ) -> TrueWindow | None:
         return window_of(stretch, seen, self._step_s, self._rule)
 
 
-def observed_vehicles(stretch: Stretch) -> list[ObservedVehicle]:
+def observed_vehicles(stretch: WatchedStretch) -> list[ObservedVehicle]:
     """The vehicles on a stretch in the running simulation."""
     import libsumo
 
@@ -111,7 +113,7 @@ def observed_vehicles(stretch: Stretch) -> list[ObservedVehicle]:
 
 
 def window_of(
-    stretch: Stretch,
+    stretch: WatchedStretch,
     seen: Sequence[Sequence[ObservedVehicle]],
     step_s: float,
     rule: StabilitySettings,
@@ -158,7 +160,7 @@ def window_of(
     return true_window(truth, _straight(stretch, lanes), 0.0, steps * step_s, rule)
 
 
-def _straight(stretch: Stretch, lanes: int) -> WatchedSegment:
+def _straight(stretch: WatchedStretch, lanes: int) -> WatchedSegment:
     """A watched segment along the x-axis; x is the distance along the segment."""
     low, high, width = stretch.from_m, stretch.to_m, lanes * _LANE_M
     outline = np.array([(low, 0.0), (high, 0.0), (high, width), (low, width)])

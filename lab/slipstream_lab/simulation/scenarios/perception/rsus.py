@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from math import hypot
 
 from slipstream.roads import RoadNetwork
-from slipstream_lab.simulation.rsus import Rsu, Stretch
+from slipstream_lab.simulation.rsus import Rsu, WatchedStretch
 
 
 def place_rsus(
@@ -35,7 +35,7 @@ def place_rsus(
             continue
         end_m = round(segment.length_m - setback_m, 1)
         begin_m = max(0.0, round(end_m - max_m, 1))
-        stretch = Stretch(segment=name, from_m=begin_m, to_m=end_m)
+        stretch = WatchedStretch(segment=name, from_m=begin_m, to_m=end_m)
         chosen.append(Rsu(id=f"rsu-{len(chosen) + 1:02}", watch=(stretch,)))
         taken.append(place)
     return tuple(chosen)
