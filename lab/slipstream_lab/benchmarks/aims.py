@@ -15,11 +15,7 @@ import psutil
 
 @dataclass(frozen=True)
 class Check:
-    """One aim.
-
-    Attributes:
-        reached: None where it could not be measured.
-    """
+    """One aim. `reached`: None where it could not be measured."""
 
     what: str
     measured: str

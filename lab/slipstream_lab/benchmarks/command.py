@@ -28,10 +28,8 @@ def say(text: str) -> None:
 
 
 def parts_of(text: str, known: Sequence[str]) -> tuple[str, ...]:
-    """Names of a benchmark's parts, separated by commas, in the order of those known.
-
-    Raises:
-        InputError: an unknown one.
+    """Names of a benchmark's parts, separated by commas, in the order of those known. Raises
+    InputError: an unknown one.
     """
     names = text.split(",")
     for name in names:

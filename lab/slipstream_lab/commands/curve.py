@@ -35,10 +35,8 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 
 def parse_numbers(key: str, text: str, least: int, example: str) -> tuple[int, ...]:
-    """Whole numbers of a comma-separated list, rising, each once.
-
-    Raises:
-        InputError: there is none, or one below `least`.
+    """Whole numbers of a comma-separated list, rising, each once. Raises InputError: there is
+    none, or one below `least`.
     """
     try:
         numbers = sorted({int(part) for part in text.split(",") if part.strip()})
@@ -62,10 +60,8 @@ class Curve:
 
     @classmethod
     def of(cls, options: argparse.Namespace) -> Self | None:
-        """By the command's options; None where they do not ask for a curve.
-
-        Raises:
-            InputError: options that are wrong, or do not go together.
+        """By the command's options; None where they do not ask for a curve. Raises InputError:
+        options that are wrong, or do not go together.
         """
         from slipstream_lab.simulation.evaluation.arms import wants_exogenous
 

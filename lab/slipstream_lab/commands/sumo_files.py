@@ -37,10 +37,8 @@ def add_options(command: argparse.ArgumentParser, built_in: str | None = None) -
 
 
 def sumo_files(options: argparse.Namespace) -> SumoFiles:
-    """What the options name; of a configuration a line says what of it is not taken.
-
-    Raises:
-        InputError: a configuration that is none, or one beside a net or routes.
+    """What the options name; of a configuration a line says what of it is not taken. Raises
+    InputError: a configuration that is none, or one beside a net or routes.
     """
     from slipstream_lab.simulation.sumo import SumoFiles, read_configuration
 

@@ -210,10 +210,8 @@ def true_window(
     rule: StabilitySettings,
     band: float = 0.1,
 ) -> TrueWindow | None:
-    """Features over all vehicles whose middle is in the segment in [begin_s, end_s].
-
-    Args:
-        band: relative width around a threshold within which a flag is a matter of luck.
+    """Features over all vehicles whose middle is in the segment in [begin_s, end_s]. `band`:
+    relative width around a threshold within which a flag is a matter of luck.
     """
     seen = (truth.time_s >= begin_s - 1e-9) & (truth.time_s <= end_s + 1e-9)
     frames = len(np.unique(truth.frame[seen]))

@@ -148,11 +148,7 @@ class RsuFile(Settings):
 
 
 def is_one_camera(path: Path) -> bool:
-    """Whether a file is of a single camera.
-
-    Raises:
-        InputError: it cannot be read.
-    """
+    """Whether a file is of a single camera. Raises InputError: it cannot be read."""
     data = read_data(path)
     return isinstance(data, dict) and "schema" in data
 
@@ -236,10 +232,8 @@ def _check_view(view: ViewSettings, path: Path, key: str) -> None:
 
 
 def _of_one_camera(path: Path) -> Rsu:
-    """An RSU of a file of one camera; what it watches must be said in metres.
-
-    Raises:
-        InputError: it is malformed, or leaves open which metres are watched.
+    """An RSU of a file of one camera; what it watches must be said in metres. Raises InputError:
+    it is malformed, or leaves open which metres are watched.
     """
     one = load_rsu(path)
     stretches = []

@@ -111,7 +111,6 @@ def test_the_report_shows_times_and_folders() -> None:
     [
         (["--only", "nothing"], "--only"),
         (["--seeds", "one"], "--seeds"),
-        (["--hours", "9-8"], "--hours"),
         (["--scenarios", "paris"], "--scenarios"),
     ],
 )

@@ -78,11 +78,7 @@ class _Heard:
 
 
 def measure(vans: int, seconds: float, folder: Path, say: Callable[[str], None]) -> AgentFigures:
-    """Run some agents for some time.
-
-    Raises:
-        RuntimeError: the process ended.
-    """
+    """Run some agents for some time. Raises RuntimeError: the process ended."""
     folder.mkdir(parents=True, exist_ok=True)
     say(f"{vans} agents, {seconds:.0f} s")
     with Router() as router, Bus.open(BusSettings(connect=(router.endpoint,))) as bus:

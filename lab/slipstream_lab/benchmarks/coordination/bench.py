@@ -53,10 +53,8 @@ SHORT: Final = CoordinationBenchForm(
 
 @dataclass(frozen=True)
 class CoordinationBenchSettings:
-    """What is planned and where it goes.
-
-    Attributes:
-        out: folder for the report and the cells; those of an earlier run are gone on with.
+    """What is planned and where it goes. `out`: folder for the report and the cells; those of an
+    earlier run are gone on with.
     """
 
     out: Path = Path(".slipstream/bench-coordination")
@@ -82,14 +80,6 @@ def run_bench(settings: CoordinationBenchSettings, say: Callable[[str], None]) -
             say(f"{number} of {len(cells)}: {cell.name}")
         results.append(measured(cell, folder, say))
         report.write(settings.out, results, _about(settings, load))
-    return results
-
-
-def written(settings: CoordinationBenchSettings) -> list[CellResult]:
-    """Report of what there is already; nothing is planned."""
-    folder = settings.out / "cells"
-    results = [r for cell in settings.form.cells() if (r := found(cell, folder)) is not None]
-    report.write(settings.out, results, _about(settings, Load()))
     return results
 
 

@@ -41,10 +41,8 @@ class ShownCity:
 
 @dataclass(frozen=True)
 class DashboardFigures:
-    """What was measured.
-
-    Attributes:
-        first_paint_s: to Chromium's first content, s; None: there is no Chromium.
+    """What was measured. `first_paint_s`: to Chromium's first content, s; None: there is no
+    Chromium.
     """
 
     city: ShownCity
@@ -71,10 +69,8 @@ class DashboardFigures:
 def measure(
     city: ShownCity, seconds: float, folder: Path, say: Callable[[str], None]
 ) -> DashboardFigures:
-    """Show a city for some time.
-
-    Raises:
-        RuntimeError: a process ended, or the dashboard did not start.
+    """Show a city for some time. Raises RuntimeError: a process ended, or the dashboard did not
+    start.
     """
     folder.mkdir(parents=True, exist_ok=True)
     say(f"{city.roads} roads, {city.vans} vans, {city.rsus} RSUs, {seconds:.0f} s")

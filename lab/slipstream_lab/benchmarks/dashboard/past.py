@@ -69,10 +69,8 @@ class PastFigures:
 def measure(
     say: Callable[[str], None], *, days: int = DAYS, folder: Path | None = None, seed: int = 1
 ) -> PastFigures:
-    """Fill a database and look at moments at its other end.
-
-    Args:
-        folder: for the database, which stays; None: one that goes.
+    """Fill a database and look at moments at its other end. `folder`: for the database, which
+    stays; None: one that goes.
     """
     with tempfile.TemporaryDirectory() as made:
         path = (folder or Path(made)) / "past.db"

@@ -29,10 +29,8 @@ _HEIGHTS_PX: Final = (0.0, 12.0, 20.0, 40.0, np.inf)
 
 @dataclass(frozen=True)
 class BoxLabels:
-    """Boxes drawn on some frames of a clip, every vehicle of them.
-
-    Attributes:
-        boxes: by frame, x1, y1, x2, y2 in px, shape (n, 4).
+    """Boxes drawn on some frames of a clip, every vehicle of them. `boxes`: by frame, x1, y1, x2,
+    y2 in px, shape (n, 4).
     """
 
     sha256: str
@@ -57,9 +55,7 @@ class BoxScore:
 
 def load_labels(path: Path) -> BoxLabels:
     """Read ``labels/*.csv``: a first line ``# sha256 of the clip``, columns as in `_COLUMNS`.
-
-    Raises:
-        InputError: another first line or other columns, an unknown class, no box.
+    Raises InputError: another first line or other columns, an unknown class, no box.
     """
     first, *rest = path.read_text(encoding="utf-8-sig").splitlines()
     sha256 = first.removeprefix("# ").strip()

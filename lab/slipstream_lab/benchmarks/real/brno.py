@@ -115,11 +115,7 @@ def find_recordings(folder: Path) -> list[tuple[Path, Path]]:
 
 
 def load_recording(truth: Path, tracks: Path) -> GatedRecording:
-    """Read a recording.
-
-    Raises:
-        InputError: a file is not of the published form.
-    """
+    """Read a recording. Raises InputError: a file is not of the published form."""
     try:
         table = _literal(_read(truth))
         fps = float(table["fps"])

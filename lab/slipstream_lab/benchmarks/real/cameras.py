@@ -29,10 +29,8 @@ _STEP: Final = 1e-4
 
 @dataclass(frozen=True)
 class Surveyed:
-    """A camera over a road, with its one segment between the gates.
-
-    Attributes:
-        speed_error: relative standard error of a speed between the gates, from the calibration.
+    """A camera over a road, with its one segment between the gates. `speed_error`: relative
+    standard error of a speed between the gates, from the calibration.
     """
 
     camera: Camera

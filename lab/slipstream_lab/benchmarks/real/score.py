@@ -53,11 +53,7 @@ class Matched:
 
 @dataclass(frozen=True)
 class SpeedFigures:
-    """What the rules ask for.
-
-    Attributes:
-        in_interval: share of true speeds inside the 95 % interval.
-    """
+    """What the rules ask for. `in_interval`: share of true speeds inside the 95 % interval."""
 
     matched: int
     bias_percent: float

@@ -32,10 +32,8 @@ _KMH: Final = 3.6
 
 @dataclass(frozen=True)
 class VehicleSpeed:
-    """One tracked vehicle between the gates.
-
-    Attributes:
-        error_kmh: its standard error; the calibration's is part of it.
+    """One tracked vehicle between the gates. `error_kmh`: its standard error; the calibration's is
+    part of it.
     """
 
     track: int

@@ -30,20 +30,14 @@ class CitySize:
     stops: int
     segments: int
 
-    def with_vehicles(self, vehicles: int, *, growing: bool = False) -> CitySize:
-        """The same for another fleet; stops grow with it, and the network where wanted."""
-        factor = vehicles / self.vehicles
-        segments = round(self.segments * factor) if growing else self.segments
-        return CitySize(vehicles, round(self.stops * factor), segments)
+    def with_vehicles(self, vehicles: int) -> CitySize:
+        """The same for another fleet; stops grow with it, on the same network."""
+        return CitySize(vehicles, round(self.stops * vehicles / self.vehicles), self.segments)
 
 
 @dataclass(frozen=True)
 class RoutingBenchForm:
-    """How much is measured.
-
-    Attributes:
-        fleets: sizes for the slope; the network is that of ``city``, or grows in its proportion.
-    """
+    """How much is measured. `fleets`: sizes for the slope, on the network of ``city``."""
 
     repeats: int = 5
     city: CitySize = CitySize(200, 1000, 2000)
@@ -54,8 +48,6 @@ class RoutingBenchForm:
     best_s: float = 600.0
     best_seeds: tuple[int, ...] = (1,)
     fleets: tuple[int, ...] = (10, 20, 50, 100, 200, 350, 500)
-    fleet_seeds: tuple[int, ...] = (1,)
-    growing: bool = False
     rivals: CitySize = CitySize(40, 200, 400)
     rival_s: float = 60.0
     rival_seeds: tuple[int, ...] = tuple(range(1, 21))
@@ -74,8 +66,6 @@ SHORT: Final = RoutingBenchForm(
     large_s=20.0,
     best_s=20.0,
     fleets=(5, 10, 20),
-    fleet_seeds=(1,),
-    growing=False,
     rivals=CitySize(10, 50, 200),
     rival_s=5.0,
     rival_seeds=(1, 2, 3),
@@ -87,11 +77,7 @@ SHORT: Final = RoutingBenchForm(
 
 @dataclass(frozen=True)
 class RoutingBenchSettings:
-    """What is measured and where it goes.
-
-    Attributes:
-        plots: folder for the plots; None: beside the report.
-    """
+    """What is measured and where it goes. `plots`: their folder; None: beside the report."""
 
     out: Path = Path(".slipstream/bench-routing")
     plots: Path | None = None
@@ -168,9 +154,7 @@ class _Bench:
 
 def run_bench(settings: RoutingBenchSettings, say: Callable[[str], None]) -> RoutingResults:
     """Measure all and write the report; it is written after each part, so that none is lost.
-
-    Raises:
-        InputError: a folder cannot be used.
+    Raises InputError: a folder cannot be used.
     """
     for folder in (settings.out, settings.plots or settings.out):
         try:
@@ -207,22 +191,10 @@ def _large(bench: _Bench, results: RoutingResults) -> RoutingResults:
 
 
 def _scaling(bench: _Bench, results: RoutingResults) -> RoutingResults:
-    return replace(
-        results,
-        fixed=tuple(_series(bench, growing=False)),
-        growing=tuple(_series(bench, growing=True)) if bench.form.growing else (),
-    )
-
-
-def _series(bench: _Bench, *, growing: bool) -> Iterator[CityRun]:
-    """All sizes once, then again: a busy minute does not hit one size alone.
-
-    Searches end by what they have done, not by the clock.
-    """
-    for seed in bench.form.fleet_seeds:
-        for vehicles in bench.form.fleets:
-            size = bench.form.city.with_vehicles(vehicles, growing=growing)
-            yield from bench.city(size, seed, _GENEROUS_S, 1, "--unguarded")
+    """Searches end by what they have done, not by the clock."""
+    sizes = [bench.form.city.with_vehicles(vehicles) for vehicles in bench.form.fleets]
+    runs = [r for size in sizes for r in bench.city(size, 1, _GENEROUS_S, 1, "--unguarded")]
+    return replace(results, fixed=tuple(runs))
 
 
 def _rivals(bench: _Bench, results: RoutingResults) -> RoutingResults:

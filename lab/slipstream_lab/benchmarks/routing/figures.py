@@ -15,10 +15,8 @@ SAME_KWH: Final = 1e-6
 
 @dataclass(frozen=True)
 class SolverAnswer:
-    """One solver on one named instance.
-
-    Attributes:
-        objective_kwh: of the worst repeat; None if one gave no valid answer.
+    """One solver on one named instance. `objective_kwh`: of the worst repeat; None if one gave no
+    valid answer.
     """
 
     wall_s: tuple[float, ...]
@@ -135,10 +133,8 @@ def saved_share(value: float, reference: float) -> float:
 
 
 def log_slope(sizes: Sequence[float], times_s: Sequence[float]) -> float:
-    """Exponent b of times ≈ a · sizes^b: the least-squares slope of the logarithms.
-
-    Raises:
-        ValueError: fewer than two different sizes, or a value that is not positive.
+    """Exponent b of times ≈ a · sizes^b: the least-squares slope of the logarithms. Raises
+    ValueError: fewer than two different sizes, or a value that is not positive.
     """
     if len(set(sizes)) < 2 or min(*sizes, *times_s) <= 0:
         raise ValueError("a slope needs two sizes and positive times")

@@ -123,10 +123,8 @@ def exact_drives(city: Instance, choice: Choice) -> tuple[Route, ...]:
 def measured(
     city: Instance, drives: Sequence[Route], places: Mapping[Passage, Place]
 ) -> tuple[float, float]:
-    """(physical energy, kWh; time on the road, h) of exact drives.
-
-    Args:
-        places: in platoons; of passages that are left out vehicles are alone.
+    """(physical energy, kWh; time on the road, h) of exact drives. `places`: in platoons; of
+    passages that are left out vehicles are alone.
     """
     energies = [route_energy(city.problem, route, places) for route in drives]
     return sum(e.driven.total_kwh for e in energies), sum(e.driving_s for e in energies) / 3600

@@ -53,7 +53,6 @@ class RoutingResults:
     best: tuple[CityRun, ...] = ()
     large: tuple[CityRun, ...] = ()
     fixed: tuple[CityRun, ...] = ()
-    growing: tuple[CityRun, ...] = ()
     rivals: tuple[CityRun, ...] = ()
     gaps: tuple[Gap, ...] = ()
     missing: tuple[str, ...] = ()
@@ -70,7 +69,7 @@ def checks(results: RoutingResults) -> list[Check]:
         *_instance_checks(results.instances),
         *_city_checks(results),
         *_large_checks(results.large),
-        *_slope_checks(results),
+        *_slope_checks(results.fixed),
         *_rival_checks(results.rivals),
         *_gap_checks(results.gaps),
     ]
@@ -158,22 +157,19 @@ def _large_checks(runs: Sequence[CityRun]) -> list[Check]:
     ]
 
 
-def _slope_checks(results: RoutingResults) -> list[Check]:
-    found = []
-    for runs, what in ((results.fixed, "fixed"), (results.growing, "growing with the fleet")):
-        times = medians_by_size(runs)
-        if len(times) < 2:
-            continue
-        slope = log_slope(*zip(*times, strict=True))
-        found.append(
-            Check(
-                f"log-log slope of time, {times[0][0]} to {times[-1][0]} vehicles, network {what}",
-                f"{slope:.2f}",
-                f"≤ {MAX_SLOPE:g}",
-                slope <= MAX_SLOPE,
-            )
+def _slope_checks(runs: Sequence[CityRun]) -> list[Check]:
+    times = medians_by_size(runs)
+    if len(times) < 2:
+        return []
+    slope = log_slope(*zip(*times, strict=True))
+    return [
+        Check(
+            f"log-log slope of time, {times[0][0]} to {times[-1][0]} vehicles, network fixed",
+            f"{slope:.2f}",
+            f"≤ {MAX_SLOPE:g}",
+            slope <= MAX_SLOPE,
         )
-    return found
+    ]
 
 
 def _rival_checks(runs: Sequence[CityRun]) -> list[Check]:
@@ -258,13 +254,8 @@ def markdown(results: RoutingResults, about: Mapping[str, object]) -> str:
     if results.large:
         best_kwh = min(run.objective_kwh for run in results.large)
         lines += ["", "## The largest city", "", *city_table(results.large, (), best_kwh)]
-    if results.fixed or results.growing:
-        lines += [
-            "",
-            "## Time against fleet size",
-            "",
-            *scaling_table(results.fixed, results.growing),
-        ]
+    if results.fixed:
+        lines += ["", "## Time against fleet size", "", *scaling_table(results.fixed)]
     if results.rivals:
         lines += ["", "## Against the rivals", "", *rival_tables(results.rivals)]
     if results.gaps:

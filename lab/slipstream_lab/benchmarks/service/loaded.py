@@ -71,11 +71,8 @@ def _process(*command: str, **pipes: int) -> Iterator[subprocess.Popen[str]]:
 
 @dataclass(frozen=True)
 class Loaded:
-    """What a load did.
-
-    Attributes:
-        dispatcher_share: processor time of the dispatcher while messages came, of one core, its
-            cycles included.
+    """What a load did. `dispatcher_share`: processor time of the dispatcher while messages came,
+    of one core, its cycles included.
     """
 
     sent: int

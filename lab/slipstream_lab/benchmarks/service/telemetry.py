@@ -23,11 +23,8 @@ FLEET: Final[dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class TelemetryFigures:
-    """What was measured.
-
-    Attributes:
-        p99_s: upper bound of the 99th percentile, from publication to the traffic table, s; None:
-            above the histogram's largest bound.
+    """What was measured. `p99_s`: upper bound of the 99th percentile, from publication to the
+    traffic table, s; None: above the histogram's largest bound.
     """
 
     rsus: int
@@ -56,10 +53,8 @@ class TelemetryFigures:
 def measure(
     rsus: int, segments_each: int, seconds: float, folder: Path, say: Callable[[str], None]
 ) -> TelemetryFigures:
-    """Send each segment's state once a second for some time.
-
-    Raises:
-        RuntimeError: a process ended, or the dispatcher did not start.
+    """Send each segment's state once a second for some time. Raises RuntimeError: a process ended,
+    or the dispatcher did not start.
     """
     say(f"{rsus} RSUs with {segments_each} segments each, {seconds:.0f} s")
     watched, settings = watched_grid(folder, rsus, segments_each)

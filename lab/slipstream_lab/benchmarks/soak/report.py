@@ -19,10 +19,8 @@ def write(
     samples: Sequence[ProcessSample],
     about: Mapping[str, object],
 ) -> None:
-    """Write report.md, report.json, processes.csv.
-
-    Args:
-        folder: an existing folder; files of an earlier soak are replaced.
+    """Write report.md, report.json, processes.csv. `folder`: an existing folder; files of an
+    earlier soak are replaced.
     """
     content = {"green": verdict.green, **asdict(verdict)}
     write_report(folder, markdown(verdict, about), about, content)

@@ -66,10 +66,8 @@ class _Running:
 def run_soak(
     settings: SoakSettings, on_progress: Callable[[int, int], None] = lambda done, total: None
 ) -> SoakVerdict:
-    """Run, judge and write the report; a KeyboardInterrupt ends the run early.
-
-    Raises:
-        InputError: the daemons did not come up, or the output folder cannot be used.
+    """Run, judge and write the report; a KeyboardInterrupt ends the run early. Raises InputError:
+    the daemons did not come up, or the output folder cannot be used.
     """
     state = _prepare(settings)
     load = Load()

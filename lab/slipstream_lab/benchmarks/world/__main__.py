@@ -32,8 +32,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--short", action="store_true", help="a quarter of an hour, one seed")
     parser.add_argument("--only", default=",".join(PARTS), help=f"some of {','.join(PARTS)}")
     parser.add_argument("--seeds", help="days, as 1,2,3 (default: 1,2,3; short: 1)")
-    parser.add_argument("--hours", help="of the savings, as 6-10 (default: 0-24)")
-    parser.add_argument("--arms", help="of the savings, as slipstream evaluate takes them")
     parser.add_argument("--scenarios", help="some of troy,corridor")
     parser.add_argument("--out", type=Path, default=_DEFAULTS.out, help="folder for all results")
     parser.add_argument("--json", action="store_true", help="print the report as JSON")
@@ -60,16 +58,7 @@ def _form(options: argparse.Namespace) -> WorldBenchForm:
         if strange is not None:
             raise InputError("--scenarios", f"no world {strange!r}", "use troy, corridor")
         form = replace(form, scenarios=names)
-    if options.hours is not None:
-        begin, _, end = options.hours.partition("-")
-        try:
-            span = float(begin), float(end)
-        except ValueError:
-            span = (0.0, 0.0)
-        if not 0 <= span[0] < span[1] <= 24:
-            raise InputError("--hours", f"{options.hours!r}", "give hours of a day, as 6-10")
-        form = replace(form, saving_span_h=span)
-    return form if options.arms is None else replace(form, saving_arms=options.arms)
+    return form
 
 
 def _seeds(text: str) -> tuple[int, ...]:

@@ -70,10 +70,8 @@ SHORT: Final = WorldBenchForm(
 
 @dataclass(frozen=True)
 class WorldBenchSettings:
-    """What is measured and where it goes.
-
-    Attributes:
-        out: folder for the report and the evaluations; those of an earlier run are gone on with.
+    """What is measured and where it goes. `out`: folder for the report and the evaluations; those
+    of an earlier run are gone on with.
     """
 
     out: Path = Path(".slipstream/bench-world")
@@ -162,9 +160,7 @@ class _Bench:
 
 def run_bench(settings: WorldBenchSettings, say: Callable[[str], None]) -> WorldResults:
     """Measure all and write the report; it is written after each part, so that none is lost.
-
-    Raises:
-        InputError: the folder cannot be used.
+    Raises InputError: the folder cannot be used.
     """
     try:
         settings.out.mkdir(parents=True, exist_ok=True)

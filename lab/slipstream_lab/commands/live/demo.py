@@ -121,10 +121,8 @@ def place_of_demo(
     town: WorldSpec | None = None,
     tours: Path | None = None,
 ) -> SiteSpec:
-    """What the demo's site.toml says.
-
-    Args:
-        town: whose vans are dispatched and have agents; None: the two vans of the demo's fleet.
+    """What the demo's site.toml says. `town`: whose vans are dispatched and have agents; None: the
+    two vans of the demo's fleet.
     """
     return SiteSpec(
         network=DEMO_NETWORK,
@@ -169,10 +167,8 @@ def _of_town() -> dict[str, object]:
 
 
 def agents(world: WorldSpec, folder: Path) -> dict[str, object]:
-    """The agents of a world's vehicles, in one process.
-
-    Args:
-        folder: for their tours; those of a world before are over.
+    """The agents of a world's vehicles, in one process. `folder`: for their tours; those of a
+    world before are over.
     """
     from slipstream_lab.simulation.sumo import TYPES
 

@@ -53,9 +53,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 def check_options(options: argparse.Namespace, names: Sequence[str]) -> None:
     """Refuse unknown solvers, options that none of the solvers has, and values out of bounds.
-
-    Raises:
-        InputError: naming the option.
+    Raises InputError: naming the option.
     """
     from dispatcher_daemon.settings import solver_names
 
@@ -137,9 +135,7 @@ def _check_backend(text: str, qubits: int) -> None:
 
 def settings_of(options: argparse.Namespace) -> DispatcherSettings:
     """Settings with what was given on the command line; their types set its choices and bounds.
-
-    Raises:
-        InputError: naming the option: a solver has no such variant, or takes no such number.
+    Raises InputError: naming the option: a solver has no such variant, or takes no such number.
     """
     from dispatcher_daemon.settings import DispatcherSettings
     from slipstream.config import check
@@ -172,10 +168,8 @@ def settings_of(options: argparse.Namespace) -> DispatcherSettings:
 
 
 def make_solvers(names: Sequence[str], options: argparse.Namespace) -> list[Solver]:
-    """The solvers by name, each once.
-
-    Raises:
-        InputError: what they need is missing: credentials, a device, a variant.
+    """The solvers by name, each once. Raises InputError: what they need is missing: credentials, a
+    device, a variant.
     """
     from dispatcher_daemon.solvers import make_solver
 

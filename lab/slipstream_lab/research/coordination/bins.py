@@ -54,11 +54,8 @@ class Bins:
 
 
 def choose_bins(case: CoordinationCase) -> Bins:
-    """The shortest bins that fit the driving times and the memory.
-
-    Raises:
-        ValueError: none fits: two ways between the same links, say, take times that no multiple of
-            a bin lies between.
+    """The shortest bins that fit the driving times and the memory. Raises ValueError: none fits:
+    two ways between the same links, say, take times that no multiple of a bin lies between.
     """
     longest_ms = int(case.useful_ms.max() + 1)
     in_all_ms = int((case.link_count * (case.useful_ms + 1)).sum())

@@ -112,10 +112,8 @@ class _Prices:
         return values
 
     def descend(self, values: list[Floats], temperature: float, step: float) -> None:
-        """Move shares towards trips that answer with a bin, and γ against its slope.
-
-        Args:
-            step: of the logarithms of shares, for an answer that is one bin's.
+        """Move shares towards trips that answer with a bin, and γ against its slope. `step`: of
+        the logarithms of shares, for an answer that is one bin's.
         """
         slope = np.zeros(len(self._loss))
         for number, (part, value) in enumerate(zip(self._bins.parts, values, strict=True)):

@@ -81,11 +81,7 @@ class CoordinationCase:
 
 
 def build_case(freight: Freight, price_kw: float, sync_window_s: float) -> CoordinationCase:
-    """The arrays of some trips.
-
-    Raises:
-        ValueError: a price that is negative or not finite.
-    """
+    """The arrays of some trips. Raises ValueError: a price that is negative or not finite."""
     first_of = _links(freight)
     numbers: dict[str, int] = {}
     parts: list[list[FreightSegment]] = []

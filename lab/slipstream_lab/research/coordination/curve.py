@@ -199,10 +199,8 @@ Their shares do not compare point by point; the upper bound is of what is planne
 def write_curve(
     folder: Path, results: Sequence[CellResult], driven: Mapping[int, Evaluation]
 ) -> str | None:
-    """Write `density.md` and `density.png`; returns why there is no picture, if so.
-
-    Raises:
-        InputError: a file cannot be written.
+    """Write `density.md` and `density.png`; returns why there is no picture, if so. Raises
+    InputError: a file cannot be written.
     """
     parts = [as_markdown(table) for table in planned_tables(results)]
     if driven:

@@ -66,9 +66,7 @@ def draw(results: Sequence[CellResult], driven: Mapping[int, Evaluation], path: 
 
 def figure(plt: Any, results: Sequence[CellResult], driven: Mapping[int, Evaluation]) -> Any:
     """A panel for each price of waiting and number of carriers, and one of what was driven.
-
-    Args:
-        driven: evaluations by vehicles a day; none: no panel of them.
+    `driven`: evaluations by vehicles a day; none: no panel of them.
     """
     drawn, panels = plt.subplots(
         2, 3, figsize=(9.2, 6.2), layout="constrained", sharey=True, width_ratios=(1, 1, 0.95)

@@ -40,10 +40,8 @@ class PlanOutcome:
 
 
 def check(case: CoordinationCase, plan: Plan) -> None:
-    """Check that a plan can be driven, and nobody is late.
-
-    Raises:
-        ValueError: another shape, a wait below 0, or one beyond a trip's latest arrival.
+    """Check that a plan can be driven, and nobody is late. Raises ValueError: another shape, a
+    wait below 0, or one beyond a trip's latest arrival.
     """
     if plan.shape != case.stop_kwh.shape or plan.dtype != np.int64:
         raise ValueError(f"a plan of shape {case.stop_kwh.shape} in ms is needed")
@@ -54,10 +52,8 @@ def check(case: CoordinationCase, plan: Plan) -> None:
 
 
 def evaluate(case: CoordinationCase, plan: Plan) -> PlanOutcome:
-    """Form the platoons of a plan as the dispatcher does, link by link, and add up.
-
-    Raises:
-        ValueError: `check`.
+    """Form the platoons of a plan as the dispatcher does, link by link, and add up. Raises
+    ValueError: `check`.
     """
     check(case, plan)
     saved_kwh, platooned_m = _drafting(case, plan)

@@ -16,10 +16,8 @@ _COUNTS: Final = 1024
 
 @dataclass(frozen=True)
 class Worth:
-    """What it is worth to be with others on a link, in shares of its savings.
-
-    Attributes:
-        leader: share of a leader's saving by the number of others, from 0 on.
+    """What it is worth to be with others on a link, in shares of its savings. `leader`: share of a
+    leader's saving by the number of others, from 0 on.
     """
 
     leader: Floats
@@ -47,11 +45,7 @@ class Schedule:
     """
 
     def __init__(self, case: CoordinationCase, plan: Plan, driving: Ints | None = None) -> None:
-        """Put trips on the roads.
-
-        Args:
-            driving: those that are; None: all. The others can be added.
-        """
+        """Put trips on the roads. `driving`: those that are; None: all. The others can be added."""
         self.case, self.plan = case, plan.copy()
         self._first_ms = int(case.ready_ms.min())
         last_ms = int(case.ready_ms.max() + case.slack_ms.max() + case.offset_ms.max())
@@ -183,10 +177,8 @@ class _Part:
 def answer_in_turn(
     case: CoordinationCase, plan: Plan, worth: Worth, max_rounds: int, order: Ints | None = None
 ) -> Plan:
-    """Each trip in turn takes its best answer to the others, until nobody changes.
-
-    Args:
-        order: of the turns; None: as the trips get ready.
+    """Each trip in turn takes its best answer to the others, until nobody changes. `order`: of the
+    turns; None: as the trips get ready.
     """
     schedule = Schedule(case, plan)
     turns = np.argsort(case.ready_ms, kind="stable") if order is None else order

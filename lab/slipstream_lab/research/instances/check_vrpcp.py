@@ -36,18 +36,10 @@ class Invalid(ValueError):
 
 
 class VrpcpInstance:
-    """What an instance file holds.
-
-    Attributes:
-        arcs: (number, cost in kWh) by vehicle, start and end.
-    """
+    """What an instance file holds. `arcs`: (number, cost in kWh) by vehicle, start and end."""
 
     def __init__(self, text: str) -> None:
-        """Read the text of a file.
-
-        Raises:
-            BadInstance: with what is wrong.
-        """
+        """Read the text of a file. Raises BadInstance: with what is wrong."""
         given, rows = _sections(text)
         if given.get("TYPE") != "VRPCP":
             raise BadInstance("TYPE is not VRPCP")
@@ -88,10 +80,8 @@ class VrpcpInstance:
                 raise BadInstance(f"{key} is {given.get(key)}, the sections have {count}")
 
     def objective(self, routes: dict[int, list[int]]) -> float:
-        """The objective in kWh of routes by vehicle.
-
-        Raises:
-            Invalid: with the rule that they break.
+        """The objective in kWh of routes by vehicle. Raises Invalid: with the rule that they
+        break.
         """
         for vehicle in range(1, self.vehicles + 1):
             if not routes.get(vehicle):
@@ -119,10 +109,8 @@ class VrpcpInstance:
 
 
 def check_solution(instance: VrpcpInstance, text: str) -> float:
-    """The objective in kWh of a solution file's text.
-
-    Raises:
-        Invalid: with the rule that it breaks.
+    """The objective in kWh of a solution file's text. Raises Invalid: with the rule that it
+    breaks.
     """
     routes: dict[int, list[int]] = {}
     cost = None

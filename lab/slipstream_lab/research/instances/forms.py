@@ -30,10 +30,8 @@ def instance_cycle(
 def arc_form_of(
     instance: Instance, seed: int = 1, settings: DispatcherSettings = DEFAULT_SETTINGS
 ) -> ArcForm:
-    """The arc form of an instance; stops that no vehicle can serve are left out.
-
-    Raises:
-        InputError: the arc form cannot express the fleet, or no stop can be served.
+    """The arc form of an instance; stops that no vehicle can serve are left out. Raises
+    InputError: the arc form cannot express the fleet, or no stop can be served.
     """
     cycle = instance_cycle(instance, seed, settings)
     routing, unserved = servable_part(cycle.problem, cycle.snapshot)
@@ -48,10 +46,8 @@ def arc_form_of(
 def route_form_of(
     instance: Instance, seed: int = 1, settings: DispatcherSettings = DEFAULT_SETTINGS
 ) -> RouteForm:
-    """The route form of an instance: all its vehicles as one block.
-
-    Raises:
-        InputError: no stop can be served.
+    """The route form of an instance: all its vehicles as one block. Raises InputError: no stop can
+    be served.
     """
     with ThreadPoolExecutor(max_workers=1) as executor:
         form = route_form(instance_cycle(instance, seed, settings), executor)

@@ -59,10 +59,8 @@ class Recipe:
 
 @dataclass(frozen=True)
 class GeneratedInstance:
-    """A generated instance.
-
-    Attributes:
-        draw: how many were drawn until one fitted the recipe, counted from 0.
+    """A generated instance. `draw`: how many were drawn until one fitted the recipe, counted from
+    0.
     """
 
     problem: RoutingProblem
@@ -72,9 +70,7 @@ class GeneratedInstance:
 
 def generate(recipe: Recipe, seed: int) -> GeneratedInstance:
     """The first instance of the seed's stream that fits the recipe; same arguments, same instance.
-
-    Raises:
-        ValueError: fewer sites than stops, or none of the first 20,000 draws fits.
+    Raises ValueError: fewer sites than stops, or none of the first 20,000 draws fits.
     """
     for draw in range(_DRAWS):
         problem, snapshot = _draw(recipe, np.random.default_rng([seed, draw]))

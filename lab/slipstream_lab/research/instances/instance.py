@@ -35,10 +35,8 @@ from slipstream_lab.research.instances.tables import (
 
 @dataclass(frozen=True)
 class Optimum:
-    """The best solution known.
-
-    Attributes:
-        routes: stops in order, by vehicle; a vehicle that stays at its depot has none.
+    """The best solution known. `routes`: stops in order, by vehicle; a vehicle that stays at its
+    depot has none.
     """
 
     form: Literal["arc", "route"]
@@ -87,10 +85,8 @@ def load_instance(path: str | Path) -> Instance:
 
 
 def instance_from(data: object, source: str | Path) -> Instance:
-    """Check plain data as an instance; errors as in `load_instance`.
-
-    Args:
-        source: what errors name; the path of a SUMO net counts from its folder.
+    """Check plain data as an instance; errors as in `load_instance`. `source`: what errors name;
+    the path of a SUMO net counts from its folder.
     """
     if isinstance(data, Mapping) and "matrix" in data:
         mend = "take `slipstream solve --instance`, or give a network"

@@ -26,10 +26,8 @@ _INFEASIBLE_SHARE = 0.15
 def random_arc_problem(
     rng: np.random.Generator, max_variables: int, encoding: Encoding = "reduced"
 ) -> ArcProblem:
-    """An arc problem of 1 to 3 vehicles and 1 to 5 customers.
-
-    Args:
-        max_variables: of its QUBO in this encoding, at least 12.
+    """An arc problem of 1 to 3 vehicles and 1 to 5 customers. `max_variables`: of its QUBO in this
+    encoding, at least 12.
     """
     while True:
         vehicles = int(rng.integers(1, 4))

@@ -38,10 +38,8 @@ _FEATURES: Final = (
 
 @dataclass(frozen=True)
 class FeatureScore:
-    """How one feature compares over the windows.
-
-    Attributes:
-        covered_95: share of true values within ± 1.96 standard errors.
+    """How one feature compares over the windows. `covered_95`: share of true values within ± 1.96
+    standard errors.
     """
 
     mean_abs_error: float
@@ -52,10 +50,8 @@ class FeatureScore:
 
 @dataclass(frozen=True)
 class ClassScore:
-    """How well the vehicles of one class are followed.
-
-    Attributes:
-        followed: share of their true boxes that a track has; which boxes: see `Scores`.
+    """How well the vehicles of one class are followed. `followed`: share of their true boxes that
+    a track has; which boxes: see `Scores`.
     """
 
     vehicles: int

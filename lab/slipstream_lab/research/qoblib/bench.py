@@ -152,10 +152,8 @@ def _record(task: Task, case: QoblibCase, store: Store, executor: WorkerExecutor
 
 
 def find_cases(data: Path, most: int | None) -> list[QoblibCase]:
-    """The instances of a folder, those with the fewest routes first.
-
-    Raises:
-        InputError: there are none, or one is malformed or cannot be modelled.
+    """The instances of a folder, those with the fewest routes first. Raises InputError: there are
+    none, or one is malformed or cannot be modelled.
     """
     for folder in (data / "09-routing" / "instances", data / "instances", data):
         paths = sorted(folder.glob("*.vrp"))

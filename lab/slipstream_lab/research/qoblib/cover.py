@@ -156,10 +156,8 @@ def _shortest(
 
 
 def _tours(cost: Floats, places: Index) -> tuple[Index, Floats]:
-    """Shortest tours from place 0 over sets of m places, shapes (sets, m) and (sets,).
-
-    Args:
-        places: shape (sets, m).
+    """Shortest tours from place 0 over sets of m places, shapes (sets, m) and (sets,). `places`:
+    shape (sets, m).
     """
     sets, m = places.shape
     between = cost[places[:, :, None], places[:, None, :]]

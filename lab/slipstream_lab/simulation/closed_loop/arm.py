@@ -93,11 +93,7 @@ def run_arm(order: ArmSpec, progress: Progress | None = None) -> ArmResult:
 
 
 def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmResult:
-    """Simulate in this process.
-
-    Raises:
-        InputError: SUMO refuses a file.
-    """
+    """Simulate in this process. Raises InputError: SUMO refuses a file."""
     # Imported here: they need libsumo, or take a second to load.
     from dispatcher_daemon.fleet.learning import History
     from slipstream_lab.simulation.closed_loop.dispatching import Dispatching

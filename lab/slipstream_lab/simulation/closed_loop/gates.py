@@ -29,10 +29,8 @@ _MIN_VEHICLES: Final = StabilitySettings().min_vehicles
 
 
 class SimulatedRoadside:
-    """RSUs of a running simulation: windows, reports with errors, gates.
-
-    Args:
-        noise: the paper's, on the features.
+    """RSUs of a running simulation: windows, reports with errors, gates. `noise`: the paper's, on
+    the features.
     """
 
     def __init__(self, rsus: Sequence[Rsu], seed: int, noise: float, gating: Gating) -> None:
@@ -105,11 +103,8 @@ def _gated(state: SegmentState, open_: bool) -> SegmentState:
 def open_gates(
     gating: Gating, watched: Collection[str], reported: Collection[str], seed: int
 ) -> frozenset[str]:
-    """The segments whose gates are open.
-
-    Args:
-        gating: `random` permutes the reported gates over the segments once a day, so that as many
-            are open for as long.
+    """The segments whose gates are open. `gating`: `random` permutes the reported gates over the
+    segments once a day, so that as many are open for as long.
     """
     if gating == "open":
         return frozenset(watched)

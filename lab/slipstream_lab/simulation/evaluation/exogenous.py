@@ -46,10 +46,8 @@ _STEP_S: Final = 1.0
 
 @dataclass(frozen=True)
 class ExogenousSpec:
-    """One exogenous arm, for a subprocess.
-
-    Attributes:
-        span_s: begin and end of the orders' release; the record goes on until their arms end.
+    """One exogenous arm, for a subprocess. `span_s`: begin and end of the orders' release; the
+    record goes on until their arms end.
     """
 
     files: WorldFiles

@@ -50,11 +50,8 @@ class _Tour:
 
 @dataclass
 class Tours:
-    """Vehicles idle and under way, orders taken and served.
-
-    Attributes:
-        idle: when each vehicle is ready at its depot, s since midnight; those under way are left
-            out.
+    """Vehicles idle and under way, orders taken and served. `idle`: when each vehicle is ready at
+    its depot, s since midnight; those under way are left out.
     """
 
     deliveries: Deliveries

@@ -59,11 +59,7 @@ def drafting(
     gates: RoadsideGates,
     laws: Mapping[str, DragLaw] | None = None,
 ) -> Drafting:
-    """The drag reductions of a step.
-
-    Args:
-        laws: by vehicle; of others the paper's.
-    """
+    """The drag reductions of a step. `laws`: by vehicle; of others the paper's."""
     front_of: dict[str, str] = {}
     ahead_m: dict[str, float] = {}
     behind_m: dict[str, float] = {}

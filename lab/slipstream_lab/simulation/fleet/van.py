@@ -13,10 +13,8 @@ from slipstream_lab.simulation.scenarios.demand import Deliveries
 
 @dataclass
 class SimulatedVan:
-    """One vehicle of the fleet.
-
-    Attributes:
-        since_ns: since when it stands; advice from before is for the road.
+    """One vehicle of the fleet. `since_ns`: since when it stands; advice from before is for the
+    road.
     """
 
     segment: str
@@ -36,10 +34,8 @@ class SimulatedVan:
 
 @dataclass
 class DrivenWay:
-    """A leg that is driven.
-
-    Attributes:
-        behind: segments of the path that lay behind when SUMO was given its present route.
+    """A leg that is driven. `behind`: segments of the path that lay behind when SUMO was given its
+    present route.
     """
 
     plan: VehiclePlan

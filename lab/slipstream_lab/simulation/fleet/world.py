@@ -116,10 +116,8 @@ class FleetWorld:
         return sum(van.measured is not None for van in self._vans.values())
 
     def step(self) -> list[DrivenLeg]:
-        """Move by one step; the legs that ended in it.
-
-        Raises:
-            InputError: SUMO refuses a vehicle or a route.
+        """Move by one step; the legs that ended in it. Raises InputError: SUMO refuses a vehicle
+        or a route.
         """
         now_s, now_ns = self._session.time_s, self._clock_ns()
         for name, van in self._vans.items():

@@ -25,11 +25,7 @@ so that the times of arrival, which are all that a receiver has, are as even as 
 
 @dataclass(frozen=True)
 class CameraSpec:
-    """A camera to be.
-
-    Attributes:
-        clip: seed and pictures a second; its files are named in complaints.
-    """
+    """A camera to be. `clip`: seed and pictures a second; its files are named in complaints."""
 
     site: RsuSettings
     pose: Pose
@@ -65,10 +61,8 @@ class SimulatedCamera:
         return place
 
     def show(self, vehicles: list[ViewedVehicle], due_s: float) -> None:
-        """Have a picture painted, unless the one before is not done.
-
-        Raises:
-            ChildProcessError: the process died.
+        """Have a picture painted, unless the one before is not done. Raises ChildProcessError: the
+        process died.
         """
         if self._busy and self._connection.poll():
             self._receive()

@@ -13,11 +13,7 @@ as a burst of steps would show vehicles racing."""
 
 @dataclass
 class WorldPace:
-    """Steps of a simulation that runs in real time.
-
-    Attributes:
-        clock: monotonic, s.
-    """
+    """Steps of a simulation that runs in real time. `clock`: monotonic, s."""
 
     step_s: float
     clock: Callable[[], float]

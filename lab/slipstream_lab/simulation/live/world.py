@@ -103,10 +103,8 @@ class _World:
         self._gridlock, self._look_s = GridlockWatch(), session.time_s + CHECK_S
 
     def run(self, connection: Connection) -> None:
-        """Step by step, until the other end says something or is gone.
-
-        Raises:
-            InputError: SUMO refuses a vehicle, or nothing moves any more.
+        """Step by step, until the other end says something or is gone. Raises InputError: SUMO
+        refuses a vehicle, or nothing moves any more.
         """
         reported_s = 0.0
         while not connection.poll(self._pace.wait_s()):

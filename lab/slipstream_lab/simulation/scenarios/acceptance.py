@@ -46,11 +46,7 @@ class AcceptanceLimits:
         return tuple(faults)
 
     def check(self, day: SimulatedDay, scenario: str) -> None:
-        """Refuse a day that is not fit.
-
-        Raises:
-            InputError: naming every fault.
-        """
+        """Refuse a day that is not fit. Raises InputError: naming every fault."""
         faults = self.faults(day)
         if faults:
             raise InputError(scenario, "; ".join(faults), "take fewer trips or another network")

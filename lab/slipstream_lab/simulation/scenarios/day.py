@@ -85,11 +85,7 @@ def run_day(spec: DaySpec, progress: Progress | None = None) -> SimulatedDay:
 
 
 def simulate(spec: DaySpec, report_time: Callable[[float], None]) -> SimulatedDay:
-    """Simulate in this process.
-
-    Raises:
-        InputError: SUMO refuses a file.
-    """
+    """Simulate in this process. Raises InputError: SUMO refuses a file."""
     from slipstream_lab.simulation.sumo.session import SumoSession
 
     began = time.monotonic()

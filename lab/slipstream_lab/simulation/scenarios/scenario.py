@@ -227,9 +227,7 @@ def fleet_settings(
     name: str, file: Path | None, *, own_net: bool, own_routes: bool
 ) -> FleetSettings:
     """The fleet of `load_scenario`: a file's, a built-in scenario's, or one that is made up.
-
-    Raises:
-        InputError: the file is missing or faulty.
+    Raises InputError: the file is missing or faulty.
     """
     if file is None and not own_net:
         file = _folder(name) / "fleet.toml"

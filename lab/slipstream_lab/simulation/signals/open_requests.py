@@ -13,11 +13,7 @@ _LAPSED_S: Final = 2.5
 
 @dataclass
 class OpenRequest:
-    """A vehicle before a signal.
-
-    Attributes:
-        number: the vehicle's, of the request.
-    """
+    """A vehicle before a signal. `number`: the vehicle's, of the request."""
 
     vehicle: str
     number: int

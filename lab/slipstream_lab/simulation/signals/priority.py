@@ -53,9 +53,7 @@ class _Grant:
 
 class Priority:
     """What the signals of the running simulation do about the requests that they have heard.
-
-    Args:
-        signals: of the running simulation; changes of their times are reported to it.
+    `signals`: of the running simulation; changes of their times are reported to it.
     """
 
     def __init__(self, signals: RunningSignals, settings: PrioritySettings | None = None) -> None:

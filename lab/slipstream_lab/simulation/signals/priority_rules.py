@@ -61,9 +61,7 @@ def decide(
     latest_s: float,
 ) -> ExtendPhase | EndPhase | None:
     """What to do with the running phase for a vehicle; None: nothing helps or nothing is needed.
-
-    Args:
-        end_s: when it would end without priority; at the earliest, if it is actuated.
+    `end_s`: when it would end without priority; at the earliest, if it is actuated.
     """
     running = program.phases[phase]
     if running.clearing or len(running.next) != 1:

@@ -38,10 +38,8 @@ class RunningProgram:
 
 
 class RunningSignals:
-    """The signals of the running simulation.
-
-    Args:
-        min_green_s: what a green of fixed time keeps when it is shortened; less if it is shorter.
+    """The signals of the running simulation. `min_green_s`: what a green of fixed time keeps when
+    it is shortened; less if it is shorter.
     """
 
     def __init__(self, min_green_s: float = 8.0) -> None:
@@ -97,10 +95,8 @@ class RunningSignals:
         return known
 
     def changed(self, intersection: str, compensation_s: Mapping[int, float]) -> None:
-        """Take in a change of a signal's times.
-
-        Args:
-            compensation_s: what its phases owe now; see `Program.course`.
+        """Take in a change of a signal's times. `compensation_s`: what its phases owe now; see
+        `Program.course`.
         """
         self._running.pop(intersection, None)
         self._compensation_s[intersection] = dict(compensation_s)

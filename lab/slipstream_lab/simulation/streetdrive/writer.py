@@ -47,11 +47,7 @@ class ClipSummary:
 
 
 def make_folder(out_dir: Path) -> None:
-    """Make the folder if it is missing.
-
-    Raises:
-        InputError: it cannot be made.
-    """
+    """Make the folder if it is missing. Raises InputError: it cannot be made."""
     try:
         out_dir.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -61,18 +61,14 @@ class SumoSession:
         return float(libsumo.simulation.getTime())
 
     def advance(self, until_s: float | None = None) -> None:
-        """Move by one step, or by steps until a time.
-
-        Raises:
-            InputError: SUMO refuses a vehicle or a route.
+        """Move by one step, or by steps until a time. Raises InputError: SUMO refuses a vehicle or
+        a route.
         """
         self.run(lambda: libsumo.simulationStep(until_s or 0.0))
 
     def run(self, command: Callable[[], object]) -> None:
-        """Have SUMO do something that it may refuse, with or without an exception.
-
-        Raises:
-            InputError: it did.
+        """Have SUMO do something that it may refuse, with or without an exception. Raises
+        InputError: it did.
         """
         reasons: list[str] = []
         try:

@@ -100,11 +100,7 @@ def _axis_rad(stretches: tuple[SegmentStretch, ...], heading_rad: float) -> floa
 
 
 class SumoRenderer:
-    """One clip's camera and backdrop.
-
-    Raises:
-        InputError: an edge that cannot be watched.
-    """
+    """One clip's camera and backdrop. Raises InputError: an edge that cannot be watched."""
 
     def __init__(self, settings: SumoClipSettings, rsu: RsuSettings, pose: Pose, roads: LaneRoads):
         self.settings = settings

@@ -78,11 +78,8 @@ class Simulation:
         self._stop()
 
     def frames(self) -> Iterator[list[ViewedVehicle]]:
-        """The vehicles of each frame.
-
-        Raises:
-            InputError: SUMO refuses a vehicle or a route or dies of it, no vehicle drives, or a
-                vehicle's class has no shape.
+        """The vehicles of each frame. Raises InputError: SUMO refuses a vehicle or a route or dies
+        of it, no vehicle drives, or a vehicle's class has no shape.
         """
         for _ in range(self._spec.frames):
             vehicles = self._receive()

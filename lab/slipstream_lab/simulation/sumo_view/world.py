@@ -77,18 +77,14 @@ class SumoViewWorld:
         return self._session.time_s
 
     def advance(self, until_s: float | None = None) -> None:
-        """Move by one step, or by steps until a time.
-
-        Raises:
-            InputError: SUMO refuses a vehicle or a route.
+        """Move by one step, or by steps until a time. Raises InputError: SUMO refuses a vehicle or
+        a route.
         """
         self._session.advance(until_s)
 
     def require_vehicles(self) -> None:
-        """Make sure that there is something to see.
-
-        Raises:
-            InputError: no vehicle drives, and none is due.
+        """Make sure that there is something to see. Raises InputError: no vehicle drives, and none
+        is due.
         """
         if libsumo.simulation.getMinExpectedNumber() == 0:
             raise InputError(
@@ -124,10 +120,8 @@ class SumoViewWorld:
         return states
 
     def kind(self, name: str) -> Kind:
-        """What kind of vehicle it is; it must be on the road.
-
-        Raises:
-            InputError: a vehicle class that has no shape.
+        """What kind of vehicle it is; it must be on the road. Raises InputError: a vehicle class
+        that has no shape.
         """
         if name not in self._kinds:
             vclass = libsumo.vehicle.getVehicleClass(name)
@@ -156,10 +150,8 @@ class SumoViewWorld:
 def drive(
     world: SumoViewWorld, begin_s: float, fps: float, frames: int
 ) -> Iterator[list[ViewedVehicle]]:
-    """The vehicles around the world's point in each frame; the first frame is at `begin_s`.
-
-    Raises:
-        InputError: SUMO refuses a vehicle or a route, or a vehicle's class has no shape.
+    """The vehicles around the world's point in each frame; the first frame is at `begin_s`. Raises
+    InputError: SUMO refuses a vehicle or a route, or a vehicle's class has no shape.
     """
     numbers: dict[str, int] = {}
     start_s = round(begin_s / STEP_S) * STEP_S

@@ -110,10 +110,8 @@ def export_model(settings: ExportSettings) -> ExportReport:
 
 
 def load_yolo(weights: Path) -> Any:
-    """A YOLO11 detector, on the processor, with nothing sent or fetched by its library.
-
-    Raises:
-        InputError: no such file, or another kind of model.
+    """A YOLO11 detector, on the processor, with nothing sent or fetched by its library. Raises
+    InputError: no such file, or another kind of model.
     """
     if not weights.is_file():
         raise InputError(weights, "no such weights", "give a YOLO11 .pt file")
@@ -137,9 +135,7 @@ def load_yolo(weights: Path) -> Any:
 
 def keep_vehicles(yolo: Any, source: Path) -> tuple[tuple[str, ...], int]:
     """Cut the model's last layer down to the vehicle classes; what it says of these is unchanged.
-
-    Raises:
-        InputError: none of its classes is a vehicle.
+    Raises InputError: none of its classes is a vehicle.
     """
     import torch
 

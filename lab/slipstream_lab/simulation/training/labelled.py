@@ -28,9 +28,7 @@ class LabelledSet:
 
     def boxes(self, picture: Path, size: tuple[int, int]) -> Boxes:
         """True boxes of a picture of (width, height), px; other things than vehicles are left out.
-
-        Raises:
-            InputError: a line of its label file is no box.
+        Raises InputError: a line of its label file is no box.
         """
         path = label_of(picture)
         rows = []
@@ -57,10 +55,8 @@ def label_of(picture: Path) -> Path:
 
 
 def read_labelled_set(data: Path, split: str = "val") -> LabelledSet:
-    """Read a split of a data.yaml and find its pictures.
-
-    Raises:
-        InputError: the file, the split or its pictures are missing, or no class is a vehicle.
+    """Read a split of a data.yaml and find its pictures. Raises InputError: the file, the split or
+    its pictures are missing, or no class is a vehicle.
     """
     content = _read_yaml(data)
     names = content.get("names")

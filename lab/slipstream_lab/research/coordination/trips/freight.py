@@ -29,10 +29,8 @@ class FreightSegment:
 
 @dataclass(frozen=True)
 class Trip:
-    """One vehicle's drive.
-
-    Attributes:
-        ready_ms: earliest departure, since midnight; below 0: the day before.
+    """One vehicle's drive. `ready_ms`: earliest departure, since midnight; below 0: the day
+    before.
     """
 
     id: str

@@ -105,19 +105,15 @@ def has_matrices(data: object) -> bool:
 
 
 def load_matrix_instance(path: str | Path) -> MatrixInstance:
-    """Read an instance with matrices from a JSON or TOML file.
-
-    Raises:
-        InputError: naming file, key and mend.
+    """Read an instance with matrices from a JSON or TOML file. Raises InputError: naming file, key
+    and mend.
     """
     return matrix_instance_from(read_data(Path(path)), path)
 
 
 def matrix_instance_from(data: object, source: str | Path) -> MatrixInstance:
-    """Check plain data as an instance with matrices.
-
-    Raises:
-        InputError: as `load_matrix_instance`; also what only roads can express.
+    """Check plain data as an instance with matrices. Raises InputError: as `load_matrix_instance`;
+    also what only roads can express.
     """
     file = check(data, MatrixFile, source)
     seen: set[str] = set()
@@ -141,10 +137,8 @@ def matrix_instance_from(data: object, source: str | Path) -> MatrixInstance:
 
 
 def write_matrix_instance(instance: MatrixInstance, path: Path) -> None:
-    """Write an instance as JSON; read back it is equal.
-
-    Raises:
-        InputError: the file cannot be written.
+    """Write an instance as JSON; read back it is equal. Raises InputError: the file cannot be
+    written.
     """
     text = instance.file.model_dump_json(exclude_none=True, exclude_defaults=True)
     try:

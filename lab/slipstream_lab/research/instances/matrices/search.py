@@ -33,10 +33,8 @@ _TOLERANCE_S: Final = 1e-6
 
 @dataclass(frozen=True)
 class MatrixPlan:
-    """Routes of an instance with matrices.
-
-    Attributes:
-        routes: stops in order by vehicle; none for one that stays.
+    """Routes of an instance with matrices. `routes`: stops in order by vehicle; none for one that
+    stays.
     """
 
     routes: Mapping[str, tuple[str, ...]]

@@ -30,10 +30,8 @@ _LEAST: Final = 1e-6
 
 @dataclass(frozen=True)
 class Solution:
-    """A solution file.
-
-    Attributes:
-        routes: customers in their order, the first after the depot being 1; none: not given.
+    """A solution file. `routes`: customers in their order, the first after the depot being 1;
+    none: not given.
     """
 
     cost: float
@@ -42,10 +40,8 @@ class Solution:
 
 
 def read_solution(path: Path) -> Solution:
-    """Read a solution in CVRPLIB's format.
-
-    Raises:
-        InputError: no cost, two, or something that is no number.
+    """Read a solution in CVRPLIB's format. Raises InputError: no cost, two, or something that is
+    no number.
     """
     cost: tuple[float, int] | None = None
     routes: list[list[int]] = []

@@ -74,11 +74,7 @@ class Ceilings:
 def compute_ceilings(
     arm: ArmResult, roads: RoadNetwork, vehicle: VehicleParameters = PAPER_CAR
 ) -> Ceilings:
-    """Ceilings of an arm.
-
-    Raises:
-        ValueError: the arm drove nothing.
-    """
+    """Ceilings of an arm. Raises ValueError: the arm drove nothing."""
     legs = arm.legs
     if not legs:
         raise ValueError("an arm without legs has no ceilings")
@@ -99,10 +95,8 @@ def share_of_ceiling(saving: float, ceiling: float) -> float | None:
 
 
 def free_drive(path: Sequence[str], roads: RoadNetwork, pace: float = 1.0) -> Drive:
-    """A leg on empty roads without signals: limits, and the speeds that turns allow.
-
-    Raises:
-        KeyError: a segment that the net has not, or two that no lane joins.
+    """A leg on empty roads without signals: limits, and the speeds that turns allow. Raises
+    KeyError: a segment that the net has not, or two that no lane joins.
     """
     lengths, speeds = [], []
     for number, segment in enumerate(path):

@@ -52,10 +52,8 @@ class ArmComparison:
 
 @dataclass(frozen=True)
 class SeedSpread:
-    """Of one figure over the seeds.
-
-    Attributes:
-        deviation: the sample's standard deviation; None of a single seed.
+    """Of one figure over the seeds. `deviation`: the sample's standard deviation; None of a single
+    seed.
     """
 
     mean: float

@@ -19,10 +19,8 @@ from slipstream_lab.simulation.evaluation.runs import ArmStore, Provenance, Stor
 
 @dataclass(frozen=True)
 class Headline:
-    """What an arm saves for each order, at equal travel time, on the same orders.
-
-    Attributes:
-        saving: share of what the baseline needs; None: nothing may be quoted.
+    """What an arm saves for each order, at equal travel time, on the same orders. `saving`: share
+    of what the baseline needs; None: nothing may be quoted.
     """
 
     saving: SeedSpread | None
@@ -86,9 +84,7 @@ class Evaluation:
 
 def collect(store: ArmStore, provenance: Provenance, seeds: Iterable[int]) -> Evaluation:
     """Everything in the store of these seeds, whether it was asked for this time or earlier.
-
-    Raises:
-        InputError: a file is damaged, or of another evaluation.
+    Raises InputError: a file is damaged, or of another evaluation.
     """
     ordered = tuple(sorted(seeds))
     arms = {

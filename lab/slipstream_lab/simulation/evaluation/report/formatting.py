@@ -14,11 +14,7 @@ NOTHING: Final = "–"
 
 @dataclass(frozen=True)
 class ReportTable:
-    """A table of the report.
-
-    Attributes:
-        columns: their heads; the first one names the rows.
-    """
+    """A table of the report. `columns`: their heads; the first one names the rows."""
 
     title: str
     columns: tuple[str, ...]

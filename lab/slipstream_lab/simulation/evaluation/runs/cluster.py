@@ -37,10 +37,8 @@ _LOOK_S: Final = 0.5
 
 @contextmanager
 def arms_on(settings: ClusterSettings) -> Iterator[ArmsOnCluster]:
-    """A connection for a with statement.
-
-    Raises:
-        InputError: a TLS file cannot be used, the extra is not installed, or no worker is ready.
+    """A connection for a with statement. Raises InputError: a TLS file cannot be used, the extra
+    is not installed, or no worker is ready.
     """
     cluster = Cluster(settings, processes=0, functions=(simulate_sent,))
     try:
@@ -67,10 +65,8 @@ class ArmsOnCluster:
         return max(1, self._cluster.slots)
 
     def run(self, order: ArmSpec, progress: Progress) -> ArmResult:
-        """Simulate an arm; its progress is told when it ends.
-
-        Raises:
-            InputError: as `run_arm`, or a worker cannot simulate.
+        """Simulate an arm; its progress is told when it ends. Raises InputError: as `run_arm`, or
+        a worker cannot simulate.
         """
         sent, contents = _with_contents(order)
         for _ in range(_TRIES):

@@ -95,10 +95,8 @@ def run_missing(
 
 
 def record_wall_time(folder: Path, name: str, seed: int, wall_s: float) -> None:
-    """Add an arm's wall time to `run.json`, which is not part of the results.
-
-    Raises:
-        OSError: the disk is full.
+    """Add an arm's wall time to `run.json`, which is not part of the results. Raises OSError: the
+    disk is full.
     """
     path = folder / "run.json"
     try:

@@ -68,10 +68,8 @@ class ArmStore:
         os.close(self._lock)
 
     def put(self, policy: Policy, seed: int, result: ArmResult) -> None:
-        """Keep an arm; its file is there as a whole or not at all.
-
-        Raises:
-            OSError: the disk is full.
+        """Keep an arm; its file is there as a whole or not at all. Raises OSError: the disk is
+        full.
         """
         document = {
             "ground": self._provenance,
@@ -84,10 +82,8 @@ class ArmStore:
         write_atomically(path, json.dumps(document, allow_nan=False) + "\n")
 
     def get(self, policy: Policy, seed: int) -> StoredArm | None:
-        """An arm, if it is there.
-
-        Raises:
-            InputError: its file is damaged, or of another evaluation.
+        """An arm, if it is there. Raises InputError: its file is damaged, or of another
+        evaluation.
         """
         path = self._path(policy.name, seed)
         if not path.exists():

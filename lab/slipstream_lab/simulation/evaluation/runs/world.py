@@ -33,11 +33,7 @@ RunArm = Callable[[ArmSpec, Progress], ArmResult]
 
 @dataclass(frozen=True)
 class WorldFiles:
-    """A scenario as a user names it.
-
-    Attributes:
-        net: a SUMO net of the user's.
-    """
+    """A scenario as a user names it. `net`: a SUMO net of the user's."""
 
     name: str
     net: Path | None = None
@@ -48,10 +44,8 @@ class WorldFiles:
     additional: tuple[Path, ...] = ()
 
     def load(self) -> Scenario:
-        """The scenario.
-
-        Raises:
-            InputError: no such scenario, or a file that is malformed or does not fit the net.
+        """The scenario. Raises InputError: no such scenario, or a file that is malformed or does
+        not fit the net.
         """
         return load_scenario(
             self.name,
@@ -113,11 +107,7 @@ class World:
         return self._scenario
 
     def background(self, seed: int) -> BackgroundTraffic:
-        """A seed's background, made when it is first needed.
-
-        Raises:
-            InputError: it cannot be made.
-        """
+        """A seed's background, made when first needed. Raises InputError: it cannot be made."""
         return self._background(seed)[0]
 
     def simulate(

@@ -139,11 +139,8 @@ class Deliveries:
 def draw_deliveries(
     settings: FleetSettings, network: RoadNetwork, seed: int, source: str | Path = "fleet"
 ) -> Deliveries:
-    """Draw a day's orders; same arguments, same orders.
-
-    Raises:
-        InputError: a depot or a customer's place that the network has not, or more parcels in an
-            order than a vehicle can carry.
+    """Draw a day's orders; same arguments, same orders. Raises InputError: a depot or a customer's
+    place that the network has not, or more parcels in an order than a vehicle can carry.
     """
     rng = np.random.default_rng([seed, _STREAM])
     check_zone("stops", settings.stops, network, source)

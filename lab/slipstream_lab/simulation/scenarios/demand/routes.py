@@ -30,11 +30,7 @@ _HOUR_S: Final = 3600.0
 
 @dataclass(frozen=True)
 class Routes:
-    """Routes of trips.
-
-    Attributes:
-        of_trip: index of each trip's route, shape (n,).
-    """
+    """Routes of trips. `of_trip`: index of each trip's route, shape (n,)."""
 
     segments: tuple[str, ...]
     ways: tuple[tuple[int, ...], ...]

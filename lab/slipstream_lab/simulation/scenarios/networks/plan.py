@@ -38,10 +38,8 @@ class Junction:
 
 @dataclass(frozen=True)
 class PlannedRoad:
-    """One direction of a road.
-
-    Attributes:
-        shape: points between its ends, as the plan counts them; straight if there are none.
+    """One direction of a road. `shape`: points between its ends, as the plan counts them; straight
+    if there are none.
     """
 
     id: str
@@ -56,10 +54,8 @@ class PlannedRoad:
 
 @dataclass(frozen=True)
 class Turn:
-    """An allowed turn from one lane onto another.
-
-    Attributes:
-        speed_mps: limit on it; None: what netconvert derives from how narrow it is.
+    """An allowed turn from one lane onto another. `speed_mps`: limit on it; None: what netconvert
+    derives from how narrow it is.
     """
 
     before: str
@@ -85,11 +81,8 @@ class NetworkPlan:
     geographic: bool = False
 
     def check(self, source: str | Path) -> None:
-        """Check that the parts fit each other.
-
-        Raises:
-            InputError: an id twice, a road to nowhere or from a junction to itself, a number of
-                lanes or a speed that is not positive.
+        """Check that the parts fit each other. Raises InputError: an id twice, a road to nowhere
+        or from a junction to itself, a number of lanes or a speed that is not positive.
         """
         for what, ids in (
             ("junction", [j.id for j in self.junctions]),

@@ -46,10 +46,8 @@ class RoadRow(Settings):
 
 
 def troy_plan(folder: Path | None = None) -> NetworkPlan:
-    """Troy as the project ships it, or another place whose tables have the same form.
-
-    Raises:
-        InputError: a table is missing, malformed or does not fit the other one.
+    """Troy as the project ships it, or another place whose tables have the same form. Raises
+    InputError: a table is missing, malformed or does not fit the other one.
     """
     if folder is None:
         folder = Path(str(resources.files("slipstream_lab.simulation.scenarios") / "data" / "troy"))

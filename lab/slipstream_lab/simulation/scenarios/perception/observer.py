@@ -22,10 +22,8 @@ _MAX_VEHICLE_M: Final = 100.0
 
 @dataclass(frozen=True)
 class Observation:
-    """One window of one watched segment as a perfect observer would report it.
-
-    Attributes:
-        truth: features over the window; None where no vehicle came by.
+    """One window of one watched segment as a perfect observer would report it. `truth`: features
+    over the window; None where no vehicle came by.
     """
 
     time_s: float
@@ -76,11 +74,7 @@ class Observer:
             seen.clear()
 
     def observe(self, time_s: float) -> tuple[Observation, ...]:
-        """The windows that end now.
-
-        Raises:
-            ValueError: fewer looks than a window has steps.
-        """
+        """The windows that end now. Raises ValueError: fewer looks than a window has steps."""
         if any(len(seen) < self._frames for seen in self._seen):
             raise ValueError("a window needs a look at each of its steps")
         return tuple(

@@ -72,10 +72,8 @@ class PerceptionErrors(Settings):
 
 
 def measured_errors(path: Path | None = None) -> PerceptionErrors:
-    """The errors as they were measured on the shipped detector, or another file of them.
-
-    Raises:
-        InputError: the file is malformed.
+    """The errors as they were measured on the shipped detector, or another file of them. Raises
+    InputError: the file is malformed.
     """
     path = path or Path(
         str(resources.files("slipstream_lab.simulation.scenarios") / "data" / "perception.json")
@@ -92,10 +90,8 @@ def measured_errors(path: Path | None = None) -> PerceptionErrors:
 def fit_errors(
     windows: Sequence[tuple[SegmentState, TrueWindow]], provenance: str
 ) -> PerceptionErrors:
-    """Fit the error model to states and the true windows beside them.
-
-    Raises:
-        InputError: too few windows of a kind.
+    """Fit the error model to states and the true windows beside them. Raises InputError: too few
+    windows of a kind.
     """
     seen = [(state, true) for state, true in windows if state.features is not None]
     regimes = []

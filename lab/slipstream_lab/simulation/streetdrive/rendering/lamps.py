@@ -47,10 +47,8 @@ def _beam() -> Grid:
 def light_road(
     image: Image, surface: Image, camera: PinholeCamera, vehicles: Sequence[PlacedMesh]
 ) -> None:
-    """Add the vehicles' low beams to the road; changes the picture in place.
-
-    Args:
-        surface: the same view without vehicles in even light of factor 1.
+    """Add the vehicles' low beams to the road; changes the picture in place. `surface`: the same
+    view without vehicles in even light of factor 1.
     """
     height, width = image.shape[:2]
     size = width // _COARSE, height // _COARSE

@@ -24,10 +24,8 @@ def wet(image: Grid, view: GroundView, road: Road, wetness: float) -> Grid:
 
 
 def snowed(image: Grid, view: GroundView, road: Road, cover: float) -> Grid:
-    """Snow on verges and pavements, and on the carriageway but for the wheels' tracks.
-
-    Args:
-        cover: share of the carriageway that is covered, 0..1.
+    """Snow on verges and pavements, and on the carriageway but for the wheels' tracks. `cover`:
+    share of the carriageway that is covered, 0..1.
     """
     tracks = np.ones_like(view.y)
     for lane in road.lanes:

@@ -214,10 +214,8 @@ def _stop_and_go(lane: Lane, rng: np.random.Generator) -> LanePlan:
 def simulate(
     scenario: str, road: Road, *, seconds: float, fps: float, seed: int, length_of: LengthOf
 ) -> list[VehicleTrack]:
-    """Trajectories of all vehicles of a scenario, sampled at the clip's frames.
-
-    Raises:
-        ValueError: the scenario is unknown.
+    """Trajectories of all vehicles of a scenario, sampled at the clip's frames. Raises ValueError:
+    the scenario is unknown.
     """
     if scenario not in SCENARIOS:
         raise ValueError(f"unknown scenario {scenario!r}")
