@@ -23,6 +23,16 @@ class Check:
     reached: bool | None
 
 
+def at_most(what: str, measured: str, value: float, most: float) -> Check:
+    """An aim that is reached up to a limit."""
+    return Check(what, measured, f"≤ {most:g}", value <= most)
+
+
+def at_least(what: str, measured: str, value: float, least: float) -> Check:
+    """An aim that is reached from a limit on."""
+    return Check(what, measured, f"≥ {least:g}", value >= least)
+
+
 def check_table(checks: Iterable[Check]) -> list[str]:
     """The aims as lines of a Markdown table."""
     words = {True: "reached", False: "MISSED", None: "–"}

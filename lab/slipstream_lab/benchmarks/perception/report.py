@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from slipstream_lab.benchmarks.aims import Check, report_head, write_report
+from slipstream_lab.benchmarks.aims import Check, at_least, at_most, report_head, write_report
 from slipstream_lab.benchmarks.perception.daemons import DaemonRun
 from slipstream_lab.benchmarks.perception.speed import Speed
 
@@ -46,20 +46,11 @@ def checks(results: PerceptionResults) -> list[Check]:
     found = []
     if ours:
         ms = _median([s.ms_per_frame for s in ours])
-        found.append(
-            Check("whole pipeline, ms a frame", f"{ms:.2f}", f"≤ {MAX_MS:g}", ms <= MAX_MS)
-        )
+        found.append(at_most("whole pipeline, ms a frame", f"{ms:.2f}", ms, MAX_MS))
     latencies = [s.latency_ms_p95 for s in results.of(LIVE) if s.latency_ms_p95 is not None]
     if latencies:
         p95 = _median(latencies)
-        found.append(
-            Check(
-                "latency p95 of a live camera, ms",
-                f"{p95:.1f}",
-                f"≤ {MAX_LATENCY_MS:g}",
-                p95 <= MAX_LATENCY_MS,
-            )
-        )
+        found.append(at_most("latency p95 of a live camera, ms", f"{p95:.1f}", p95, MAX_LATENCY_MS))
     for name, least in ((TORCH, MIN_OVER_TORCH), (SAME_EXPORT, MIN_OVER_EXPORT)):
         found.append(_times_faster(results, name, least))
     if results.cameras:
@@ -79,21 +70,21 @@ def checks(results: PerceptionResults) -> list[Check]:
     if ages:
         rates = ", ".join(f"{c.fps:.1f}" for c in results.overload)
         found.append(
-            Check(
+            at_most(
                 f"overloaded cameras at {rates} frames/s: age p95, ms, worst",
                 f"{max(ages):.0f}",
-                f"≤ {MAX_OVERLOAD_MS:g}",
-                max(ages) <= MAX_OVERLOAD_MS,
+                max(ages),
+                MAX_OVERLOAD_MS,
             )
         )
     if results.fast is not None:
         memory = results.fast.memory
         found.append(
-            Check(
+            at_most(
                 "resident memory at full speed, MB",
                 f"{memory.largest:.0f}",
-                f"≤ {MAX_RSS_MB:g}",
-                memory.largest <= MAX_RSS_MB,
+                memory.largest,
+                MAX_RSS_MB,
             )
         )
         if (slope := memory.slope) is not None:
@@ -118,7 +109,7 @@ def _times_faster(results: PerceptionResults, name: str, least: float) -> Check:
         return Check(f"times faster than {name}", "not measured", f"≥ {least:g}", None)
     ratio = _median(ratios)
     spread = f"{ratio:.1f} ({min(ratios):.1f} to {max(ratios):.1f})"
-    return Check(f"times faster than {name}", spread, f"≥ {least:g}", ratio >= least)
+    return at_least(f"times faster than {name}", spread, ratio, least)
 
 
 def _median(values: Sequence[float]) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from slipstream_lab.benchmarks.aims import Check, check_table, machine
+from slipstream_lab.benchmarks.aims import Check, at_most, check_table, machine
 from slipstream_lab.benchmarks.real.boxes import BoxScore
 from slipstream_lab.benchmarks.real.score import SpeedFigures
 
@@ -74,9 +74,7 @@ def checks(tables: Mapping[str, Mapping[str, SpeedFigures]]) -> list[Check]:
             ("mean error", total.mean_kmh, 1.1),
             ("p95", total.p95_kmh, 3.0),
         ):
-            found.append(
-                Check(f"{name}: {what}, km/h", f"{value:.2f}", f"≤ {most:g}", value <= most)
-            )
+            found.append(at_most(f"{name}: {what}, km/h", f"{value:.2f}", value, most))
         inside = total.in_interval
         found.append(
             Check(

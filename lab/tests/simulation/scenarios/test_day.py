@@ -19,7 +19,7 @@ from slipstream_lab.simulation.scenarios.day import DaySpec, run_day
 from slipstream_lab.simulation.scenarios.perception import place_rsus
 from slipstream_lab.simulation.scenarios.perception.observer import ObservedVehicle, window_of
 from slipstream_lab.simulation.scenarios.record import TripInfo, hours_of
-from slipstream_lab.simulation.scenarios.scenario import Scenario, day_spec, load_scenario
+from slipstream_lab.simulation.scenarios.scenario import Scenario, load_scenario
 
 RULE = StabilitySettings().bare()
 
@@ -41,20 +41,6 @@ def test_a_part_of_the_day_runs_and_is_counted(morning: Morning) -> None:
     fastest = 1.25 * max(s.speed_limit_mps for s in morning.scenario.network.segments.values())
     assert np.nanmax(speeds) < fastest
     assert np.isnan(speeds[day.traffic.present_s == 0]).all()
-
-
-@pytest.mark.long
-def test_same_day_twice_is_the_same(morning: Morning) -> None:
-    """Same files, same seed, same record, but for the time it took."""
-    order = day_spec(
-        morning.scenario, morning.background, morning.folder, begin_s=BEGIN_S, end_s=END_S
-    )
-    order = replace(order, window_every_s=60.0)
-    again = run_day(order)
-    one, other = (replace(day, wall_s=0.0) for day in (morning.day, again))
-    for name in ("present_s", "distance_m", "waiting_s", "entered"):
-        assert (getattr(one.traffic, name) == getattr(other.traffic, name)).all()
-    assert replace(one, traffic=other.traffic) == other
 
 
 @pytest.mark.long

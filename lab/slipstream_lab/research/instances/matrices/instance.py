@@ -11,7 +11,7 @@ import numpy as np
 
 from dispatcher_daemon.fleet import Fleet, check_fleet
 from dispatcher_daemon.planning.roads import Floats, given_matrices
-from slipstream.config import check, read_data
+from slipstream.config import check
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork
 from slipstream_lab.research.instances.matrices.schema import MatrixFile, MatrixTable, Measure
@@ -104,16 +104,9 @@ def has_matrices(data: object) -> bool:
     return isinstance(data, Mapping) and "matrix" in data
 
 
-def load_matrix_instance(path: str | Path) -> MatrixInstance:
-    """Read an instance with matrices from a JSON or TOML file. Raises InputError: naming file, key
-    and mend.
-    """
-    return matrix_instance_from(read_data(Path(path)), path)
-
-
 def matrix_instance_from(data: object, source: str | Path) -> MatrixInstance:
-    """Check plain data as an instance with matrices. Raises InputError: as `load_matrix_instance`;
-    also what only roads can express.
+    """Check plain data as an instance with matrices. Raises InputError: naming file, key
+    and mend; also what only roads can express.
     """
     file = check(data, MatrixFile, source)
     seen: set[str] = set()

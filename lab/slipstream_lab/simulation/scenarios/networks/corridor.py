@@ -9,8 +9,6 @@ from pydantic import Field
 
 from slipstream.config import Settings
 from slipstream.errors import InputError
-from slipstream.roads import RoadNetwork
-from slipstream_lab.simulation.rsus import Rsu, WatchedStretch
 from slipstream_lab.simulation.scenarios.networks.plan import (
     Junction,
     NetworkPlan,
@@ -89,47 +87,6 @@ def corridor_plan(settings: CorridorSettings) -> NetworkPlan:
     plan = NetworkPlan("corridor", tuple(junctions), tuple(roads), tuple(turns))
     plan.check("corridor")
     return plan
-
-
-def mainline(settings: CorridorSettings) -> tuple[str, ...]:
-    """Ids of the motorway's own segments, in the order of driving, eastbound first."""
-    count = len(_centres(settings))
-    return tuple(
-        f"{way}{k}_{part}"
-        for way in ("e", "w")
-        for k in range(count + 1)
-        for part in (("leave", "mid", "join", "main") if k else ("main",))
-    )
-
-
-def corridor_rsus(
-    settings: CorridorSettings,
-    network: RoadNetwork,
-    view_m: float = 300.0,
-    keep_s: float = 300.0,
-) -> tuple[Rsu, ...]:
-    """RSUs along the whole motorway: one at each interchange and direction, for its three segments,
-    and one between interchanges; each watches the middle of its segments, lanes for leaving and
-    joining left out.
-
-    By day less than three vehicles come by in a quarter of the minutes, so flags are kept for a
-    while.
-    """
-    watched: dict[str, list[WatchedStretch]] = {}
-    for name in mainline(settings):
-        length = network.segments[name].length_m
-        half = min(view_m, length) / 2
-        stretch = WatchedStretch(
-            segment=name,
-            from_m=round(length / 2 - half, 1),
-            to_m=round(length / 2 + half, 1),
-            from_lane=1 if name.endswith(("_leave", "_join")) else 0,
-        )
-        part = "between" if name.endswith("_main") else "at"
-        watched.setdefault(f"{name.partition('_')[0]}-{part}", []).append(stretch)
-    return tuple(
-        Rsu(id=name, watch=tuple(stretches), keep_s=keep_s) for name, stretches in watched.items()
-    )
 
 
 def _centres(settings: CorridorSettings) -> list[float]:
