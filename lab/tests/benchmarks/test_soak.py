@@ -21,9 +21,9 @@ from slipstream.messages import (
     rsu_health_key,
     state_key,
 )
+from slipstream_lab.benchmarks.observer import BusObserver, StateArrival
 from slipstream_lab.benchmarks.soak import report
 from slipstream_lab.benchmarks.soak.__main__ import main
-from slipstream_lab.benchmarks.soak.observer import BusObserver, StateArrival
 from slipstream_lab.benchmarks.soak.processes import ProcessSample, ProcessTree
 from slipstream_lab.benchmarks.soak.trend import LIMIT_MB, count_trend, memory_trend
 from slipstream_lab.benchmarks.soak.verdict import SoakWindow, judge

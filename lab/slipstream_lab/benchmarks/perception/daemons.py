@@ -18,8 +18,8 @@ import tomli_w
 from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings
 from slipstream.messages import RsuHealth
+from slipstream_lab.benchmarks.observer import BusObserver
 from slipstream_lab.benchmarks.perception.slope import MemoryUse, memory_use
-from slipstream_lab.benchmarks.soak.observer import BusObserver
 
 _START_LIMIT_S = 60.0
 _STOP_LIMIT_S = 15.0

@@ -26,8 +26,8 @@ from slipstream.errors import InputError
 from slipstream.service import die_with_parent
 from slipstream_cli.place.site_file import daemons_of
 from slipstream_lab.benchmarks.aims import Load
+from slipstream_lab.benchmarks.observer import BusObserver
 from slipstream_lab.benchmarks.soak import report
-from slipstream_lab.benchmarks.soak.observer import BusObserver
 from slipstream_lab.benchmarks.soak.processes import ProcessSample, ProcessTree
 from slipstream_lab.benchmarks.soak.verdict import SoakVerdict, SoakWindow, judge
 

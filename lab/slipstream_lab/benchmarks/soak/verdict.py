@@ -10,8 +10,8 @@ from typing import Final
 
 import numpy as np
 
+from slipstream_lab.benchmarks.observer import BusObserver, StateArrival
 from slipstream_lab.benchmarks.perception.slope import MIN_VALUES
-from slipstream_lab.benchmarks.soak.observer import BusObserver, StateArrival
 from slipstream_lab.benchmarks.soak.processes import ProcessSample
 from slipstream_lab.benchmarks.soak.trend import Trend, count_trend, memory_trend
 
