@@ -13,7 +13,7 @@ import pytest
 
 from edge_daemon.camera import load_camera
 from slipstream_cli.main import main
-from slipstream_lab.simulation.streetdrive.rendering.camera import Camera
+from slipstream_lab.simulation.streetdrive.rendering.camera import PinholeCamera
 
 SEGMENT = """
 [[segments]]
@@ -27,7 +27,7 @@ lanes = 2
 @pytest.fixture
 def view(tmp_path: Path) -> Path:
     """A picture, and beside it points.toml of the camera that took it."""
-    camera = Camera(9.0, 8.0, 0.3, -0.2, 1000.0)
+    camera = PinholeCamera(9.0, 8.0, 0.3, -0.2, 1000.0)
     road = np.array([(x, y, 0.0) for x in (18, 30, 45, 80) for y in (-7, 7)])
     pixels, _ = camera.project(road)
     lines = ['name = "north"']

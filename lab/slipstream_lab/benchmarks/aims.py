@@ -15,18 +15,22 @@ import psutil
 
 @dataclass(frozen=True)
 class Check:
-    """One aim.
-
-    Attributes:
-        what: in words.
-        measured, aim: as shown.
-        reached: None where it could not be measured.
-    """
+    """One aim. `reached`: None where it could not be measured."""
 
     what: str
     measured: str
     aim: str
     reached: bool | None
+
+
+def at_most(what: str, measured: str, value: float, most: float) -> Check:
+    """An aim that is reached up to a limit."""
+    return Check(what, measured, f"≤ {most:g}", value <= most)
+
+
+def at_least(what: str, measured: str, value: float, least: float) -> Check:
+    """An aim that is reached from a limit on."""
+    return Check(what, measured, f"≥ {least:g}", value >= least)
 
 
 def check_table(checks: Iterable[Check]) -> list[str]:
@@ -42,14 +46,7 @@ def check_table(checks: Iterable[Check]) -> list[str]:
 def report_head(
     title: str, about: Mapping[str, object], checks: Iterable[Check], missing: Iterable[str] = ()
 ) -> list[str]:
-    """The first lines of a report.
-
-    Args:
-        title: of it.
-        about: where and how it was measured, by name.
-        checks: all aims.
-        missing: why something was not measured.
-    """
+    """The first lines of a report."""
     return [
         f"# {title}",
         "",
@@ -72,13 +69,7 @@ def write_report(
 
 @dataclass(frozen=True)
 class Load:
-    """Load of the machine by other processes since this object was created.
-
-    Attributes:
-        before: load average at creation.
-        stolen_s: steal time of the virtual machine by then, s.
-        total_s: processor time of all kinds by then, s.
-    """
+    """Load of the machine by other processes since this object was created."""
 
     before: float = field(default_factory=lambda: os.getloadavg()[0])
     stolen_s: float = field(default_factory=lambda: _times_s()[0])

@@ -1,7 +1,8 @@
 """`python -m slipstream_lab.benchmarks.capacity`: the tables of docs/capacity.md, from measured
 unit costs.
 
-Every coefficient names the command that measures it; nothing else is assumed but what `Load` says.
+Every coefficient names the command that measures it; nothing else is assumed but what
+`PlannedLoad` says.
 """
 
 from __future__ import annotations
@@ -13,14 +14,7 @@ from typing import Final
 
 @dataclass(frozen=True)
 class Coefficient:
-    """What one unit of load takes.
-
-    Attributes:
-        what: in words.
-        value: in `unit`.
-        unit: of it.
-        command: that measures it.
-    """
+    """What one unit of load takes."""
 
     what: str
     value: float
@@ -78,17 +72,12 @@ ADVICE_HZ: Final = 10
 
 
 @dataclass(frozen=True)
-class Load:
+class PlannedLoad:
     """What is to be carried.
 
     Attributes:
-        name: of a column.
         rsus: cameras, of 30 pictures a second and a state a second for each segment.
-        segments: that each one watches.
         vehicles: of the fleet; each reports once a second.
-        on_road: share of them that drive.
-        interval_s: between cycles.
-        hops: routers between an RSU, or a vehicle, and the dispatcher.
     """
 
     name: str
@@ -101,13 +90,13 @@ class Load:
 
 
 LOADS: Final = (
-    Load("one machine", 2, 4, 50, hops=1),
-    Load("two sites", 60, 4, 500),
-    Load("10,000 RSUs", 10_000, 4, 100_000),
+    PlannedLoad("one machine", 2, 4, 50, hops=1),
+    PlannedLoad("two sites", 60, 4, 500),
+    PlannedLoad("10,000 RSUs", 10_000, 4, 100_000),
 )
 
 
-def needs(load: Load) -> dict[str, str]:
+def needs(load: PlannedLoad) -> dict[str, str]:
     """What a load takes, by its line in the table."""
     states = load.rsus * load.segments
     positions = load.vehicles

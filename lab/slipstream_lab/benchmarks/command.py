@@ -15,13 +15,7 @@ from slipstream_lab.benchmarks.aims import Check
 
 @dataclass(frozen=True)
 class Measured:
-    """Result of a benchmark.
-
-    Attributes:
-        folder: with report.md and report.json.
-        checks: its aims.
-        missing: what could not be measured though it should have been.
-    """
+    """Result of a benchmark."""
 
     folder: Path
     checks: Sequence[Check]
@@ -34,10 +28,8 @@ def say(text: str) -> None:
 
 
 def parts_of(text: str, known: Sequence[str]) -> tuple[str, ...]:
-    """Names of a benchmark's parts, separated by commas, in the order of those known.
-
-    Raises:
-        InputError: an unknown one.
+    """Names of a benchmark's parts, separated by commas, in the order of those known. Raises
+    InputError: an unknown one.
     """
     names = text.split(",")
     for name in names:
@@ -50,9 +42,7 @@ def report(name: str, measure: Callable[[], Measured], *, as_json: bool) -> int:
     """Measure and print the report.
 
     Args:
-        name: of the benchmark's make target.
         measure: may raise InputError for bad input, RuntimeError where a run of ours failed.
-        as_json: print report.json, else report.md.
 
     Returns:
         Exit status: 0 where all aims that were measured are reached and nothing is missing, 2 on

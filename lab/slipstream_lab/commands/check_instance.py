@@ -9,10 +9,8 @@ from slipstream.config import read_data
 
 
 def check_instance(path: Path) -> Mapping[str, str]:
-    """Check one file; stops that cannot be served, with the reason.
-
-    Raises:
-        InputError: it is no instance.
+    """Check one file; stops that cannot be served, with the reason. Raises InputError: it is no
+    instance.
     """
     from dispatcher_daemon.planning.routes import unservable
     from slipstream_lab.research.instances.instance import instance_from

@@ -35,10 +35,8 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 
 def parse_numbers(key: str, text: str, least: int, example: str) -> tuple[int, ...]:
-    """Whole numbers of a comma-separated list, rising, each once.
-
-    Raises:
-        InputError: there is none, or one below `least`.
+    """Whole numbers of a comma-separated list, rising, each once. Raises InputError: there is
+    none, or one below `least`.
     """
     try:
         numbers = sorted({int(part) for part in text.split(",") if part.strip()})
@@ -52,15 +50,7 @@ def parse_numbers(key: str, text: str, least: int, example: str) -> tuple[int, .
 
 @dataclass(frozen=True)
 class Curve:
-    """What is asked for.
-
-    Attributes:
-        out: folder of all results.
-        densities: vehicles a day, planned.
-        driven: vehicles a day, driven in SUMO.
-        stored: nothing is planned or driven, what is there is reported.
-        quiet: nothing is printed on standard output.
-    """
+    """What is asked for."""
 
     out: Path
     densities: tuple[int, ...]
@@ -70,10 +60,8 @@ class Curve:
 
     @classmethod
     def of(cls, options: argparse.Namespace) -> Self | None:
-        """By the command's options; None where they do not ask for a curve.
-
-        Raises:
-            InputError: options that are wrong, or do not go together.
+        """By the command's options; None where they do not ask for a curve. Raises InputError:
+        options that are wrong, or do not go together.
         """
         from slipstream_lab.simulation.evaluation.arms import wants_exogenous
 

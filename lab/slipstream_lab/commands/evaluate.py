@@ -21,8 +21,8 @@ from slipstream_lab.commands.curve import Curve, add_options, parse_numbers
 if TYPE_CHECKING:
     from slipstream_lab.simulation.closed_loop.policy import Policy, WaitingPrices
     from slipstream_lab.simulation.evaluation.measures import Evaluation
-    from slipstream_lab.simulation.evaluation.report import Table
-    from slipstream_lab.simulation.evaluation.runs import Simulate, Store, World, WorldFiles
+    from slipstream_lab.simulation.evaluation.report import ReportTable
+    from slipstream_lab.simulation.evaluation.runs import ArmStore, Simulate, World, WorldFiles
     from slipstream_lab.simulation.exogenous.recorded import Watched
     from slipstream_lab.simulation.sumo import SumoFiles
 
@@ -176,7 +176,7 @@ def _evaluate(
         whole_summary,
         write_results,
     )
-    from slipstream_lab.simulation.evaluation.runs import Store, World, code_stamp
+    from slipstream_lab.simulation.evaluation.runs import ArmStore, World, code_stamp
 
     world = World(files, options.out / "background", options.signals, span_s, prices)
     left_out = world.scenario.left_out
@@ -187,7 +187,7 @@ def _evaluate(
             "slipstream: no RSU stands beside these roads, so no platoon will drive; give --rsus",
             file=sys.stderr,
         )
-    with Store(out, world.provenance, code_stamp()) as store:
+    with ArmStore(out, world.provenance, code_stamp()) as store:
         kept = 0 if options.stored else _simulate(options, policies, seeds, store, world, workers)
         evaluation = collect(store, world.provenance, seeds)
         if not evaluation.arms:
@@ -218,7 +218,7 @@ def _simulate(
     options: argparse.Namespace,
     policies: Sequence[Policy],
     seeds: Sequence[int],
-    store: Store,
+    store: ArmStore,
     world: World,
     workers: int,
 ) -> int:
@@ -270,7 +270,7 @@ def _exogenous(
 
 def _further_tables(
     world: World, evaluation: Evaluation, exogenous: Mapping[Watched, Evaluation]
-) -> tuple[Table, ...]:
+) -> tuple[ReportTable, ...]:
     """Ceilings, and the exogenous evaluation where there is one."""
     from slipstream_lab.simulation.evaluation.report import ceiling_tables, exogenous_tables
 
@@ -347,7 +347,7 @@ def _prices(options: argparse.Namespace) -> WaitingPrices:
             problem = f"no price: {price_kw:g}"
             raise InputError("evaluate", problem, "give 0 or more, as 2.5", key=key)
         if wants_exogenous(options.arms):
-            problem = "exogenous arms wait at a price of their own"
+            problem = "waiting has no price in exogenous arms"
             raise InputError("evaluate", problem, "give --arms B,C", key=key)
     return WaitingPrices(options.waiting_kw, options.standing_kw)
 

@@ -16,10 +16,8 @@ if TYPE_CHECKING:
 def scores_against(
     path: Path, camera: Camera
 ) -> Callable[[Recorder, StabilitySettings], dict[str, Any]]:
-    """What scores a recording against the truth in a file, which is read at once.
-
-    Raises:
-        InputError: the file cannot be used.
+    """What scores a recording against the truth in a file, which is read at once. Raises
+    InputError: the file cannot be used.
     """
     from slipstream_lab.research.perception import compare, score
     from slipstream_lab.simulation.ground_truth import load_truth

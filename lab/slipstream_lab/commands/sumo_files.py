@@ -14,11 +14,7 @@ if TYPE_CHECKING:
 
 
 def add_options(command: argparse.ArgumentParser, built_in: str | None = None) -> None:
-    """Add ``--sumocfg``, ``--routes`` and ``--additional``; ``--net`` is the command's own.
-
-    Args:
-        built_in: names that the command takes for route files too.
-    """
+    """Add ``--sumocfg``, ``--routes`` and ``--additional``; ``--net`` is the command's own."""
     instead = "instead of any demand" if built_in is None else f"or one built in: {built_in}"
     command.add_argument(
         "--sumocfg",
@@ -41,10 +37,8 @@ def add_options(command: argparse.ArgumentParser, built_in: str | None = None) -
 
 
 def sumo_files(options: argparse.Namespace) -> SumoFiles:
-    """What the options name; of a configuration a line says what of it is not taken.
-
-    Raises:
-        InputError: a configuration that is none, or one beside a net or routes.
+    """What the options name; of a configuration a line says what of it is not taken. Raises
+    InputError: a configuration that is none, or one beside a net or routes.
     """
     from slipstream_lab.simulation.sumo import SumoFiles, read_configuration
 

@@ -186,14 +186,7 @@ class TrueWindow:
     """What a perfect observer would report of one segment and window.
 
     Attributes:
-        mean_speed_mps: v̄.
-        mean_acceleration_mps2: ā.
-        density_veh_per_m: ρ.
-        speed_std_mps: σ_v.
-        acceleration_variance_m2ps4: σ²_a.
         mean_gap_m: Δd̄, None where nobody followed anybody.
-        vehicles: different vehicles.
-        y_e: the paper's rule on these values.
         near_threshold: whether one of the rule's quantities lies within the band around its
             threshold while the other does not already decide.
     """
@@ -217,18 +210,8 @@ def true_window(
     rule: StabilitySettings,
     band: float = 0.1,
 ) -> TrueWindow | None:
-    """Features over all vehicles whose middle is in the segment in [begin_s, end_s].
-
-    Args:
-        truth: of the clip.
-        segment: the watched segment.
-        begin_s: media time.
-        end_s: media time.
-        rule: thresholds of the flag.
-        band: relative width around a threshold within which a flag is a matter of luck.
-
-    Returns:
-        None if no vehicle was there.
+    """Features over all vehicles whose middle is in the segment in [begin_s, end_s]. `band`:
+    relative width around a threshold within which a flag is a matter of luck.
     """
     seen = (truth.time_s >= begin_s - 1e-9) & (truth.time_s <= end_s + 1e-9)
     frames = len(np.unique(truth.frame[seen]))

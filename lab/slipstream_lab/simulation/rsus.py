@@ -61,7 +61,7 @@ class ViewSettings(Settings):
     height_px: Annotated[int, Field(ge=64, le=4096, multiple_of=2)] = 720
 
 
-class WatchSettings(Settings):
+class RsuWatchSettings(Settings):
     """A stretch of an edge that the camera watches."""
 
     edge: Identifier
@@ -100,13 +100,13 @@ class RsuSettings(Settings):
     name: Identifier
     mast: MastSettings
     view: ViewSettings
-    watch: tuple[WatchSettings, ...] = Field(
+    watch: tuple[RsuWatchSettings, ...] = Field(
         default=(), description="Edges watched; every edge along the view if left out."
     )
     scene: SceneSettings = SceneSettings()
 
 
-class Stretch(Settings):
+class WatchedStretch(Settings):
     """A watched part of a segment; distances from its beginning."""
 
     segment: Identifier
@@ -127,7 +127,7 @@ class Rsu(Settings):
     """One roadside unit."""
 
     id: Identifier
-    watch: Annotated[tuple[Stretch, ...], Field(min_length=1)]
+    watch: Annotated[tuple[WatchedStretch, ...], Field(min_length=1)]
     keep_s: Annotated[float, Field(ge=0, le=3600)] = Field(
         default=0.0, description="As `stability.keep_s` of its edge daemon."
     )
@@ -148,11 +148,7 @@ class RsuFile(Settings):
 
 
 def is_one_camera(path: Path) -> bool:
-    """Whether a file is of a single camera.
-
-    Raises:
-        InputError: it cannot be read.
-    """
+    """Whether a file is of a single camera. Raises InputError: it cannot be read."""
     data = read_data(path)
     return isinstance(data, dict) and "schema" in data
 
@@ -182,7 +178,6 @@ def load_rsus(path: Path, network: RoadNetwork) -> tuple[Rsu, ...]:
 
     Args:
         path: RSUs (`RsuFile`), or one camera's file (`RsuSettings`) that says its metres.
-        network: their roads.
 
     Raises:
         InputError: the file is malformed, an id twice, a segment that the network has not, a
@@ -237,10 +232,8 @@ def _check_view(view: ViewSettings, path: Path, key: str) -> None:
 
 
 def _of_one_camera(path: Path) -> Rsu:
-    """An RSU of a file of one camera; what it watches must be said in metres.
-
-    Raises:
-        InputError: it is malformed, or leaves open which metres are watched.
+    """An RSU of a file of one camera; what it watches must be said in metres. Raises InputError:
+    it is malformed, or leaves open which metres are watched.
     """
     one = load_rsu(path)
     stretches = []
@@ -249,7 +242,7 @@ def _of_one_camera(path: Path) -> Rsu:
             key = f"watch.{watch.edge}"
             raise InputError(path, "which part is watched?", "give from_m and to_m", key=key)
         stretches.append(
-            Stretch(
+            WatchedStretch(
                 segment=watch.edge,
                 from_m=watch.from_m,
                 to_m=watch.to_m,

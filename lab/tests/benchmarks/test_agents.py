@@ -11,8 +11,8 @@ from msgspec.structs import replace
 
 from slipstream.messages import SegmentState, VehicleAdvice
 from slipstream_lab.benchmarks.agents import __main__ as command
-from slipstream_lab.benchmarks.agents.bench import Figures, checks
-from slipstream_lab.benchmarks.agents.traffic import GROUP, Van, roadside
+from slipstream_lab.benchmarks.agents.bench import AgentFigures, checks
+from slipstream_lab.benchmarks.agents.traffic import GROUP, BenchVan, roadside
 from vehicle_agent.agent import AgentParameters
 from vehicle_agent.host import AgentHost
 
@@ -20,7 +20,7 @@ from vehicle_agent.host import AgentHost
 def test_its_traffic_is_advised_and_its_pairs_are_close() -> None:
     """Agents in this process take the plans, and the second of each pair follows the first."""
     began_ns = time.time_ns()
-    vans = [Van(i, began_ns) for i in range(GROUP)]
+    vans = [BenchVan(i, began_ns) for i in range(GROUP)]
     host = AgentHost({van.name: AgentParameters() for van in vans})
     for van in vans:
         host.receive(van.plan(), began_ns)
@@ -42,9 +42,9 @@ def test_its_traffic_is_advised_and_its_pairs_are_close() -> None:
 
 def test_a_missed_aim_is_one() -> None:
     """Each aim by its own figure."""
-    one = Figures(1, 60, 0.02, 0.5, 3.0, 9.0, 1.0, 55.0, {"cruise": 1.0})
+    one = AgentFigures(1, 60, 0.02, 0.5, 3.0, 9.0, 1.0, 55.0, {"cruise": 1.0})
     assert all(check.reached for check in checks(one, one))
-    bad = Figures(100, 60, 1.1, 2.1, 3.0, 9.0, 0.98, 61.0, {"cruise": 1.0})
+    bad = AgentFigures(100, 60, 1.1, 2.1, 3.0, 9.0, 0.98, 61.0, {"cruise": 1.0})
     assert not any(check.reached for check in checks(bad, bad))
 
 

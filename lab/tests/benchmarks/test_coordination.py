@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from lab.tests.research.coordination.fakes import result
-from slipstream_lab.benchmarks.coordination.__main__ import main
+from slipstream_lab.benchmarks.coordination.bench import (
+    CoordinationBenchForm,
+    CoordinationBenchSettings,
+    run_bench,
+)
 from slipstream_lab.benchmarks.coordination.report import checks, markdown
 
 
@@ -31,26 +34,15 @@ def test_aims() -> None:
     assert "91.0%\\*" in markdown([unfair], {})
 
 
-def test_bad_options_are_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    """Exit status 2."""
-    for words in (["--vehicles", "x"], ["--windows", "0"], ["--prices", "-1"], ["--trucks", "-1"]):
-        assert main(words) == 2
-        assert capsys.readouterr().err.count("\n") == 1
-
-
 @pytest.mark.long
-def test_a_small_form_reports_and_goes_on(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_small_form_reports_and_goes_on(tmp_path: Path) -> None:
     """A window that a price makes too long is planned once; a second run plans nothing."""
-    words = ["--vehicles", "20", "--windows", "5,30", "--prices", "10", "--trucks", "0"]
-    words += ["--json", "--out", str(tmp_path)]
-    main(words)
-    first = json.loads(capsys.readouterr().out)
-    assert len(first["results"]) == 4
-    assert len(list((tmp_path / "cells").iterdir())) == 4
-    main(words)
-    again = capsys.readouterr()
-    assert json.loads(again.out)["results"] == first["results"]
-    assert again.err == ""
+    form = CoordinationBenchForm(vehicles=(20,), windows_min=(5, 30), prices_kw=(10,), trucks=0)
+    said: list[str] = []
+    first = run_bench(CoordinationBenchSettings(tmp_path, form), said.append)
+    assert len(first) == 4
+    assert len(list((tmp_path / "cells").iterdir())) == 2
+    said.clear()
+    assert run_bench(CoordinationBenchSettings(tmp_path, form), said.append) == first
+    assert said == []
     assert "Waiting at 10 kW" in (tmp_path / "report.md").read_text()

@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 
 from slipstream.bus.inbox import OUTCOMES
-from slipstream_lab.benchmarks.orders.__main__ import Figures as OrderFigures
+from slipstream_lab.benchmarks.orders.__main__ import InsertionFigures
 from slipstream_lab.benchmarks.service.__main__ import main
 from slipstream_lab.benchmarks.service.costs import message_costs
 from slipstream_lab.benchmarks.service.loaded import Cost
 from slipstream_lab.benchmarks.service.parts import cluster_checks, cluster_table, order_checks
-from slipstream_lab.benchmarks.service.telemetry import Figures, checks, measure, write
+from slipstream_lab.benchmarks.service.telemetry import TelemetryFigures, checks, measure, write
 
-GOOD = Figures(
+GOOD = TelemetryFigures(
     rsus=2,
     rate=100.0,
     seconds=3.0,
@@ -67,7 +67,7 @@ def test_a_message_has_a_cost_in_each_process(tmp_path: Path) -> None:
 
 def test_orders_are_held_to_their_aims() -> None:
     """One late percentile or one order that is in no plan misses its aim, and no other one."""
-    good = OrderFigures([0.01] * 20, [0.005] * 20, [0.3] * 20, ran=True)
+    good = InsertionFigures([0.01] * 20, [0.005] * 20, [0.3] * 20, ran=True)
     assert [check.reached for check in order_checks(good)] == [True] * 4
     late = replace(good, during=[0.2] * 20)
     assert [check.reached for check in order_checks(late)] == [False, True, True, True]

@@ -21,16 +21,16 @@ from slipstream.messages import (
     rsu_health_key,
     state_key,
 )
+from slipstream_lab.benchmarks.observer import BusObserver, StateArrival
 from slipstream_lab.benchmarks.soak import report
 from slipstream_lab.benchmarks.soak.__main__ import main
-from slipstream_lab.benchmarks.soak.observer import Observer, StateArrival
-from slipstream_lab.benchmarks.soak.processes import ProcessTree, Sample
-from slipstream_lab.benchmarks.soak.trend import LIMIT_MB, count_trend, memory_trend, theil_sen
-from slipstream_lab.benchmarks.soak.verdict import Window, judge
+from slipstream_lab.benchmarks.soak.processes import ProcessSample, ProcessTree
+from slipstream_lab.benchmarks.soak.trend import LIMIT_MB, count_trend, memory_trend
+from slipstream_lab.benchmarks.soak.verdict import SoakWindow, judge
 
 # What a soak of five minutes judges: some 200 s after the warm-up, a sample a second.
 TIMES = np.arange(100.0, 300.0)
-SEEDS = range(60)
+SEEDS = range(20)
 
 
 def noise(seed: int, size_mb: float = 0.5, memory: float = 0.95) -> np.ndarray:
@@ -53,27 +53,24 @@ def teeth(height_mb: float = 4.0) -> np.ndarray:
 def test_a_flat_series_is_green() -> None:
     """Exactly constant memory has slope 0 and an interval of no width."""
     trend = memory_trend(TIMES, np.full(len(TIMES), 120.0))
-    assert (trend.slope_per_h, trend.low_per_h, trend.high_per_h) == (0.0, 0.0, 0.0)
+    assert trend.slope is not None
+    assert (trend.slope.low_per_h, trend.slope.high_per_h) == pytest.approx((0.0, 0.0), abs=1e-9)
     assert not trend.growing
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("shape", ["noise", "teeth", "peaks", "falling"])
+@pytest.mark.parametrize("shape", ["noise", "teeth", "peaks"])
 def test_what_only_moves_is_green(shape: str) -> None:
-    """Correlated noise, cycle teeth, rare high peaks and a slow fall never turn it red."""
+    """Correlated noise, cycle teeth and rare high peaks never turn it red."""
     for seed in SEEDS:
         mb = 250.0 + noise(seed)
         if shape == "teeth":
             mb += teeth()
         elif shape == "peaks":
             mb[np.random.default_rng(seed).integers(0, len(mb), 10)] += 60.0
-        elif shape == "falling":
-            mb -= 0.05 * (TIMES - TIMES[0])
         assert not memory_trend(TIMES, mb).growing, (shape, seed)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("at", [0.1, 0.3, 0.5, 0.7, 0.9])
+@pytest.mark.parametrize("at", [0.1, 0.5])
 def test_one_step_is_green(at: float) -> None:
     """An allocator that takes another 20 MB once, wherever in the time judged."""
     for seed in SEEDS:
@@ -81,7 +78,6 @@ def test_one_step_is_green(at: float) -> None:
         assert not memory_trend(TIMES, mb).growing, seed
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("kind", ["steady", "toothed", "by the cycle"])
 def test_a_leak_is_red(kind: str) -> None:
     """Twice the limit is found every time: drop by drop, under teeth, or a gulp each 30 s."""
@@ -93,15 +89,16 @@ def test_a_leak_is_red(kind: str) -> None:
         mb = 120.0 + noise(seed, 0.2) + leak + (teeth(2.0) if kind == "toothed" else 0.0)
         trend = memory_trend(TIMES, mb)
         assert trend.growing, (kind, seed)
-        assert trend.slope_per_h == pytest.approx(3600 * rate, rel=0.35)
+        assert trend.slope is not None
+        assert trend.slope.per_h == pytest.approx(3600 * rate, rel=0.35)
 
 
 def test_growth_below_the_limits_is_green() -> None:
     """Sure but small: half the limit in MB, or under 2 % of a large process."""
     elapsed = TIMES - TIMES[0]
     small = memory_trend(TIMES, 120.0 + 0.5 * LIMIT_MB / 600 * elapsed)
-    assert small.low_per_h is not None
-    assert small.low_per_h > 0
+    assert small.slope is not None
+    assert small.slope.is_growth
     assert not small.growing
     assert not memory_trend(TIMES, 2000.0 + 2 * LIMIT_MB / 600 * elapsed).growing
 
@@ -114,52 +111,22 @@ def test_a_longer_soak_sees_a_smaller_leak() -> None:
     assert memory_trend(hours, 120.0 + rate * hours).growing
 
 
-@pytest.mark.slow
-def test_the_interval_covers_the_slope_about_as_often_as_it_says() -> None:
-    """Of 60 noisy leaks, the 95 % interval holds the true slope in at least 75 %.
-
-    With five blocks a bootstrap is known to be too narrow; the other conditions make up for it.
-    """
-    rate = LIMIT_MB / 600
-    hits = 0
-    for seed in SEEDS:
-        trend = memory_trend(TIMES, 120 + rate * TIMES + noise(seed, 0.3, memory=0.8), seed)
-        assert trend.low_per_h is not None
-        assert trend.high_per_h is not None
-        hits += trend.low_per_h <= 3600 * rate <= trend.high_per_h
-    assert hits >= 0.75 * len(SEEDS)
-
-
-def test_theil_sen_ignores_outliers() -> None:
-    """A quarter of wild points does not move the slope of a line."""
-    x = np.arange(40.0)
-    y = 3.0 * x
-    y[::4] += 1000.0 * np.random.default_rng(1).random(10)
-    assert theil_sen(x, y) == pytest.approx(3.0, abs=0.5)
-
-
-def test_the_same_series_gives_the_same_verdict() -> None:
-    """The bootstrap is seeded."""
-    mb = 100.0 + noise(3)
-    assert memory_trend(TIMES, mb) == memory_trend(TIMES, mb)
-
-
 def test_descriptors_are_judged_by_their_floor() -> None:
     """Peaks and one step are green, a floor that rises from third to third is red."""
     rng = np.random.default_rng(1)
     peaks = 30 + 20 * (rng.random(len(TIMES)) < 0.3)
-    assert not count_trend(TIMES, peaks).growing
-    assert not count_trend(TIMES, 30 + 8 * (TIMES > 210)).growing
-    assert count_trend(TIMES, peaks + np.floor((TIMES - 100) / 30)).growing
-    assert not count_trend(TIMES[:1], [30]).growing
+    assert not count_trend(peaks).growing
+    assert not count_trend(30 + 8 * (TIMES > 210)).growing
+    assert count_trend(peaks + np.floor((TIMES - 100) / 30)).growing
+    assert not count_trend([30]).growing
 
 
 def test_the_warm_up_is_a_third_or_a_minute_and_never_more_than_half() -> None:
     """For an hour, for two minutes, and for half a minute."""
-    assert Window.of(3600.0).begin_s == 1200.0
-    assert Window.of(150.0).begin_s == 60.0
-    assert Window.of(30.0).begin_s == 15.0
-    assert Window.of(300.0, warm_up_s=10.0).begin_s == 10.0
+    assert SoakWindow.of(3600.0).begin_s == 1200.0
+    assert SoakWindow.of(150.0).begin_s == 60.0
+    assert SoakWindow.of(30.0).begin_s == 15.0
+    assert SoakWindow.of(300.0, warm_up_s=10.0).begin_s == 10.0
 
 
 def rsu_health(frames: int, skipped: int) -> RsuHealth:
@@ -203,11 +170,11 @@ class Soak:
 
     def __init__(self) -> None:
         self.samples = [
-            Sample(t, name, pid, 100.0, 20, 9, 0.1)
+            ProcessSample(t, name, pid, 100.0, 20, 9, 0.1)
             for t in np.arange(0.0, 120.0)
             for pid, name in ((1, "supervisor"), (2, "r"), (3, "dispatcher"))
         ]
-        self.observer = Observer(clock=lambda: 0.0)
+        self.observer = BusObserver(clock=lambda: 0.0)
         self.observer.states["r/a"] = [StateArrival(t, 0.1) for t in np.arange(0.5, 120.0)]
         self.observer.rsus["r"] = [
             (t, rsu_health(int(20 * t), int(t))) for t in np.arange(0.0, 120.0)
@@ -218,7 +185,7 @@ class Soak:
     def faults(self) -> tuple[str, ...]:
         """What is found."""
         expected = ("supervisor", "r", "dispatcher")
-        window = Window.of(119.0)
+        window = SoakWindow.of(119.0)
         return judge(self.samples, self.observer, expected, ["r"], window, self.restarted).faults
 
 
@@ -226,7 +193,7 @@ def test_a_sound_soak_is_green_and_its_figures_are_right() -> None:
     """No fault; frames, drops and ages are those of the window."""
     soak = Soak()
     assert soak.faults() == ()
-    verdict = judge(soak.samples, soak.observer, (), ["r"], Window(60.0, 119.0), 0)
+    verdict = judge(soak.samples, soak.observer, (), ["r"], SoakWindow(60.0, 119.0), 0)
     (rsu,) = verdict.rsus
     assert (rsu.frames, rsu.frames_skipped) == (20 * 59, 59)
     assert rsu.skipped_share == pytest.approx(1 / 21)
@@ -290,10 +257,10 @@ def test_each_fault_is_named() -> None:
 
 
 def test_the_report_tells_all(tmp_path: Path) -> None:
-    """Markdown, JSON, CSV and plot name each process; a fault makes it red."""
+    """Markdown, JSON and CSV name each process; a fault makes it red."""
     soak = Soak()
-    verdict = judge(soak.samples, soak.observer, ("gone",), ["r"], Window(60.0, 119.0), 0)
-    report.write(tmp_path, verdict, soak.samples, soak.observer, {"machine": "two cores"})
+    verdict = judge(soak.samples, soak.observer, ("gone",), ["r"], SoakWindow(60.0, 119.0), 0)
+    report.write(tmp_path, verdict, soak.samples, {"machine": "two cores"})
     text = (tmp_path / "report.md").read_text()
     assert text.startswith("# Soak: RED\n\n- **gone: missing in 60 of 60 samples**")
     assert "| dispatcher | 100.0 | 100.0 |" in text
@@ -302,14 +269,12 @@ def test_the_report_tells_all(tmp_path: Path) -> None:
     assert content["about"] == {"machine": "two cores"}
     assert {p["name"] for p in content["processes"]} == {"supervisor", "r", "dispatcher"}
     assert len((tmp_path / "processes.csv").read_text().splitlines()) == 1 + 3 * 120
-    assert len((tmp_path / "rsus.csv").read_text().splitlines()) == 1 + 120
-    assert "dispatcher" in (tmp_path / "memory.svg").read_text()
 
 
 @pytest.mark.slow
 def test_the_observer_hears_the_daemons(bus: Bus) -> None:
     """States with their age, health of both kinds, and a count of what is neither."""
-    observer = Observer(clock=lambda: 7.0)
+    observer = BusObserver(clock=lambda: 7.0)
     observer.listen(bus)
     state = SegmentState(
         rsu="r",

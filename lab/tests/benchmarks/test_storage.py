@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 
 from slipstream_lab.benchmarks.storage import __main__ as command
-from slipstream_lab.benchmarks.storage.bench import Figures, checks
-from slipstream_lab.benchmarks.storage.city import City
+from slipstream_lab.benchmarks.storage.bench import StorageFigures, checks
+from slipstream_lab.benchmarks.storage.city import StoredCity
 from storage import open_database, open_reader
 
 
 def test_its_city_is_stored_as_it_is(tmp_path: Path) -> None:
     """A cycle comes back, gates change from one to the next, and each minute has all segments."""
-    city, again = City(50), City(50)
+    city, again = StoredCity(50), StoredCity(50)
     first, second = city.cycle(1), city.cycle(2)
     assert again.cycle(1) == first
     changed = sum(
@@ -51,7 +51,7 @@ def test_the_short_form_measures(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 def test_aims_of_size_need_a_lasting_growth() -> None:
     """Sizes of later days follow from the growth, but not from days in which minutes pile up."""
-    short = Figures(
+    short = StorageFigures(
         "SQLite", 1, 1000, 0.4, 0.4, (1, 2), (1, 2), (1, 2), 3, {"one": 4.0}, (1, 2), {"one": 3.0}
     )
     assert [check.reached for check in checks(short)] == [None, None, True, True]

@@ -18,7 +18,7 @@ from slipstream_cli.main import main
 from slipstream_lab.commands.model import text
 from slipstream_lab.simulation.training.dataset import write_dataset
 from slipstream_lab.simulation.training.export import ExportReport
-from slipstream_lab.simulation.training.metrics import Figures
+from slipstream_lab.simulation.training.metrics import DetectionFigures
 from slipstream_lab.simulation.training.ranges import ROADSIDE
 
 WITH_TORCH = find_spec("torch") is not None and find_spec("ultralytics") is not None
@@ -62,8 +62,8 @@ def test_a_missing_extra_is_one_line(
 
 def test_the_report_shows_accuracy_before_and_after() -> None:
     """Both rows, by class; a class that never occurs has a dash."""
-    before = Figures(0.91, 0.7, (0.9, 0.8, math.nan, 1.0), (10, 5, 0, 3))
-    after = Figures(0.9, 0.69, (0.9, 0.7, math.nan, 1.0), (10, 5, 0, 3))
+    before = DetectionFigures(0.91, 0.7, (0.9, 0.8, math.nan, 1.0), (10, 5, 0, 3))
+    after = DetectionFigures(0.9, 0.69, (0.9, 0.7, math.nan, 1.0), (10, 5, 0, 3))
     report = ExportReport(Path("m.xml"), VEHICLE_CLASSES, 76, 3.3, before, after)
     lines = text(report).splitlines()
     assert lines[0] == "m.xml: 3.3 MB, car, truck, bus, motorcycle; 76 other classes left out"

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from edge_daemon.camera import Camera
 from edge_daemon.camera.homography import Homography
 from edge_daemon.camera.pose import pose_of
-from slipstream_lab.simulation.streetdrive.rendering.camera import Camera as Pinhole
-from slipstream_lab.simulation.streetdrive.rendering.painter import Placed
+from slipstream_lab.simulation.streetdrive.rendering.camera import PinholeCamera
+from slipstream_lab.simulation.streetdrive.rendering.painter import PlacedMesh
 from slipstream_lab.simulation.streetdrive.vehicles.catalogue import build_vehicle
 
 from ..conftest import FOCAL_PX, POLE_M
@@ -41,7 +41,7 @@ def test_the_pose_is_that_of_the_camera_that_made_the_picture(
     east: float,
 ) -> None:
     """Foot, height and focal length come back however the road's coordinates are turned."""
-    camera = Pinhole(height, lateral, pitch, yaw, focal, roll)
+    camera = PinholeCamera(height, lateral, pitch, yaw, focal, roll)
     pixels, _ = camera.project(np.column_stack([ROAD, np.zeros(len(ROAD))]))
     rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     pose = pose_of(Homography(ROAD @ rotation.T + (east, 0), pixels), (1280, 720))
@@ -65,7 +65,7 @@ def test_the_camera_knows_its_pose(camera: Camera) -> None:
 
 def test_a_view_that_no_plain_camera_has_gives_no_pose() -> None:
     """A road drawn out along itself by a mistake in the distances has no pose."""
-    camera = Pinhole(10.0, 8.0, 0.3, -0.2, 1000.0)
+    camera = PinholeCamera(10.0, 8.0, 0.3, -0.2, 1000.0)
     pixels, _ = camera.project(np.column_stack([ROAD, np.zeros(len(ROAD))]))
     assert pose_of(Homography(ROAD * (1.0, 50.0), pixels), (1280, 720)) is None
 
@@ -79,7 +79,7 @@ def test_a_vehicles_middle_is_told_from_its_box(camera: Camera, shape: str, off_
     for _ in range(20):
         mesh = build_vehicle(shape, rng)
         turn, middle = rng.uniform(0, 2 * np.pi), rng.uniform((25, -8), (75, 8))
-        placed = Placed(mesh, float(middle[0]), float(middle[1]), 1, turn)
+        placed = PlacedMesh(mesh, float(middle[0]), float(middle[1]), 1, turn)
         pixels = camera.pose.project(placed.to_world(mesh.corners.reshape(-1, 3)))
         (left, _), (right, bottom) = pixels.min(axis=0), pixels.max(axis=0)
         point = camera.to_road([[(left + right) / 2, bottom]])

@@ -11,8 +11,8 @@ from pathlib import Path
 from edge_daemon.settings import TrackSettings
 from slipstream_cli.progress import ProgressLine
 from slipstream_lab.benchmarks.accuracy.clips import CLIPS, SECONDS, follow, make
-from slipstream_lab.benchmarks.accuracy.report import Row, classes, features, misses, table
-from slipstream_lab.research.perception import Comparison, compare, score
+from slipstream_lab.benchmarks.accuracy.report import AccuracyRow, classes, features, misses, table
+from slipstream_lab.research.perception import TrackComparison, compare, score
 from slipstream_lab.simulation.scenarios.perception import fit_errors, write_errors
 
 
@@ -31,7 +31,7 @@ def main() -> int:
     if not chosen:
         parser.error(f"no clip's name contains {options.only!r}")
     settings = TrackSettings()
-    compared: list[tuple[str, str, Comparison]] = []
+    compared: list[tuple[str, str, TrackComparison]] = []
     alarms: list[str] = []
     with ProgressLine("clips", sys.stderr) as progress:
         for done, (clip, folder) in enumerate(make(options.folder, chosen), start=1):
@@ -45,12 +45,12 @@ def main() -> int:
                 lines = (state.to_bytes().decode() + "\n" for state in run.states)
                 (options.states / f"{clip.name}.jsonl").write_text("".join(lines))
             progress.update(done, len(chosen))
-    rows = [Row(name, score([comparison])) for name, _, comparison in compared]
+    rows = [AccuracyRow(name, score([comparison])) for name, _, comparison in compared]
     totals = [
-        Row(world, score([c for _, of, c in compared if of == world]))
+        AccuracyRow(world, score([c for _, of, c in compared if of == world]))
         for world in dict.fromkeys(world for _, world, _ in compared)
     ]
-    total = Row("all", score([comparison for _, _, comparison in compared]))
+    total = AccuracyRow("all", score([comparison for _, _, comparison in compared]))
     print(table(rows, [*totals, total]))
     print()
     print(features(total.scores))

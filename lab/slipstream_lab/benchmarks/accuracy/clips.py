@@ -19,7 +19,7 @@ FPS: Final = 30
 
 
 @dataclass(frozen=True)
-class Clip:
+class HeldOutClip:
     """One clip: its world, what goes on in it, and the seed of traffic, light and camera.
 
     SUMO's have a place, and the simulated second at which they begin; `options` are further ones of
@@ -66,54 +66,54 @@ class Clip:
 # StreetDrive's seeds are those from 1000 up whose camera has both its height and its focal length
 # in the bins that the training set leaves out (lab/slipstream_lab/simulation/training/scenes.py).
 CLIPS: Final = (
-    Clip("streetdrive", "mixed", 1022),
-    Clip("streetdrive", "stable", 1031),
-    Clip("streetdrive", "turbulent", 1033),
-    Clip("streetdrive", "stable", 1044),
-    Clip("streetdrive", "mixed", 1075),
-    Clip("streetdrive", "turbulent", 1106),
-    Clip("streetdrive", "stable", 1245),
-    Clip("streetdrive", "turbulent", 1250),
-    Clip("streetdrive", "paper", 1253),
-    Clip("streetdrive", "stable", 1279),
-    Clip("streetdrive", "turbulent", 1281),
-    Clip("streetdrive", "mixed", 1282),
-    Clip("sumo", "calm", 101, "approach"),
-    Clip("sumo", "calm", 102, "opposite"),
-    Clip("sumo", "calm", 103, "departure"),
-    Clip("sumo", "calm", 104, "crossing"),
-    Clip("sumo", "calm", 105, "bend"),
-    Clip("sumo", "mixed", 301, "approach"),
-    Clip("sumo", "mixed", 302, "opposite"),
-    Clip("sumo", "mixed", 303, "departure", 132),
-    Clip("sumo", "mixed", 305, "crossing", 104),
-    Clip("sumo", "rough", 201, "approach", 180),
-    Clip("sumo", "rough", 203, "departure"),
-    Clip("sumo", "rough", 204, "crossing", 240),
+    HeldOutClip("streetdrive", "mixed", 1022),
+    HeldOutClip("streetdrive", "stable", 1031),
+    HeldOutClip("streetdrive", "turbulent", 1033),
+    HeldOutClip("streetdrive", "stable", 1044),
+    HeldOutClip("streetdrive", "mixed", 1075),
+    HeldOutClip("streetdrive", "turbulent", 1106),
+    HeldOutClip("streetdrive", "stable", 1245),
+    HeldOutClip("streetdrive", "turbulent", 1250),
+    HeldOutClip("streetdrive", "paper", 1253),
+    HeldOutClip("streetdrive", "stable", 1279),
+    HeldOutClip("streetdrive", "turbulent", 1281),
+    HeldOutClip("streetdrive", "mixed", 1282),
+    HeldOutClip("sumo", "calm", 101, "approach"),
+    HeldOutClip("sumo", "calm", 102, "opposite"),
+    HeldOutClip("sumo", "calm", 103, "departure"),
+    HeldOutClip("sumo", "calm", 104, "crossing"),
+    HeldOutClip("sumo", "calm", 105, "bend"),
+    HeldOutClip("sumo", "mixed", 301, "approach"),
+    HeldOutClip("sumo", "mixed", 302, "opposite"),
+    HeldOutClip("sumo", "mixed", 303, "departure", 132),
+    HeldOutClip("sumo", "mixed", 305, "crossing", 104),
+    HeldOutClip("sumo", "rough", 201, "approach", 180),
+    HeldOutClip("sumo", "rough", 203, "departure"),
+    HeldOutClip("sumo", "rough", 204, "crossing", 240),
 )
 
 # What is learned from truth (`make allowances`) is learned on these: other seeds and cameras than
 # those of the clips that judge.
 LEARNED_FROM: Final = (
-    Clip("streetdrive", "stable", 1),
-    Clip("streetdrive", "turbulent", 2),
-    Clip("streetdrive", "mixed", 4, seconds=20, fps=45.6),
-    Clip("streetdrive", "turbulent", 2000, seconds=20),
-    Clip("streetdrive", "turbulent", 2001, seconds=20),
-    Clip("streetdrive", "mixed", 2004, seconds=20),
-    Clip("streetdrive", "turbulent", 2006, seconds=20),
-    Clip("streetdrive", "paper", 2008, seconds=20),
-    Clip("streetdrive", "stable", 2009, seconds=20),
-    Clip("sumo", "rough", 401, "approach", 150, seconds=20),
-    Clip("sumo", "rough", 402, "crossing", 170, seconds=20),
-    Clip("sumo", "rough", 404, "departure", 200, seconds=20),
+    HeldOutClip("streetdrive", "stable", 1),
+    HeldOutClip("streetdrive", "turbulent", 2),
+    HeldOutClip("streetdrive", "mixed", 4, seconds=20, fps=45.6),
+    HeldOutClip("streetdrive", "turbulent", 2000, seconds=20),
+    HeldOutClip("streetdrive", "turbulent", 2001, seconds=20),
+    HeldOutClip("streetdrive", "mixed", 2004, seconds=20),
+    HeldOutClip("streetdrive", "turbulent", 2006, seconds=20),
+    HeldOutClip("streetdrive", "paper", 2008, seconds=20),
+    HeldOutClip("streetdrive", "stable", 2009, seconds=20),
+    HeldOutClip("sumo", "rough", 401, "approach", 150, seconds=20),
+    HeldOutClip("sumo", "rough", 402, "crossing", 170, seconds=20),
+    HeldOutClip("sumo", "rough", 404, "departure", 200, seconds=20),
 )
 
 
 # One carriageway calm, the other stop-and-go: both answers can be wrong in each.
 WEATHER: Final = {
     condition: tuple(
-        Clip("streetdrive", "mixed", seed, seconds=20, fps=fps, options=options)
+        HeldOutClip("streetdrive", "mixed", seed, seconds=20, fps=fps, options=options)
         for seed in (1022, 1282)
     )
     for condition, options, fps in (
@@ -134,7 +134,7 @@ WEATHER: Final = {
 """The same traffic and cameras, held-out ones, in all conditions."""
 
 
-def make(folder: Path, clips: Sequence[Clip]) -> Iterator[tuple[Clip, Path]]:
+def make(folder: Path, clips: Sequence[HeldOutClip]) -> Iterator[tuple[HeldOutClip, Path]]:
     """Render what is not there yet, and hand on each clip with its folder."""
     for clip in clips:
         target = folder / clip.name

@@ -23,16 +23,16 @@ _COLUMNS: Final = (
 
 
 @dataclass(frozen=True)
-class Row:
+class AccuracyRow:
     """One line of the table."""
 
     name: str
     scores: Scores
 
 
-def table(rows: Sequence[Row], totals: Sequence[Row]) -> str:
+def table(rows: Sequence[AccuracyRow], totals: Sequence[AccuracyRow]) -> str:
     """The table as text; what misses its target is marked with '!' in the totals."""
-    width = max(len(row.name) for row in (*rows, *totals, Row("target", totals[0].scores)))
+    width = max(len(row.name) for row in (*rows, *totals, AccuracyRow("target", totals[0].scores)))
     head = " ".join(f"{heading:>12}" for heading, _, _ in _COLUMNS)
     lines = [f"{'':{width}} {head}"]
     lines += [_line(row, width, mark=False) for row in rows]
@@ -85,7 +85,7 @@ def _missed(value: float | None, target: float) -> bool:
     return value is None or (value > target if target > 0 else value < -target)
 
 
-def _line(row: Row, width: int, *, mark: bool) -> str:
+def _line(row: AccuracyRow, width: int, *, mark: bool) -> str:
     cells = []
     for _, field, target in _COLUMNS:
         value = getattr(row.scores, field)

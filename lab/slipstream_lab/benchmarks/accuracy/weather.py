@@ -17,22 +17,13 @@ from slipstream.messages import SegmentState
 from slipstream_cli.progress import ProgressLine
 from slipstream_cli.tables import markdown_table
 from slipstream_lab.benchmarks.accuracy.clips import WEATHER, follow, make
-from slipstream_lab.research.perception import Comparison, compare, true_windows
+from slipstream_lab.research.perception import TrackComparison, compare, true_windows
 from slipstream_lab.simulation.ground_truth import TrueWindow
 
 
 @dataclass(frozen=True)
 class Flags:
-    """The flags of one condition against the truth, in windows.
-
-    Attributes:
-        windows: from the first whole one on, faults of the camera included.
-        known: of them, with a flag.
-        right: with the true one.
-        wrongly_stable: stable where the truth is turbulent: what must not be.
-        unknown: how often for each reason.
-        followed: share of the vehicles' true boxes that a track has.
-    """
+    """The flags of one condition against the truth, in windows."""
 
     windows: int
     known: int
@@ -43,14 +34,9 @@ class Flags:
 
 
 def flags_of(
-    windows: Sequence[tuple[SegmentState, TrueWindow]], comparisons: Sequence[Comparison]
+    windows: Sequence[tuple[SegmentState, TrueWindow]], comparisons: Sequence[TrackComparison]
 ) -> Flags:
-    """Count the flags of some clips.
-
-    Args:
-        windows: of all clips.
-        comparisons: one a clip.
-    """
+    """Count the flags of some clips."""
     known = [(state, true) for state, true in windows if state.y_e is not None]
     followed = [mark for comparison in comparisons for mark in comparison.boxes.followed.tolist()]
     return Flags(
@@ -97,7 +83,7 @@ def main() -> int:
     found = {}
     with ProgressLine("conditions", sys.stderr) as progress:
         for condition, clips in chosen.items():
-            comparisons: list[Comparison] = []
+            comparisons: list[TrackComparison] = []
             windows: list[tuple[SegmentState, TrueWindow]] = []
             for _, folder in make(options.folder, clips):
                 run, truth, camera = follow(folder, settings)

@@ -30,8 +30,8 @@ from slipstream.messages import (
     spat_key,
     state_key,
 )
-from slipstream_lab.benchmarks.agents.traffic import Van, roadside
-from slipstream_lab.benchmarks.aims import Check, report_head, write_report
+from slipstream_lab.benchmarks.agents.traffic import BenchVan, roadside
+from slipstream_lab.benchmarks.aims import Check, at_most, report_head, write_report
 
 _INTERVAL_S: Final = 0.1
 _SETTLE_S: Final = 15.0
@@ -40,20 +40,8 @@ MAX_ONE_MB: Final = 60.0
 
 
 @dataclass(frozen=True)
-class Figures:
-    """What was measured of one process.
-
-    Attributes:
-        vans: agents in it.
-        seconds: measured for.
-        cpu_share: of one processor.
-        advice_ms: processor time of the process for each advice, all of it counted.
-        latency_ms_p50: from a sensing to the advice that answers it, as its vehicle has it.
-        latency_ms_p95: likewise.
-        advised: share of the sensings that were answered within the next interval.
-        rss_mb: resident memory at the end.
-        modes: advice by mode, as shares.
-    """
+class AgentFigures:
+    """What was measured of one process."""
 
     vans: int
     seconds: float
@@ -89,12 +77,8 @@ class _Heard:
             self.latencies_ms.append((now_ns - self.sensed_ns[advice.vehicle]) / 1e6)
 
 
-def measure(vans: int, seconds: float, folder: Path, say: Callable[[str], None]) -> Figures:
-    """Run some agents for some time.
-
-    Raises:
-        RuntimeError: the process ended.
-    """
+def measure(vans: int, seconds: float, folder: Path, say: Callable[[str], None]) -> AgentFigures:
+    """Run some agents for some time. Raises RuntimeError: the process ended."""
     folder.mkdir(parents=True, exist_ok=True)
     say(f"{vans} agents, {seconds:.0f} s")
     with Router() as router, Bus.open(BusSettings(connect=(router.endpoint,))) as bus:
@@ -105,7 +89,7 @@ def measure(vans: int, seconds: float, folder: Path, say: Callable[[str], None])
                     "agents": {
                         "all": {
                             "state": str(folder / f"tours-{vans}-{time.time_ns()}"),
-                            "vehicles": [{"id": Van(i, 0).name} for i in range(vans)],
+                            "vehicles": [{"id": BenchVan(i, 0).name} for i in range(vans)],
                         }
                     },
                     "bus": {"connect": [router.endpoint]},
@@ -113,7 +97,7 @@ def measure(vans: int, seconds: float, folder: Path, say: Callable[[str], None])
             )
         )
         heard = _Heard()
-        keys = {advice_key(Van(i, 0).name) for i in range(vans)}
+        keys = {advice_key(BenchVan(i, 0).name) for i in range(vans)}
         bus.listener("advice", heard.take, every=True).listen(keys)
         command = [sys.executable, "-m", "slipstream_cli", "agent", "--config", str(config)]
         process = subprocess.Popen(command)
@@ -124,9 +108,11 @@ def measure(vans: int, seconds: float, folder: Path, say: Callable[[str], None])
             process.wait(30)
 
 
-def _drive(vans: int, seconds: float, bus: Bus, heard: _Heard, process: psutil.Process) -> Figures:
+def _drive(
+    vans: int, seconds: float, bus: Bus, heard: _Heard, process: psutil.Process
+) -> AgentFigures:
     began_ns = time.time_ns()
-    all_vans = [Van(i, began_ns) for i in range(vans)]
+    all_vans = [BenchVan(i, began_ns) for i in range(vans)]
     outlets = {van.name: bus.publisher(sensing_key(van.name), history=0) for van in all_vans}
     plans = {van.name: bus.publisher(plan_key(van.name)) for van in all_vans}
     for van in all_vans:
@@ -159,7 +145,7 @@ def _drive(vans: int, seconds: float, bus: Bus, heard: _Heard, process: psutil.P
     elapsed_s = time.monotonic() - measured_from
     latencies = np.array(heard.latencies_ms or [np.inf])
     given = max(1, sum(heard.modes.values()))
-    return Figures(
+    return AgentFigures(
         vans,
         elapsed_s,
         spent_s / elapsed_s,
@@ -178,21 +164,16 @@ def _roadside_key(message: Message) -> str:
     return spat_key(getattr(message, "intersection", ROOT))
 
 
-def checks(one: Figures, many: Figures) -> list[Check]:
+def checks(one: AgentFigures, many: AgentFigures) -> list[Check]:
     """The aims."""
     return [
-        Check(
+        at_most(
             "processor time of an advice, everything counted, ms",
             f"{many.advice_ms:.2f}",
-            f"≤ {MAX_ADVICE_MS:g}",
-            many.advice_ms <= MAX_ADVICE_MS,
+            many.advice_ms,
+            MAX_ADVICE_MS,
         ),
-        Check(
-            "resident memory of one agent, MB",
-            f"{one.rss_mb:.0f}",
-            f"≤ {MAX_ONE_MB:g}",
-            one.rss_mb <= MAX_ONE_MB,
-        ),
+        at_most("resident memory of one agent, MB", f"{one.rss_mb:.0f}", one.rss_mb, MAX_ONE_MB),
         Check(
             f"{many.vans} agents: share of one core",
             f"{many.cpu_share:.2f}",
@@ -208,7 +189,7 @@ def checks(one: Figures, many: Figures) -> list[Check]:
     ]
 
 
-def write(folder: Path, one: Figures, many: Figures, about: Mapping[str, str]) -> None:
+def write(folder: Path, one: AgentFigures, many: AgentFigures, about: Mapping[str, str]) -> None:
     """Write report.md and report.json."""
     lines = report_head("Agents: what they cost", about, checks(one, many))
     lines += ["", *(f"- {figures}" for figures in (one, many)), ""]

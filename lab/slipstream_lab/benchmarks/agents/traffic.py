@@ -41,13 +41,8 @@ _CALM = KinematicFeatures(
 
 
 @dataclass(frozen=True)
-class Van:
-    """One vehicle.
-
-    Attributes:
-        number: from 0; four in a row make a group.
-        began_ns: when all began to drive, UTC.
-    """
+class BenchVan:
+    """One vehicle."""
 
     number: int
     began_ns: int

@@ -10,60 +10,58 @@ from typing import Final
 from slipstream.errors import InputError
 from slipstream_lab.benchmarks.aims import Load, measured_on
 from slipstream_lab.benchmarks.coordination import report
-from slipstream_lab.research.coordination.cells import Cell, Place, Result, found, measured
-from slipstream_lab.research.coordination.corridor import DENSITIES, WINDOWS_MIN
-from slipstream_lab.research.coordination.region import TRUCKS
+from slipstream_lab.research.coordination.cells import (
+    CellResult,
+    CoordinationCell,
+    Place,
+    found,
+    measured,
+)
+from slipstream_lab.research.coordination.trips.corridor import DENSITIES, WINDOWS_MIN
+from slipstream_lab.research.coordination.trips.region import TRUCKS
 
 PRICES_KW: Final = (10, 0, 27)
 """10: a driver's time partly used otherwise; 0: free waits; 27: what slower driving would save."""
 
 
 @dataclass(frozen=True)
-class Form:
-    """How much is planned.
-
-    Attributes:
-        vehicles: a day on the corridor.
-        windows_min: halves of the intervals of arrival.
-        prices_kw: of waiting.
-        trucks: in the region; 0: no region.
-    """
+class CoordinationBenchForm:
+    """How much is planned."""
 
     vehicles: tuple[int, ...] = DENSITIES
     windows_min: tuple[int, ...] = WINDOWS_MIN
     prices_kw: tuple[int, ...] = PRICES_KW
     trucks: int = TRUCKS
 
-    def cells(self) -> Iterator[Cell]:
+    def cells(self) -> Iterator[CoordinationCell]:
         """All cells; the quick ones of a price and window first."""
         for price_kw in self.prices_kw:
             for window_min in sorted(self.windows_min, key=lambda w: (w != 10, -w)):
                 for vehicles in self.vehicles:
                     places: tuple[Place, ...] = ("one", "ten")
                     for place in places:
-                        yield Cell(place, vehicles, window_min, price_kw)
+                        yield CoordinationCell(place, vehicles, window_min, price_kw)
                 if self.trucks:
-                    yield Cell("region", self.trucks, window_min, price_kw)
+                    yield CoordinationCell("region", self.trucks, window_min, price_kw)
 
 
-FULL: Final = Form()
-SHORT: Final = Form(vehicles=(20, 50), windows_min=(1, 5), prices_kw=(10, 0), trucks=60)
+FULL: Final = CoordinationBenchForm()
+SHORT: Final = CoordinationBenchForm(
+    vehicles=(20, 50), windows_min=(1, 5), prices_kw=(10, 0), trucks=60
+)
 
 
 @dataclass(frozen=True)
-class BenchSettings:
-    """What is planned and where it goes.
-
-    Attributes:
-        out: folder for the report and the cells; those of an earlier run are gone on with.
-        form: how much.
+class CoordinationBenchSettings:
+    """What is planned and where it goes. `out`: folder for the report and the cells; those of an
+    earlier run are gone on with.
     """
 
     out: Path = Path(".slipstream/bench-coordination")
-    form: Form = FULL
+    form: CoordinationBenchForm = FULL
 
 
-def run_bench(settings: BenchSettings, say: Callable[[str], None]) -> list[Result]:
+def run_bench(settings: CoordinationBenchSettings, say: Callable[[str], None]) -> list[CellResult]:
     """Plan all cells and write the report; it is written after each, so that none is lost.
 
     Raises:
@@ -76,7 +74,7 @@ def run_bench(settings: BenchSettings, say: Callable[[str], None]) -> list[Resul
     except OSError as error:
         raise InputError(settings.out, f"{error.strerror}", "choose another folder") from None
     load, cells = Load(), list(settings.form.cells())
-    results: list[Result] = []
+    results: list[CellResult] = []
     for number, cell in enumerate(cells, 1):
         if found(cell, folder) is None:
             say(f"{number} of {len(cells)}: {cell.name}")
@@ -85,14 +83,6 @@ def run_bench(settings: BenchSettings, say: Callable[[str], None]) -> list[Resul
     return results
 
 
-def written(settings: BenchSettings) -> list[Result]:
-    """Report of what there is already; nothing is planned."""
-    folder = settings.out / "cells"
-    results = [r for cell in settings.form.cells() if (r := found(cell, folder)) is not None]
-    report.write(settings.out, results, _about(settings, Load()))
-    return results
-
-
-def _about(settings: BenchSettings, load: Load) -> dict[str, object]:
+def _about(settings: CoordinationBenchSettings, load: Load) -> dict[str, object]:
     form = {FULL: "full", SHORT: "short: a minute or two"}
     return measured_on(load, form=form.get(settings.form, "own"))

@@ -9,7 +9,7 @@ from typing import Final
 
 from slipstream_cli.tables import markdown_table
 from slipstream_lab.benchmarks.aims import Check, report_head, write_report
-from slipstream_lab.research.coordination.cells import NONE_KWH, OWN, Place, Result
+from slipstream_lab.research.coordination.cells import NONE_KWH, OWN, CellResult, Place
 from slipstream_lab.research.coordination.strategies import STRATEGIES
 
 _AIM_SHARE: Final = 0.9
@@ -20,7 +20,7 @@ _PLACES: Final[Mapping[Place, str]] = {
 }
 
 
-def checks(results: Iterable[Result]) -> list[Check]:
+def checks(results: Iterable[CellResult]) -> list[Check]:
     """The aims of our own strategy."""
     shares, ahead, worst = [], [], []
     for result in results:
@@ -55,7 +55,7 @@ def checks(results: Iterable[Result]) -> list[Check]:
     ]
 
 
-def write(folder: Path, results: Sequence[Result], about: Mapping[str, object]) -> None:
+def write(folder: Path, results: Sequence[CellResult], about: Mapping[str, object]) -> None:
     """Write report.md and report.json into an existing folder."""
     content = {
         "checks": [asdict(c) for c in checks(results)],
@@ -64,7 +64,7 @@ def write(folder: Path, results: Sequence[Result], about: Mapping[str, object]) 
     write_report(folder, markdown(results, about), about, content)
 
 
-def markdown(results: Sequence[Result], about: Mapping[str, object]) -> str:
+def markdown(results: Sequence[CellResult], about: Mapping[str, object]) -> str:
     """The report as people read it."""
     title = "Coordination: share of the drafting ceiling by density"
     lines = report_head(title, about, checks(results))
@@ -74,7 +74,7 @@ def markdown(results: Sequence[Result], about: Mapping[str, object]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _net(results: Iterable[Result]) -> list[str]:
+def _net(results: Iterable[CellResult]) -> list[str]:
     rows = []
     for r in results:
         shares = [_share(r, name) for name in STRATEGIES]
@@ -91,7 +91,7 @@ def _net(results: Iterable[Result]) -> list[str]:
     return [text, "", markdown_table(columns, rows)]
 
 
-def _ours(results: Iterable[Result]) -> list[str]:
+def _ours(results: Iterable[CellResult]) -> list[str]:
     rows = []
     for r in results:
         own = r.row(OWN)
@@ -121,11 +121,11 @@ def _ours(results: Iterable[Result]) -> list[str]:
 _CELL_COLUMNS: Final = ("place", "vehicles", "window, min")
 
 
-def _cell(result: Result) -> tuple[str, str, str]:
+def _cell(result: CellResult) -> tuple[str, str, str]:
     cell = result.cell
     return _PLACES[cell.place], f"{cell.vehicles:,}", f"±{cell.window_min}"
 
 
-def _share(result: Result, strategy: str) -> str:
+def _share(result: CellResult, strategy: str) -> str:
     share = f"{result.net_share(strategy):.1%}"
     return share if result.row(strategy).is_fair else rf"{share}\*"

@@ -10,8 +10,8 @@ from slipstream_lab.benchmarks.aims import Load, machine
 from slipstream_lab.benchmarks.command import Measured, report, say, start
 from slipstream_lab.benchmarks.dashboard import bench, past
 
-PILOT = bench.City(roads=1000, vans=200, rsus=50, max_cpu_share=0.15)
-CITY = bench.City(roads=10_000, vans=1000, rsus=100, max_cpu_share=0.5)
+PILOT = bench.ShownCity(roads=1000, vans=200, rsus=50, max_cpu_share=0.15)
+CITY = bench.ShownCity(roads=10_000, vans=1000, rsus=100, max_cpu_share=0.5)
 _MEMORY_FROM_S = 600.0
 
 

@@ -18,7 +18,7 @@ import tomli_w
 
 from slipstream.bus import Router, free_port
 from slipstream_lab.benchmarks.aims import Check, report_head, write_report
-from slipstream_lab.benchmarks.dashboard.viewer import Viewer, first_paint_s
+from slipstream_lab.benchmarks.dashboard.viewer import StreamViewer, first_paint_s
 from slipstream_lab.benchmarks.service.grid import write_grid
 
 MAX_FIRST_S: Final = 1.0
@@ -30,15 +30,8 @@ _WARM_UP_S: Final = 8.0
 
 
 @dataclass(frozen=True)
-class City:
-    """What is shown, each road's state and each van's position once a second.
-
-    Attributes:
-        roads: watched ones.
-        vans: vehicles on plans.
-        rsus: roadside units, which share the roads.
-        max_cpu_share: aim of the server, of one core.
-    """
+class ShownCity:
+    """What is shown, each road's state and each van's position once a second."""
 
     roads: int
     vans: int
@@ -47,23 +40,12 @@ class City:
 
 
 @dataclass(frozen=True)
-class Figures:
-    """What was measured.
-
-    Attributes:
-        city: that was shown.
-        seconds: for so long.
-        first_moment_s: from a browser's request to its first moment, the worse one, s.
-        first_paint_s: to Chromium's first content, s; None: there is no Chromium.
-        kb_per_s: to each browser, the worse one, after its first moment.
-        events_per_s: likewise.
-        cpu_share: of one core, all of the dashboard's process.
-        delays_s: from the publication of a state until a browser has it, sorted, s.
-        probes: states whose way was followed.
-        rss_mb: resident memory at the begin and the end.
+class DashboardFigures:
+    """What was measured. `first_paint_s`: to Chromium's first content, s; None: there is no
+    Chromium.
     """
 
-    city: City
+    city: ShownCity
     seconds: float
     first_moment_s: float
     first_paint_s: float | None
@@ -84,11 +66,11 @@ class Figures:
         return (self.rss_mb[1] - self.rss_mb[0]) * 3600 / self.seconds
 
 
-def measure(city: City, seconds: float, folder: Path, say: Callable[[str], None]) -> Figures:
-    """Show a city for some time.
-
-    Raises:
-        RuntimeError: a process ended, or the dashboard did not start.
+def measure(
+    city: ShownCity, seconds: float, folder: Path, say: Callable[[str], None]
+) -> DashboardFigures:
+    """Show a city for some time. Raises RuntimeError: a process ended, or the dashboard did not
+    start.
     """
     folder.mkdir(parents=True, exist_ok=True)
     say(f"{city.roads} roads, {city.vans} vans, {city.rsus} RSUs, {seconds:.0f} s")
@@ -132,13 +114,13 @@ def measure(city: City, seconds: float, folder: Path, say: Callable[[str], None]
 
 
 def _watch(
-    city: City,
+    city: ShownCity,
     seconds: float,
     port: int,
     daemon: subprocess.Popen[Any],
     sender: subprocess.Popen[str],
     probe: str,
-) -> Figures:
+) -> DashboardFigures:
     assert sender.stdout is not None
     if sender.stdout.readline().strip() != "declared":
         raise RuntimeError("the senders ended")
@@ -151,7 +133,7 @@ def _watch(
 
     threading.Thread(target=note, daemon=True).start()
     time.sleep(_WARM_UP_S)
-    viewers = [Viewer(port, probe) for _ in range(2)]
+    viewers = [StreamViewer(port, probe) for _ in range(2)]
     for viewer in viewers:
         viewer.start()
     deadline = time.monotonic() + 60
@@ -177,7 +159,7 @@ def _watch(
     )
     if not delays:
         raise RuntimeError("no state of the probe was shown")
-    return Figures(
+    return DashboardFigures(
         city=city,
         seconds=took_s,
         first_moment_s=max(viewer.first_s or 0.0 for viewer in viewers),
@@ -202,7 +184,7 @@ def _await_served(daemon: subprocess.Popen[Any], port: int) -> None:
     raise RuntimeError("the dashboard did not start")
 
 
-def checks(found: Figures, *, memory: bool) -> list[Check]:
+def checks(found: DashboardFigures, *, memory: bool) -> list[Check]:
     """The aims of one city; memory only after a run that is long enough to tell."""
     city = found.city
     what = f"{city.roads} roads, {city.vans} vans"
@@ -249,7 +231,10 @@ def checks(found: Figures, *, memory: bool) -> list[Check]:
 
 
 def write(
-    folder: Path, figures: Sequence[Figures], aims: Sequence[Check], about: Mapping[str, str]
+    folder: Path,
+    figures: Sequence[DashboardFigures],
+    aims: Sequence[Check],
+    about: Mapping[str, str],
 ) -> None:
     """Write report.md and report.json."""
     lines = [

@@ -42,7 +42,7 @@ _STOPS_OF_A_PLAN = 5
 
 
 @dataclass
-class Road:
+class ShownRoad:
     """A watched road whose traffic wanders, as a window of ten seconds makes it."""
 
     publisher: Publisher
@@ -242,7 +242,7 @@ def main() -> None:
             return bus.publisher(key, history=0)
 
         roads = [
-            Road(outlet(state_key(rsu, name)), rsu, name, rng.uniform(6, 13), 1.2, 8)
+            ShownRoad(outlet(state_key(rsu, name)), rsu, name, rng.uniform(6, 13), 1.2, 8)
             for rsu, names in watched.items()
             for name in names
         ]

@@ -16,17 +16,11 @@ _OPENINGS: Final = 5
 
 
 @dataclass
-class Viewer:
+class StreamViewer:
     """One browser's stream, read by a thread of its own.
-
-    Args:
-        port: of the page, on loopback.
-        probe: road whose number of vehicles tells which state is shown.
 
     Attributes:
         first_s: from the request to the first moment, s; None: it has not come.
-        received: bytes.
-        events: number of them.
         seen: UTC at which each of the probe's numbers was shown, s.
     """
 

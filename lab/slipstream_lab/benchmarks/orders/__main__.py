@@ -43,15 +43,8 @@ class _Bus:
 
 
 @dataclass(frozen=True)
-class Figures:
-    """What was measured, s of each order.
-
-    Attributes:
-        during: until it is acknowledged, of those submitted while a cycle runs.
-        between: likewise, of those submitted after it.
-        placed: until it is in a plan, of the latter ones that are in one.
-        ran: whether the cycle still ran after the last order of `during`.
-    """
+class InsertionFigures:
+    """What was measured, s of each order."""
 
     during: Sequence[float]
     between: Sequence[float]
@@ -75,7 +68,7 @@ def main() -> None:
     _print(what, found.placed)
 
 
-def measure(vehicles: int, stops: int, orders: int, seed: int) -> Figures:
+def measure(vehicles: int, stops: int, orders: int, seed: int) -> InsertionFigures:
     """Submit so many orders during a cycle of a generated city, and as many after it."""
     city = generate_city(seed, vehicles=vehicles, stops=stops)
     problem, rng = city.problem, np.random.default_rng(seed)
@@ -123,7 +116,7 @@ def measure(vehicles: int, stops: int, orders: int, seed: int) -> Figures:
             names = [f"between-{n}" for n in range(orders)]
             between = acknowledged(names, 0.0, True)
             placed = [bus.placed[name] - sent[name] for name in names if name in bus.placed]
-    return Figures(during, between, placed, ran)
+    return InsertionFigures(during, between, placed, ran)
 
 
 def _print(what: str, seconds: Sequence[float]) -> None:

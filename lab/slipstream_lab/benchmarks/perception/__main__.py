@@ -10,10 +10,10 @@ from pathlib import Path
 
 from slipstream.errors import InputError
 from slipstream_lab.benchmarks.command import Measured, report, say, start
-from slipstream_lab.benchmarks.perception.bench import BenchSettings, run_bench
+from slipstream_lab.benchmarks.perception.bench import PerceptionBenchSettings, run_bench
 from slipstream_lab.benchmarks.perception.report import checks
 
-_DEFAULTS = BenchSettings()
+_DEFAULTS = PerceptionBenchSettings()
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -45,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for name in ("rounds", "frames"):
             if getattr(options, name) < 1:
                 raise InputError(f"--{name}", "is less than 1", "give 1 or more")
-        settings = BenchSettings(
+        settings = PerceptionBenchSettings(
             out=options.out,
             clip=options.clip,
             rounds=options.rounds,

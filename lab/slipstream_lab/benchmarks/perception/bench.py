@@ -25,7 +25,7 @@ from slipstream_lab.benchmarks.perception.report import (
     TORCH,
     TORCH_ALL,
     WHOLE,
-    Results,
+    PerceptionResults,
 )
 from slipstream_lab.benchmarks.perception.speed import Speed, last_line, measured, speed_of
 
@@ -44,14 +44,11 @@ _TIME_LIMIT_S = 900.0
 
 
 @dataclass(frozen=True)
-class BenchSettings:
+class PerceptionBenchSettings:
     """How long and on what.
 
     Attributes:
-        out: folder for the report and the logs.
         clip: folder of the clip; rendered if it is not there.
-        clip_seconds: of a clip that is rendered.
-        rounds: turns of all runners.
         frames: a turn of ours; peers take a quarter, at least 30.
         peer_python: Python that has Ultralytics; None or absent: its runs are left out.
         cameras_s: how long two daemons run in real time; 0: not at all.
@@ -70,7 +67,7 @@ class BenchSettings:
     memory_s: float = 1800.0
 
 
-def run_bench(settings: BenchSettings, say: Callable[[str], None]) -> Results:
+def run_bench(settings: PerceptionBenchSettings, say: Callable[[str], None]) -> PerceptionResults:
     """Measure all and write the report.
 
     Raises:
@@ -131,7 +128,9 @@ def run_bench(settings: BenchSettings, say: Callable[[str], None]) -> Results:
             settings.memory_s,
             warm_up_s=min(SETTLING_S, settings.memory_s / 3),
         )
-    results = Results(tuple(rounds), cameras, overload, fast, tuple(dict.fromkeys(missing)))
+    results = PerceptionResults(
+        tuple(rounds), cameras, overload, fast, tuple(dict.fromkeys(missing))
+    )
     report.write(settings.out, results, _about(settings, load))
     return results
 
@@ -160,7 +159,7 @@ def _busy_process() -> Iterator[None]:
         process.wait()
 
 
-def _peer(settings: BenchSettings, missing: list[str]) -> Path | None:
+def _peer(settings: PerceptionBenchSettings, missing: list[str]) -> Path | None:
     python = settings.peer_python
     if python is None or not python.is_file():
         missing.append(f"Ultralytics: no {python}; make one with `make train-venv`")
@@ -175,7 +174,7 @@ def _peer(settings: BenchSettings, missing: list[str]) -> Path | None:
 
 
 def _round(
-    settings: BenchSettings, peer: Path | None, log: Path, missing: list[str]
+    settings: PerceptionBenchSettings, peer: Path | None, log: Path, missing: list[str]
 ) -> dict[str, Speed]:
     """Each runner once, one after the other, so that a busy minute hits them alike."""
     ours = [
@@ -207,7 +206,9 @@ def _round(
     return speeds
 
 
-def _measured_peer(settings: BenchSettings, python: Path, options: list[str], log: Path) -> Speed:
+def _measured_peer(
+    settings: PerceptionBenchSettings, python: Path, options: list[str], log: Path
+) -> Speed:
     model, *flags = options
     command = [
         *(str(python), str(Path(__file__).with_name("peer.py")), model),
@@ -218,7 +219,7 @@ def _measured_peer(settings: BenchSettings, python: Path, options: list[str], lo
     return speed_of(result["done_s"], [], result["cpu_s"], result["vehicles"], result["rss_mb"])
 
 
-def _about(settings: BenchSettings, load: Load) -> dict[str, object]:
+def _about(settings: PerceptionBenchSettings, load: Load) -> dict[str, object]:
     return {
         "machine": machine(),
         **load.figures(),

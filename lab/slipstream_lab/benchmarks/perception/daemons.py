@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import os
 import subprocess
 import sys
@@ -19,8 +18,8 @@ import tomli_w
 from slipstream.bus import Bus, Router
 from slipstream.config import BusSettings
 from slipstream.messages import RsuHealth
+from slipstream_lab.benchmarks.observer import BusObserver
 from slipstream_lab.benchmarks.perception.slope import MemoryUse, memory_use
-from slipstream_lab.benchmarks.soak.observer import Observer
 
 _START_LIMIT_S = 60.0
 _STOP_LIMIT_S = 15.0
@@ -28,17 +27,8 @@ _STOP_LIMIT_S = 15.0
 
 @dataclass(frozen=True)
 class DaemonRun:
-    """One daemon over the time that was judged.
-
-    Attributes:
-        rsu: its name.
-        seconds: judged.
-        frames: processed.
-        skipped: frames that came and were not processed.
-        fps: frames a second.
-        latency_ms_p95: median of the published values, from the decoded picture on, ms.
-        cpu_cores: processor time over time.
-        memory: its resident memory.
+    """One daemon over the time that was judged. `latency_ms_p95`: median of the published values,
+    from the decoded picture on, ms.
     """
 
     rsu: str
@@ -56,7 +46,6 @@ class _Daemon:
     process: subprocess.Popen[bytes]
     times_s: list[float]
     rss_mb: list[float]
-    shared_mb: list[float]
     cpu_s: list[float]
 
     def sample(self, at_s: float) -> None:
@@ -64,9 +53,7 @@ class _Daemon:
         with process.oneshot():
             used = process.cpu_times()
             self.times_s.append(at_s)
-            memory = process.memory_info()
-            self.rss_mb.append(memory.rss / 1e6)
-            self.shared_mb.append(memory.shared / 1e6)
+            self.rss_mb.append(process.memory_info().rss / 1e6)
             self.cpu_s.append(used.user + used.system)
 
 
@@ -79,26 +66,15 @@ def run_daemons(
     warm_up_s: float,
     on_progress: Callable[[float], None] = lambda at_s: None,
 ) -> list[DaemonRun]:
-    """Start an edge daemon for each name, all on the same clip, and watch them.
-
-    Args:
-        clip: folder with video.mp4 and camera.toml.
-        folder: for settings and logs.
-        rsus: names.
-        pace: of the clip.
-        seconds: judged, after the warm-up.
-        warm_up_s: not judged.
-        on_progress: called with the seconds since the daemons came up.
-
-    Raises:
-        RuntimeError: a daemon did not come up, or ended.
+    """Start an edge daemon for each name, all on the same clip, and watch them. Raises
+    RuntimeError: a daemon did not come up, or ended.
     """
     began = time.monotonic()
 
     def clock() -> float:
         return time.monotonic() - began
 
-    observer = Observer(clock)
+    observer = BusObserver(clock)
     with ExitStack() as stack:
         router = stack.enter_context(Router())
         bus = stack.enter_context(Bus.open(BusSettings(connect=(router.endpoint,))))
@@ -117,33 +93,10 @@ def run_daemons(
                     daemon.sample(now_s)
             on_progress(now_s - up_s)
             time.sleep(max(0.0, 1.0 - (clock() - now_s)))
-    for rsu, daemon in daemons.items():
-        _write_memory(folder / f"{rsu}-memory.csv", daemon)
-        _write_frames(folder / f"{rsu}-frames.csv", observer.rsus[rsu])
     return [
         _judged(rsu, daemon, observer.rsus[rsu], up_s + warm_up_s)
         for rsu, daemon in daemons.items()
     ]
-
-
-def _write_memory(path: Path, daemon: _Daemon) -> None:
-    """Resident memory second by second, and what of it is pages of files, as of libraries."""
-    with path.open("w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(["time_s", "rss_mb", "shared_mb"])
-        for row in zip(daemon.times_s, daemon.rss_mb, daemon.shared_mb, strict=True):
-            writer.writerow([f"{value:.3f}" for value in row])
-
-
-def _write_frames(path: Path, heard: Sequence[tuple[float, RsuHealth]]) -> None:
-    """Frames second by second: when they were skipped says why."""
-    with path.open("w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(["time_s", "time_ns", "frames", "skipped", "latency_ms_p95"])
-        for at_s, health in heard:
-            latency = "" if health.latency_ms_p95 is None else f"{health.latency_ms_p95:.1f}"
-            row = (f"{at_s:.3f}", health.time_ns, health.frames, health.frames_skipped, latency)
-            writer.writerow(row)
 
 
 @contextmanager
@@ -168,7 +121,7 @@ def _daemon(clip: Path, folder: Path, rsu: str, pace: str, endpoint: str) -> Ite
             env=os.environ | {"PYTHONUNBUFFERED": "1"},
         )
         try:
-            yield _Daemon(process, [], [], [], [])
+            yield _Daemon(process, [], [], [])
         finally:
             process.terminate()
             try:
@@ -178,7 +131,7 @@ def _daemon(clip: Path, folder: Path, rsu: str, pace: str, endpoint: str) -> Ite
                 process.wait()
 
 
-def _wait(daemons: dict[str, _Daemon], observer: Observer, folder: Path) -> None:
+def _wait(daemons: dict[str, _Daemon], observer: BusObserver, folder: Path) -> None:
     """Wait until each daemon reports processed frames."""
     deadline = time.monotonic() + _START_LIMIT_S
     while time.monotonic() < deadline:

@@ -42,10 +42,6 @@ def measure(
 
     Args:
         clip: folder with video.mp4 and camera.toml; the video is looped.
-        detector_settings: model.
-        frames: measured after the warm-up.
-        warm_up: frames before.
-        whole: the whole picture is searched, not the road's part.
         live: frames come at the clip's own rate, as from a camera, and none is skipped; else as
             fast as they are taken.
     """

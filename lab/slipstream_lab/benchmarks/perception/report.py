@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from slipstream_lab.benchmarks.aims import Check, report_head, write_report
+from slipstream_lab.benchmarks.aims import Check, at_least, at_most, report_head, write_report
 from slipstream_lab.benchmarks.perception.daemons import DaemonRun
 from slipstream_lab.benchmarks.perception.speed import Speed
 
@@ -26,16 +26,8 @@ MAX_OVERLOAD_MS: Final = 250.0
 
 
 @dataclass(frozen=True)
-class Results:
-    """All that was measured.
-
-    Attributes:
-        rounds: a mapping from the runner's name to its figures, for each round.
-        cameras: the daemons in real time, together on this machine.
-        overload: such daemons with more frames than the machine can take.
-        fast: the daemon at full speed.
-        missing: why something was not measured.
-    """
+class PerceptionResults:
+    """All that was measured."""
 
     rounds: tuple[Mapping[str, Speed], ...]
     cameras: tuple[DaemonRun, ...] = ()
@@ -48,26 +40,17 @@ class Results:
         return [speeds[name] for speeds in self.rounds if name in speeds]
 
 
-def checks(results: Results) -> list[Check]:
+def checks(results: PerceptionResults) -> list[Check]:
     """Each aim with what was measured."""
     ours = results.of(ROAD)
     found = []
     if ours:
         ms = _median([s.ms_per_frame for s in ours])
-        found.append(
-            Check("whole pipeline, ms a frame", f"{ms:.2f}", f"≤ {MAX_MS:g}", ms <= MAX_MS)
-        )
+        found.append(at_most("whole pipeline, ms a frame", f"{ms:.2f}", ms, MAX_MS))
     latencies = [s.latency_ms_p95 for s in results.of(LIVE) if s.latency_ms_p95 is not None]
     if latencies:
         p95 = _median(latencies)
-        found.append(
-            Check(
-                "latency p95 of a live camera, ms",
-                f"{p95:.1f}",
-                f"≤ {MAX_LATENCY_MS:g}",
-                p95 <= MAX_LATENCY_MS,
-            )
-        )
+        found.append(at_most("latency p95 of a live camera, ms", f"{p95:.1f}", p95, MAX_LATENCY_MS))
     for name, least in ((TORCH, MIN_OVER_TORCH), (SAME_EXPORT, MIN_OVER_EXPORT)):
         found.append(_times_faster(results, name, least))
     if results.cameras:
@@ -87,21 +70,21 @@ def checks(results: Results) -> list[Check]:
     if ages:
         rates = ", ".join(f"{c.fps:.1f}" for c in results.overload)
         found.append(
-            Check(
+            at_most(
                 f"overloaded cameras at {rates} frames/s: age p95, ms, worst",
                 f"{max(ages):.0f}",
-                f"≤ {MAX_OVERLOAD_MS:g}",
-                max(ages) <= MAX_OVERLOAD_MS,
+                max(ages),
+                MAX_OVERLOAD_MS,
             )
         )
     if results.fast is not None:
         memory = results.fast.memory
         found.append(
-            Check(
+            at_most(
                 "resident memory at full speed, MB",
                 f"{memory.largest:.0f}",
-                f"≤ {MAX_RSS_MB:g}",
-                memory.largest <= MAX_RSS_MB,
+                memory.largest,
+                MAX_RSS_MB,
             )
         )
         if (slope := memory.slope) is not None:
@@ -116,7 +99,7 @@ def checks(results: Results) -> list[Check]:
     return found
 
 
-def _times_faster(results: Results, name: str, least: float) -> Check:
+def _times_faster(results: PerceptionResults, name: str, least: float) -> Check:
     ratios = [
         speeds[name].ms_per_frame / speeds[ROAD].ms_per_frame
         for speeds in results.rounds
@@ -126,14 +109,14 @@ def _times_faster(results: Results, name: str, least: float) -> Check:
         return Check(f"times faster than {name}", "not measured", f"≥ {least:g}", None)
     ratio = _median(ratios)
     spread = f"{ratio:.1f} ({min(ratios):.1f} to {max(ratios):.1f})"
-    return Check(f"times faster than {name}", spread, f"≥ {least:g}", ratio >= least)
+    return at_least(f"times faster than {name}", spread, ratio, least)
 
 
 def _median(values: Sequence[float]) -> float:
     return float(np.median(values))
 
 
-def markdown(results: Results, about: Mapping[str, object]) -> str:
+def markdown(results: PerceptionResults, about: Mapping[str, object]) -> str:
     """The report as people read it."""
     lines = report_head("Perception: how fast", about, checks(results), results.missing)
     lines += [
@@ -172,7 +155,7 @@ def markdown(results: Results, about: Mapping[str, object]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def write(folder: Path, results: Results, about: Mapping[str, object]) -> None:
+def write(folder: Path, results: PerceptionResults, about: Mapping[str, object]) -> None:
     """Write report.md and report.json into an existing folder."""
     content = {
         "checks": [asdict(check) for check in checks(results)],

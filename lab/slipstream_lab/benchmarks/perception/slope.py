@@ -20,17 +20,12 @@ from scipy.stats import t as student
 BINS: Final = 120
 _COSINES: Final = 6
 _LEVEL: Final = 0.975
-_MIN_VEHICLES: Final = 20
+MIN_VALUES: Final = 20
 
 
 @dataclass(frozen=True)
 class Slope:
-    """Least squares over medians of 120 bins of time.
-
-    Attributes:
-        per_h: units an hour.
-        low_per_h, high_per_h: its 95 % confidence interval.
-    """
+    """Least squares over medians of 120 bins of time."""
 
     per_h: float
     low_per_h: float
@@ -57,7 +52,7 @@ def memory_use(times_s: npt.ArrayLike, mb: npt.ArrayLike) -> MemoryUse:
     return MemoryUse(
         float(np.median(values)),
         float(values.max()),
-        slope(times_s, values) if len(values) >= _MIN_VEHICLES else None,
+        slope(times_s, values) if len(values) >= MIN_VALUES else None,
     )
 
 
@@ -72,7 +67,7 @@ def slope(times_s: npt.ArrayLike, values: npt.ArrayLike) -> Slope:
         ValueError: fewer than 20 values.
     """
     times, series = np.asarray(times_s, dtype=np.float64), np.asarray(values, dtype=np.float64)
-    if len(times) < _MIN_VEHICLES:
+    if len(times) < MIN_VALUES:
         raise ValueError("a slope's interval needs 20 values at least")
     parts = np.array_split(np.arange(len(times)), min(BINS, len(times)))
     x = np.array([times[part].mean() for part in parts])

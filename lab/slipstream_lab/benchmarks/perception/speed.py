@@ -18,17 +18,8 @@ BLOCK: Final = 30
 
 @dataclass(frozen=True)
 class Speed:
-    """One run.
-
-    Attributes:
-        frames: measured, none of them left out.
-        ms_per_frame: median over blocks of 30 frames.
-        ms_per_frame_p95: 95th percentile over blocks.
-        latency_ms_p50, latency_ms_p95: of a frame, from the begin of its decoding until it was
-            tracked and, where one was due, the states were made; None where not measured.
-        cpu_ms_per_frame: processor time of the process.
-        vehicles_per_frame: mean number of detections.
-        rss_mb: resident memory at the end.
+    """One run. `latency_ms_p50, latency_ms_p95`: of a frame, from the begin of its decoding until
+    it was tracked and, where one was due, the states were made; None where not measured.
     """
 
     frames: int
@@ -48,15 +39,8 @@ def speed_of(
     vehicles: int,
     rss_mb: float,
 ) -> Speed:
-    """Figures of a run.
-
-    Args:
-        done_s: when each frame was done, in order, and before them when the last frame of the
-            warm-up was; shape (frames + 1,).
-        latencies_s: of each frame; empty where not measured.
-        cpu_s: processor time spent on these frames.
-        vehicles: detections in all of them.
-        rss_mb: resident memory.
+    """Figures of a run. `done_s`: when each frame was done, in order, and before them when the
+    last frame of the warm-up was; shape (frames + 1,).
     """
     done = np.asarray(done_s, dtype=np.float64)
     frames = len(done) - 1
@@ -83,19 +67,15 @@ def written(speed: Speed) -> str:
 
 
 def measured(command: Sequence[str], log: Path, timeout_s: float) -> Speed:
-    """The figures that a measuring process prints as its last line.
-
-    Raises:
-        RuntimeError: it failed, or printed something else; the log has what it said.
+    """The figures that a measuring process prints as its last line. Raises RuntimeError: it
+    failed, or printed something else; the log has what it said.
     """
     return Speed(**last_line(command, log, timeout_s))
 
 
 def last_line(command: Sequence[str], log: Path, timeout_s: float) -> dict[str, Any]:
-    """Run a process and read the JSON object that it prints as its last line.
-
-    Raises:
-        RuntimeError: it failed, or printed nothing; the log has what it said.
+    """Run a process and read the JSON object that it prints as its last line. Raises RuntimeError:
+    it failed, or printed nothing; the log has what it said.
     """
     with log.open("a") as errors:
         done = subprocess.run(

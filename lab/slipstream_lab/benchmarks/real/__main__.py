@@ -39,7 +39,13 @@ from slipstream_lab.benchmarks.real.report import (
     render,
     speed_lines,
 )
-from slipstream_lab.benchmarks.real.score import Figures, Matched, figures, match, point_height_m
+from slipstream_lab.benchmarks.real.score import (
+    Matched,
+    SpeedFigures,
+    figures,
+    match,
+    point_height_m,
+)
 from slipstream_lab.benchmarks.real.speeds import measure
 
 LABELS: Final = Path(__file__).parent / "labels"
@@ -90,7 +96,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _speeds(
     files: Sequence[tuple[Path, Path]],
-) -> tuple[dict[str, dict[str, Figures]], list[str]]:
+) -> tuple[dict[str, dict[str, SpeedFigures]], list[str]]:
     """The figures by way of measuring and camera, and the report's lines."""
     measured: dict[str, tuple[str, Matched, float]] = {}
     lines = ["## Cameras", "", "| camera | height, m | focal length, px | distances, worst % |"]
@@ -120,7 +126,7 @@ def _speeds(
     return tables, [*lines, "", *speed_lines(tables)] if files else []
 
 
-def _rows(matched: dict[str, Matched]) -> dict[str, Figures]:
+def _rows(matched: dict[str, Matched]) -> dict[str, SpeedFigures]:
     """Figures of each camera and of all."""
     every = {**matched, "all": Matched.join(list(matched.values()))} if matched else {}
     rows = {name: figures(each) for name, each in every.items()}

@@ -28,12 +28,9 @@ _HEIGHTS_PX: Final = (0.0, 12.0, 20.0, 40.0, np.inf)
 
 
 @dataclass(frozen=True)
-class Labels:
-    """Boxes drawn on some frames of a clip, every vehicle of them.
-
-    Attributes:
-        sha256: of the clip, in hexadecimal.
-        boxes: by frame, x1, y1, x2, y2 in px, shape (n, 4).
+class BoxLabels:
+    """Boxes drawn on some frames of a clip, every vehicle of them. `boxes`: by frame, x1, y1, x2,
+    y2 in px, shape (n, 4).
     """
 
     sha256: str
@@ -45,10 +42,7 @@ class BoxScore:
     """Boxes of one range of heights, at an overlap (IoU) of 0.5.
 
     Attributes:
-        heights: the range, in words.
-        labelled: boxes drawn.
         recall: share of them that were found; None without any.
-        found: boxes of the model.
         precision: share of those that were drawn; None without any.
     """
 
@@ -59,11 +53,9 @@ class BoxScore:
     precision: float | None
 
 
-def load_labels(path: Path) -> Labels:
+def load_labels(path: Path) -> BoxLabels:
     """Read ``labels/*.csv``: a first line ``# sha256 of the clip``, columns as in `_COLUMNS`.
-
-    Raises:
-        InputError: another first line or other columns, an unknown class, no box.
+    Raises InputError: another first line or other columns, an unknown class, no box.
     """
     first, *rest = path.read_text(encoding="utf-8-sig").splitlines()
     sha256 = first.removeprefix("# ").strip()
@@ -87,10 +79,10 @@ def load_labels(path: Path) -> Labels:
             raise InputError(path, str(error), "mend the line", key=f"{number}") from None
     if not boxes:
         raise InputError(path, "holds no box", "draw some")
-    return Labels(sha256, {frame: np.array(rows) for frame, rows in boxes.items()})
+    return BoxLabels(sha256, {frame: np.array(rows) for frame, rows in boxes.items()})
 
 
-def find_clip(labels: Labels, folder: Path) -> Path | None:
+def find_clip(labels: BoxLabels, folder: Path) -> Path | None:
     """The clip that the labels were drawn on, by its contents."""
     for path in sorted(folder.iterdir()):
         if (

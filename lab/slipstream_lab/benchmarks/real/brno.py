@@ -27,7 +27,7 @@ _SUFFIXES: Final = ("_truth.txt", "_truth.txt.gz")
 
 
 @dataclass(frozen=True)
-class Survey:
+class GateSurvey:
     """Distances measured on the road between points of the picture.
 
     Attributes:
@@ -45,14 +45,7 @@ class Survey:
 
 @dataclass(frozen=True)
 class Passage:
-    """A vehicle's way between the gates.
-
-    Attributes:
-        lane: from 0.
-        end_s: when it crossed the last gate, s of the video.
-        speed_kmh: mean speed between the gates.
-        valid: whether the gates could tell it from its neighbours.
-    """
+    """A vehicle's way between the gates."""
 
     lane: int
     end_s: float
@@ -65,7 +58,6 @@ class PixelTrack:
     """The positions of one vehicle's road point in the picture.
 
     Attributes:
-        id: its number.
         time_s: increasing, shape (n,).
         image_px: shape (n, 2).
     """
@@ -83,20 +75,16 @@ class PixelTrack:
 
 
 @dataclass(frozen=True)
-class Recording:
+class GatedRecording:
     """One camera of one session.
 
     Attributes:
-        name: "session_camera".
-        survey: the measured distances.
         gates: lines in the picture, the one that vehicles cross last first, shape (k, 3).
         lane_lines: that divide the lanes, lane i between i and i + 1, shape (lanes + 1, 3).
-        passages: the truth.
-        tracks: of the tracker.
     """
 
     name: str
-    survey: Survey
+    survey: GateSurvey
     gates: Array
     lane_lines: Array
     passages: tuple[Passage, ...]
@@ -126,17 +114,13 @@ def find_recordings(folder: Path) -> list[tuple[Path, Path]]:
     return found
 
 
-def load_recording(truth: Path, tracks: Path) -> Recording:
-    """Read a recording.
-
-    Raises:
-        InputError: a file is not of the published form.
-    """
+def load_recording(truth: Path, tracks: Path) -> GatedRecording:
+    """Read a recording. Raises InputError: a file is not of the published form."""
     try:
         table = _literal(_read(truth))
         fps = float(table["fps"])
         distances = table["distanceMeasurement"]
-        survey = Survey(
+        survey = GateSurvey(
             np.array([each["p1"][:2] for each in distances], dtype=np.float64),
             np.array([each["p2"][:2] for each in distances], dtype=np.float64),
             np.array([each["distance"] for each in distances], dtype=np.float64),
@@ -161,7 +145,7 @@ def load_recording(truth: Path, tracks: Path) -> Recording:
     except (ValueError, KeyError, TypeError, OSError, EOFError) as error:
         raise _unreadable(tracks, error) from None
     name = truth.name.split("_truth.txt")[0]
-    return Recording(name, survey, gates, lane_lines, passages, followed)
+    return GatedRecording(name, survey, gates, lane_lines, passages, followed)
 
 
 def _read(path: Path) -> str:

@@ -14,7 +14,7 @@ from scipy.optimize import least_squares
 
 from edge_daemon.calibration.calibration import CLICK_PX
 from edge_daemon.camera import Array, Camera, WatchedSegment
-from slipstream_lab.benchmarks.real.brno import SIZE, Recording, Survey
+from slipstream_lab.benchmarks.real.brno import SIZE, GatedRecording, GateSurvey
 
 _TAPE_STD: Final = 0.003
 _TAPE_STD_M: Final = 0.005
@@ -29,12 +29,8 @@ _STEP: Final = 1e-4
 
 @dataclass(frozen=True)
 class Surveyed:
-    """A camera over a road, with its one segment between the gates.
-
-    Attributes:
-        camera: with the segment.
-        height_m: of the camera over the road.
-        speed_error: relative standard error of a speed between the gates, from the calibration.
+    """A camera over a road, with its one segment between the gates. `speed_error`: relative
+    standard error of a speed between the gates, from the calibration.
     """
 
     camera: Camera
@@ -47,7 +43,7 @@ class Surveyed:
         return self.camera.segments[0]
 
 
-def from_survey(recording: Recording) -> Surveyed:
+def from_survey(recording: GatedRecording) -> Surveyed:
     """Fit focal length, tilt, roll and height to the measured distances.
 
     Least squares over these four, the road's direction and the surveyed points' true pixels, which
@@ -87,7 +83,7 @@ def from_survey(recording: Recording) -> Surveyed:
     return _surveyed(recording, best.x[:4], error)
 
 
-def distance_errors(recording: Recording, surveyed: Surveyed) -> Array:
+def distance_errors(recording: GatedRecording, surveyed: Surveyed) -> Array:
     """Relative errors of the measured distances along the road, shape (n,)."""
     survey = recording.survey
     begin, end = surveyed.camera.to_road(survey.begin_px), surveyed.camera.to_road(survey.end_px)
@@ -95,7 +91,7 @@ def distance_errors(recording: Recording, surveyed: Surveyed) -> Array:
     return np.asarray((length / survey.distance_m - 1)[survey.along])
 
 
-def _misses(lines: Array, direction: float, survey: Survey) -> Array:
+def _misses(lines: Array, direction: float, survey: GateSurvey) -> Array:
     """What measured lines (n, 2), m, miss their lengths and directions by, over standard errors."""
     length = np.linalg.norm(lines, axis=1)
     angle = np.arctan2(lines[:, 1], lines[:, 0]) - direction
@@ -125,12 +121,12 @@ def _road(numbers: Array, image_px: Array) -> Array:
     return np.asarray(height * np.column_stack([ahead, -right]) / below[:, None])
 
 
-def _gate_middles(recording: Recording) -> Array:
+def _gate_middles(recording: GatedRecording) -> Array:
     """The middle of the road at the first and the last gate that a vehicle crosses, px, (2, 2)."""
     return np.asarray(_outline(recording).reshape(2, 2, 2).mean(axis=1))
 
 
-def _outline(recording: Recording) -> Array:
+def _outline(recording: GatedRecording) -> Array:
     """The road between the gates: corners in the picture, two at the first gate, px, (4, 2)."""
     first, last = recording.gates[-1], recording.gates[0]
     right, left = recording.lane_lines[0], recording.lane_lines[-1]
@@ -139,7 +135,7 @@ def _outline(recording: Recording) -> Array:
     return np.asarray(corners[:, :2] / corners[:, 2:])
 
 
-def _surveyed(recording: Recording, numbers: Array, error: float) -> Surveyed:
+def _surveyed(recording: GatedRecording, numbers: Array, error: float) -> Surveyed:
     outline = _outline(recording)
     polygon = _road(numbers, outline)
     travel = polygon[2:].mean(axis=0) - polygon[:2].mean(axis=0)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from slipstream_lab.benchmarks.aims import Check, check_table, machine
+from slipstream_lab.benchmarks.aims import Check, at_most, check_table, machine
 from slipstream_lab.benchmarks.real.boxes import BoxScore
-from slipstream_lab.benchmarks.real.score import Figures
+from slipstream_lab.benchmarks.real.score import SpeedFigures
 
 ON_ROAD, RAISED = "surveyed", "surveyed, points raised"
 PUBLISHED: Final = (
@@ -35,7 +35,7 @@ _HEAD: Final = (
 )
 
 
-def speed_lines(tables: Mapping[str, Mapping[str, Figures]]) -> list[str]:
+def speed_lines(tables: Mapping[str, Mapping[str, SpeedFigures]]) -> list[str]:
     """A table for each way of measuring, a line a camera."""
     lines = []
     for name, rows in tables.items():
@@ -62,7 +62,7 @@ def box_lines(scores: Mapping[str, Sequence[BoxScore]]) -> list[str]:
     return lines
 
 
-def checks(tables: Mapping[str, Mapping[str, Figures]]) -> list[Check]:
+def checks(tables: Mapping[str, Mapping[str, SpeedFigures]]) -> list[Check]:
     """The aims, over all cameras."""
     found = []
     for name, rows in tables.items():
@@ -74,9 +74,7 @@ def checks(tables: Mapping[str, Mapping[str, Figures]]) -> list[Check]:
             ("mean error", total.mean_kmh, 1.1),
             ("p95", total.p95_kmh, 3.0),
         ):
-            found.append(
-                Check(f"{name}: {what}, km/h", f"{value:.2f}", f"≤ {most:g}", value <= most)
-            )
+            found.append(at_most(f"{name}: {what}, km/h", f"{value:.2f}", value, most))
         inside = total.in_interval
         found.append(
             Check(
@@ -95,7 +93,7 @@ def render(lines: Sequence[str], found: Sequence[Check]) -> str:
     return "\n".join([*head, *lines]).rstrip() + "\n"
 
 
-def _cells(figures: Figures) -> list[str]:
+def _cells(figures: SpeedFigures) -> list[str]:
     speeds = (figures.median_kmh, figures.mean_kmh, figures.p95_kmh, figures.worst_kmh)
     shares = (figures.in_interval, figures.recall, figures.precision)
     return [

@@ -24,8 +24,6 @@ class Matched:
         true_kmh: of the valid passages that were matched, shape (n,).
         speed_kmh: measured, shape (n,).
         error_kmh: its standard error, shape (n,).
-        passages: valid ones, matched or not.
-        unmatched: measured vehicles, while there were passages, that are none.
     """
 
     true_kmh: Array
@@ -35,12 +33,7 @@ class Matched:
     unmatched: int
 
     def higher(self, share: float, spread: float) -> Matched:
-        """The same where the tracked points stand higher over the road than it was taken.
-
-        Args:
-            share: of the camera's height that the points are above the road.
-            spread: standard error of that share.
-        """
+        """The same where the tracked points stand higher over the road than it was taken."""
         speed = self.speed_kmh * (1 - share)
         return replace(
             self, speed_kmh=speed, error_kmh=np.hypot(self.error_kmh, spread * self.speed_kmh)
@@ -59,19 +52,8 @@ class Matched:
 
 
 @dataclass(frozen=True)
-class Figures:
-    """What the rules ask for.
-
-    Attributes:
-        matched: passages that the errors are of.
-        bias_percent: median of measured over true speed less one.
-        scatter_kmh: median of the absolute errors that are left without the bias.
-        median_kmh, mean_kmh, p95_kmh, worst_kmh: of the absolute errors.
-        median_percent, mean_percent: of the absolute relative errors.
-        in_interval: share of true speeds inside the 95 % interval.
-        recall: share of valid passages that were matched.
-        precision: share of measured vehicles that are passages.
-    """
+class SpeedFigures:
+    """What the rules ask for. `in_interval`: share of true speeds inside the 95 % interval."""
 
     matched: int
     bias_percent: float
@@ -112,14 +94,14 @@ def match(passages: Sequence[Passage], measured: Sequence[VehicleSpeed]) -> Matc
     return Matched(true_kmh, speed_kmh, error_kmh, valid, unmatched)
 
 
-def figures(matched: Matched) -> Figures | None:
+def figures(matched: Matched) -> SpeedFigures | None:
     """The figures; None where nothing was matched."""
     if not len(matched.true_kmh):
         return None
     off = matched.speed_kmh - matched.true_kmh
     error, share = np.abs(off), np.abs(off) / matched.true_kmh
     count, bias = len(off), float(np.median(off / matched.true_kmh))
-    return Figures(
+    return SpeedFigures(
         count,
         100 * bias,
         float(np.median(np.abs(off - bias * matched.true_kmh))),

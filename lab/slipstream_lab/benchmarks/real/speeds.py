@@ -15,7 +15,7 @@ from edge_daemon.features.kinematics import COMMON_SPEED_STD, OWN_SPEED_STD
 from edge_daemon.features.trajectories import NOMINAL_LENGTH_M, NOMINAL_SIZE_M
 from edge_daemon.tracking import Sightings
 from edge_daemon.tracking.measurement import place_on_road
-from slipstream_lab.benchmarks.real.brno import SIZE, PixelTrack, Recording
+from slipstream_lab.benchmarks.real.brno import SIZE, GatedRecording, PixelTrack
 from slipstream_lab.benchmarks.real.cameras import Surveyed
 
 _WINDOW_S: Final = 10.0
@@ -32,14 +32,8 @@ _KMH: Final = 3.6
 
 @dataclass(frozen=True)
 class VehicleSpeed:
-    """One tracked vehicle between the gates.
-
-    Attributes:
-        track: its number.
-        lane: at the last gate; −1 outside.
-        end_s: when it crossed the last gate.
-        speed_kmh: mean speed between the gates.
-        error_kmh: its standard error; the calibration's is part of it.
+    """One tracked vehicle between the gates. `error_kmh`: its standard error; the calibration's is
+    part of it.
     """
 
     track: int
@@ -49,7 +43,7 @@ class VehicleSpeed:
     error_kmh: float
 
 
-def counted(recording: Recording) -> list[PixelTrack]:
+def counted(recording: GatedRecording) -> list[PixelTrack]:
     """Tracks that the set's rules count.
 
     More than five positions that are not at the picture's border, all in a lane, six between the
@@ -70,7 +64,7 @@ def counted(recording: Recording) -> list[PixelTrack]:
     return kept
 
 
-def measure(recording: Recording, surveyed: Surveyed) -> list[VehicleSpeed]:
+def measure(recording: GatedRecording, surveyed: Surveyed) -> list[VehicleSpeed]:
     """The speed of each track that our smoother can use."""
     tracks = {
         track.id: track for track in without_stalled_ends(counted(recording), recording, surveyed)
@@ -96,7 +90,7 @@ def measure(recording: Recording, surveyed: Surveyed) -> list[VehicleSpeed]:
 
 
 def without_stalled_ends(
-    tracks: list[PixelTrack], recording: Recording, surveyed: Surveyed
+    tracks: list[PixelTrack], recording: GatedRecording, surveyed: Surveyed
 ) -> list[PixelTrack]:
     """Tracks up to where the tracker's region of the picture ends.
 
@@ -196,7 +190,7 @@ def _car_boxes(image_px: Array, surveyed: Surveyed) -> npt.NDArray[np.float32]:
     return boxes.astype(np.float32)
 
 
-def _between_gates(recording: Recording, track: PixelTrack) -> int:
+def _between_gates(recording: GatedRecording, track: PixelTrack) -> int:
     """How many positions lie between the first and the last gate."""
     lines = recording.gates[[0, -1]]
     lines = lines * np.sign(lines[:, 1:2])
@@ -204,7 +198,7 @@ def _between_gates(recording: Recording, track: PixelTrack) -> int:
     return int((side[:, 0] != side[:, 1]).sum())
 
 
-def _crossing(recording: Recording, track: PixelTrack) -> tuple[int, float]:
+def _crossing(recording: GatedRecording, track: PixelTrack) -> tuple[int, float]:
     """Lane and time at the last gate, by a line through the six positions nearest to it."""
     gate = recording.gates[0] / np.linalg.norm(recording.gates[0][:2])
     distance = np.column_stack([track.image_px, np.ones(len(track))]) @ gate

@@ -9,10 +9,16 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from slipstream_lab.benchmarks.command import Measured, parts_of, report, say, start
-from slipstream_lab.benchmarks.routing.bench import FULL, PARTS, SHORT, BenchSettings, run_bench
+from slipstream_lab.benchmarks.routing.bench import (
+    FULL,
+    PARTS,
+    SHORT,
+    RoutingBenchSettings,
+    run_bench,
+)
 from slipstream_lab.benchmarks.routing.report import checks
 
-_DEFAULTS = BenchSettings()
+_DEFAULTS = RoutingBenchSettings()
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -28,7 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
 
     def measure() -> Measured:
-        settings = BenchSettings(
+        settings = RoutingBenchSettings(
             out=options.out,
             plots=options.plots,
             form=SHORT if options.short else FULL,

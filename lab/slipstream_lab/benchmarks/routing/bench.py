@@ -14,7 +14,7 @@ from slipstream_lab.benchmarks.routing import report
 from slipstream_lab.benchmarks.routing.figures import CityRun, Gap
 from slipstream_lab.benchmarks.routing.instances import measure_instances
 from slipstream_lab.benchmarks.routing.plots import draw
-from slipstream_lab.benchmarks.routing.report import Results
+from slipstream_lab.benchmarks.routing.report import RoutingResults
 from slipstream_lab.benchmarks.routing.watch import watched
 
 PARTS: Final = ("instances", "city", "large", "scaling", "rivals", "gap")
@@ -30,36 +30,14 @@ class CitySize:
     stops: int
     segments: int
 
-    def with_vehicles(self, vehicles: int, *, growing: bool = False) -> CitySize:
-        """The same for another fleet; stops grow with it, and the network where wanted."""
-        factor = vehicles / self.vehicles
-        segments = round(self.segments * factor) if growing else self.segments
-        return CitySize(vehicles, round(self.stops * factor), segments)
+    def with_vehicles(self, vehicles: int) -> CitySize:
+        """The same for another fleet; stops grow with it, on the same network."""
+        return CitySize(vehicles, round(self.stops * vehicles / self.vehicles), self.segments)
 
 
 @dataclass(frozen=True)
-class Form:
-    """How much is measured.
-
-    Attributes:
-        repeats: of each solver on each named instance.
-        city: the city of the aims.
-        city_seeds: of the solver, one cycle each.
-        budget_s: what a cycle is given, except in the long runs.
-        large: the largest city.
-        large_s: what its cycle is given.
-        best_s: what each long run is given.
-        best_seeds: of the solver, one long run each.
-        fleets: sizes for the slope; the network is that of ``city``, or grows in its proportion.
-        fleet_seeds: of the cities, for each size.
-        growing: measure the second series.
-        rivals: size of the cities on which rivals are compared.
-        rival_s: processor time that PyVRP's own search is given on each of them.
-        rival_seeds: of these cities.
-        gap: size of the cities whose undivided optimum is computed.
-        gap_seeds: of these cities.
-        gap_s: what the undivided solve is given.
-    """
+class RoutingBenchForm:
+    """How much is measured. `fleets`: sizes for the slope, on the network of ``city``."""
 
     repeats: int = 5
     city: CitySize = CitySize(200, 1000, 2000)
@@ -70,8 +48,6 @@ class Form:
     best_s: float = 600.0
     best_seeds: tuple[int, ...] = (1,)
     fleets: tuple[int, ...] = (10, 20, 50, 100, 200, 350, 500)
-    fleet_seeds: tuple[int, ...] = (1,)
-    growing: bool = False
     rivals: CitySize = CitySize(40, 200, 400)
     rival_s: float = 60.0
     rival_seeds: tuple[int, ...] = tuple(range(1, 21))
@@ -80,8 +56,8 @@ class Form:
     gap_s: float = 120.0
 
 
-FULL: Final = Form()
-SHORT: Final = Form(
+FULL: Final = RoutingBenchForm()
+SHORT: Final = RoutingBenchForm(
     repeats=1,
     city=CitySize(40, 200, 400),
     city_seeds=(1,),
@@ -90,8 +66,6 @@ SHORT: Final = Form(
     large_s=20.0,
     best_s=20.0,
     fleets=(5, 10, 20),
-    fleet_seeds=(1,),
-    growing=False,
     rivals=CitySize(10, 50, 200),
     rival_s=5.0,
     rival_seeds=(1, 2, 3),
@@ -102,30 +76,23 @@ SHORT: Final = Form(
 
 
 @dataclass(frozen=True)
-class BenchSettings:
-    """What is measured and where it goes.
-
-    Attributes:
-        out: folder for the report and the log.
-        plots: folder for the plots; None: beside the report.
-        form: how much.
-        parts: some of `PARTS`.
-    """
+class RoutingBenchSettings:
+    """What is measured and where it goes. `plots`: their folder; None: beside the report."""
 
     out: Path = Path(".slipstream/bench-routing")
     plots: Path | None = None
-    form: Form = FULL
+    form: RoutingBenchForm = FULL
     parts: tuple[str, ...] = PARTS
 
 
 @dataclass
 class _Bench:
-    settings: BenchSettings
+    settings: RoutingBenchSettings
     say: Callable[[str], None]
     missing: list[str] = field(default_factory=list)
 
     @property
-    def form(self) -> Form:
+    def form(self) -> RoutingBenchForm:
         return self.settings.form
 
     @property
@@ -185,11 +152,9 @@ class _Bench:
             return None
 
 
-def run_bench(settings: BenchSettings, say: Callable[[str], None]) -> Results:
+def run_bench(settings: RoutingBenchSettings, say: Callable[[str], None]) -> RoutingResults:
     """Measure all and write the report; it is written after each part, so that none is lost.
-
-    Raises:
-        InputError: a folder cannot be used.
+    Raises InputError: a folder cannot be used.
     """
     for folder in (settings.out, settings.plots or settings.out):
         try:
@@ -199,7 +164,7 @@ def run_bench(settings: BenchSettings, say: Callable[[str], None]) -> Results:
     bench = _Bench(settings, say)
     bench.log.unlink(missing_ok=True)
     load = Load()
-    results = Results()
+    results = RoutingResults()
     for part in settings.parts:
         results = _PARTS[part](bench, results)
         results = replace(results, missing=tuple(bench.missing))
@@ -208,43 +173,31 @@ def run_bench(settings: BenchSettings, say: Callable[[str], None]) -> Results:
     return results
 
 
-def _instances(bench: _Bench, results: Results) -> Results:
+def _instances(bench: _Bench, results: RoutingResults) -> RoutingResults:
     bench.say("named instances")
     return replace(results, instances=tuple(measure_instances(bench.form.repeats)))
 
 
-def _city(bench: _Bench, results: Results) -> Results:
+def _city(bench: _Bench, results: RoutingResults) -> RoutingResults:
     form = bench.form
     runs = [r for s in form.city_seeds for r in bench.city(form.city, 1, form.budget_s, s)]
     best = [r for s in form.best_seeds for r in bench.city(form.city, 1, form.best_s, s, "--long")]
     return replace(results, city=tuple(runs), best=tuple(best))
 
 
-def _large(bench: _Bench, results: Results) -> Results:
+def _large(bench: _Bench, results: RoutingResults) -> RoutingResults:
     runs = bench.city(bench.form.large, 1, bench.form.large_s)
     return replace(results, large=tuple(runs))
 
 
-def _scaling(bench: _Bench, results: Results) -> Results:
-    return replace(
-        results,
-        fixed=tuple(_series(bench, growing=False)),
-        growing=tuple(_series(bench, growing=True)) if bench.form.growing else (),
-    )
+def _scaling(bench: _Bench, results: RoutingResults) -> RoutingResults:
+    """Searches end by what they have done, not by the clock."""
+    sizes = [bench.form.city.with_vehicles(vehicles) for vehicles in bench.form.fleets]
+    runs = [r for size in sizes for r in bench.city(size, 1, _GENEROUS_S, 1, "--unguarded")]
+    return replace(results, fixed=tuple(runs))
 
 
-def _series(bench: _Bench, *, growing: bool) -> Iterator[CityRun]:
-    """All sizes once, then again: a busy minute does not hit one size alone.
-
-    Searches end by what they have done, not by the clock.
-    """
-    for seed in bench.form.fleet_seeds:
-        for vehicles in bench.form.fleets:
-            size = bench.form.city.with_vehicles(vehicles, growing=growing)
-            yield from bench.city(size, seed, _GENEROUS_S, 1, "--unguarded")
-
-
-def _rivals(bench: _Bench, results: Results) -> Results:
+def _rivals(bench: _Bench, results: RoutingResults) -> RoutingResults:
     form = bench.form
     runs = [
         run
@@ -254,12 +207,12 @@ def _rivals(bench: _Bench, results: Results) -> Results:
     return replace(results, rivals=tuple(runs))
 
 
-def _gap(bench: _Bench, results: Results) -> Results:
+def _gap(bench: _Bench, results: RoutingResults) -> RoutingResults:
     gaps = [gap for seed in bench.form.gap_seeds for gap in bench.gap(bench.form.gap, seed)]
     return replace(results, gaps=tuple(gaps))
 
 
-_PARTS: Final[dict[str, Callable[[_Bench, Results], Results]]] = {
+_PARTS: Final[dict[str, Callable[[_Bench, RoutingResults], RoutingResults]]] = {
     "instances": _instances,
     "city": _city,
     "large": _large,
@@ -269,6 +222,6 @@ _PARTS: Final[dict[str, Callable[[_Bench, Results], Results]]] = {
 }
 
 
-def _about(settings: BenchSettings, load: Load) -> dict[str, object]:
+def _about(settings: RoutingBenchSettings, load: Load) -> dict[str, object]:
     form = {FULL: "full", SHORT: "short: smaller than the aims ask"}.get(settings.form, "own")
     return measured_on(load, form=form, parts=", ".join(settings.parts))

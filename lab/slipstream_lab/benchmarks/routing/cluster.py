@@ -119,16 +119,7 @@ def runs(
     stops: int,
     segments: int,
 ) -> Iterator[dict[str, object]]:
-    """The same cycle of a generated city, so many times for each number of workers.
-
-    Args:
-        seed: of the city and of the cycle.
-        deadline_s: of the cycle, s.
-        all_workers: numbers of workers.
-        processes: of each worker.
-        cycles: repetitions.
-        vehicles, stops, segments: of the city.
-    """
+    """The same cycle of a generated city, so many times for each number of workers."""
     city = generate_city(seed, vehicles=vehicles, stops=stops, segments=segments)
     settings = unguarded(deadline_s)
     cycle = instance_cycle(

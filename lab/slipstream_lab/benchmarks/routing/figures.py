@@ -14,13 +14,9 @@ SAME_KWH: Final = 1e-6
 
 
 @dataclass(frozen=True)
-class Answer:
-    """One solver on one named instance.
-
-    Attributes:
-        wall_s: of each repeat.
-        objective_kwh: of the worst repeat; None if one gave no valid answer.
-        optimal: True if the solver itself proved its answer.
+class SolverAnswer:
+    """One solver on one named instance. `objective_kwh`: of the worst repeat; None if one gave no
+    valid answer.
     """
 
     wall_s: tuple[float, ...]
@@ -30,18 +26,12 @@ class Answer:
 
 @dataclass(frozen=True)
 class InstanceRow:
-    """One named instance.
-
-    Attributes:
-        variables: active variables of its QUBO.
-        optimum_kwh: as published with it.
-        answers: by solver.
-    """
+    """One named instance."""
 
     name: str
     variables: int
     optimum_kwh: float
-    answers: dict[str, Answer]
+    answers: dict[str, SolverAnswer]
 
     def solved(self, solver: str) -> bool:
         """True if the solver's answers are all the optimum."""
@@ -54,31 +44,10 @@ class CityRun:
     """One cycle of one generated city.
 
     Attributes:
-        seed: of the city.
-        segments: how many the network has.
-        solver_seed: of the cycle.
-        budget_s: what the cycle was given.
-        wall_s: from problem and traffic to finished plans.
-        cpu_s: processor time of all processes.
-        peak_mb: most memory of the tree of processes.
-        objective_kwh: cost minus saving of the plan.
-        cost_kwh, saving_kwh: its parts.
-        base_kwh: objective of the VRP without platooning, that is, its cost.
-        base_met_kwh: the same if those platooned that happen to meet on it.
-        greedy_kwh: objective of route-then-schedule.
-        base_driven_kwh: physical energy of the VRP without platooning, every vehicle alone.
-        saved_distance_kwh, saved_drag_kwh, saved_acceleration_kwh: physical energy saved on it.
         saved_stops_kwh: expected energy of stops at signals and junctions saved on it, counted
             from planning speeds; `saved_acceleration_kwh` has it in it.
-        driving_h, base_driving_h: time on the road.
-        unserved: stops left out.
-        sweeps: of all blocks.
-        blocks: in the first sweep.
-        timed_out: True if the budget ended a stage.
-        stages_s: wall time by stage.
         rival_kwh: cost of the routes that PyVRP finds for the whole fleet by its own defaults,
             without platooning; None: it was not asked.
-        rival_cpu_s: processor time that it was given.
     """
 
     seed: int
@@ -114,17 +83,7 @@ class CityRun:
 
 @dataclass(frozen=True)
 class Gap:
-    """Block-wise sweeps against the undivided optimum over the same options.
-
-    Attributes:
-        variables: of the undivided model.
-        blocks: that the sweeps worked on.
-        start_kwh: objective before the sweeps.
-        sweep_kwh: after them.
-        optimum_kwh: of the undivided model, or the best known.
-        proven: True if it is proven to be the optimum.
-        exact_s: time of the undivided solve.
-    """
+    """Block-wise sweeps against the undivided optimum over the same options."""
 
     seed: int
     vehicles: int
@@ -149,7 +108,7 @@ class Gap:
 
 
 @dataclass(frozen=True)
-class Spread:
+class RivalSpread:
     """Of some values."""
 
     mean: float
@@ -158,9 +117,9 @@ class Spread:
     most: float
 
 
-def spread(values: Sequence[float]) -> Spread:
+def spread(values: Sequence[float]) -> RivalSpread:
     """Mean and spread of at least one value."""
-    return Spread(fmean(values), min(values), median(values), max(values))
+    return RivalSpread(fmean(values), min(values), median(values), max(values))
 
 
 def relative(value: float, reference: float) -> float:
@@ -174,10 +133,8 @@ def saved_share(value: float, reference: float) -> float:
 
 
 def log_slope(sizes: Sequence[float], times_s: Sequence[float]) -> float:
-    """Exponent b of times ≈ a · sizes^b: the least-squares slope of the logarithms.
-
-    Raises:
-        ValueError: fewer than two different sizes, or a value that is not positive.
+    """Exponent b of times ≈ a · sizes^b: the least-squares slope of the logarithms. Raises
+    ValueError: fewer than two different sizes, or a value that is not positive.
     """
     if len(set(sizes)) < 2 or min(*sizes, *times_s) <= 0:
         raise ValueError("a slope needs two sizes and positive times")

@@ -9,7 +9,7 @@ from typing import Final
 from dispatcher_daemon.forms import Problem, build_model, violations
 from dispatcher_daemon.planning.arc_form import arc_problem_of
 from dispatcher_daemon.solvers import AnnealingSolver, ExactSolver, Solver, TabuSolver
-from slipstream_lab.benchmarks.routing.figures import Answer, InstanceRow
+from slipstream_lab.benchmarks.routing.figures import InstanceRow, SolverAnswer
 from slipstream_lab.research.instances.registry import instance_names, open_instance
 
 VARIABLES: Final = 25
@@ -31,7 +31,7 @@ def measure_instances(repeats: int) -> Iterator[InstanceRow]:
         yield InstanceRow(name, variables, instance.optimum.objective_kwh, answers)
 
 
-def answer(solver: Solver, problem: Problem, repeats: int) -> Answer:
+def answer(solver: Solver, problem: Problem, repeats: int) -> SolverAnswer:
     """What a solver answers with seeds 1, 2, ...; its objective is evaluated on the problem."""
     times, found, proven = [], [], []
     for seed in range(1, repeats + 1):
@@ -42,7 +42,7 @@ def answer(solver: Solver, problem: Problem, repeats: int) -> Answer:
         proven.append(outcome.status == "optimal")
     valid: Sequence[float] = [value for value in found if value is not None]
     worst = max(valid) if len(valid) == len(found) else None
-    return Answer(tuple(times), worst, all(proven))
+    return SolverAnswer(tuple(times), worst, all(proven))
 
 
 def _objective_kwh(problem: Problem, selected: frozenset[int] | None) -> float | None:

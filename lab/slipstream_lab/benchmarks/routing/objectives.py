@@ -42,13 +42,10 @@ class RoutingPlan:
     """One plan of one city.
 
     Attributes:
-        kwh: physical energy of its drives, expected stops and turbulence included.
-        alone_kwh: that of the routes without platooning that it began with.
         hours: on the road, expected stops included; of `alone_kwh`: `alone_hours`.
-        objective_saving: share by which its objective lies below that of those routes.
-        ceilings_kwh: of those routes, if vehicles were close at once in platoons of all who come to
-            a segment with an open gate within each of `WINDOWS_S`; then, if everybody followed
-            wherever the gate is open; then, if everybody followed everywhere.
+        ceilings_kwh: of the routes without platooning, if vehicles were close at once in platoons
+            of all who come to an open segment within each of `WINDOWS_S`; then, if all followed
+            wherever the gate is open; then, if all followed everywhere.
     """
 
     seed: int
@@ -126,10 +123,8 @@ def exact_drives(city: Instance, choice: Choice) -> tuple[Route, ...]:
 def measured(
     city: Instance, drives: Sequence[Route], places: Mapping[Passage, Place]
 ) -> tuple[float, float]:
-    """(physical energy, kWh; time on the road, h) of exact drives.
-
-    Args:
-        places: in platoons; of passages that are left out vehicles are alone.
+    """(physical energy, kWh; time on the road, h) of exact drives. `places`: in platoons; of
+    passages that are left out vehicles are alone.
     """
     energies = [route_energy(city.problem, route, places) for route in drives]
     return sum(e.driven.total_kwh for e in energies), sum(e.driving_s for e in energies) / 3600

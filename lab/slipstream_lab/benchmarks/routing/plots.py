@@ -14,7 +14,8 @@ from slipstream_lab.benchmarks.routing.figures import (
     medians_by_size,
     saved_share,
 )
-from slipstream_lab.benchmarks.routing.report import MAX_SLOPE, Results
+from slipstream_lab.benchmarks.routing.report import MAX_SLOPE, RoutingResults
+from slipstream_lab.simulation.evaluation.report import pyplot
 
 _BLUE: Final = "#0072b2"
 _ORANGE: Final = "#d55e00"
@@ -23,7 +24,7 @@ _PINK: Final = "#cc79a7"
 _GREY: Final = "#777777"
 
 
-def draw(results: Results, folder: Path) -> list[Path]:
+def draw(results: RoutingResults, folder: Path) -> list[Path]:
     """Draw what there are figures for; the pictures' paths."""
     drawn = []
     if len({run.vehicles for run in results.fixed}) > 1:
@@ -35,26 +36,15 @@ def draw(results: Results, folder: Path) -> list[Path]:
     return drawn
 
 
-def scaling(results: Results, path: Path) -> None:
+def scaling(results: RoutingResults, path: Path) -> None:
     """Time of a cycle against fleet size on logarithmic axes, with fitted slopes."""
-    plt = _pyplot()
+    plt = pyplot()
     figure, axes = plt.subplots(figsize=(6.4, 4.4), layout="constrained")
-    series = (
-        (results.fixed, "o", _BLUE, "fixed network"),
-        (results.growing, "s", _ORANGE, "network grows with the fleet"),
-    )
-    for runs, marker, colour, name in series:
-        times = medians_by_size(runs)
-        if len(times) < 2:
-            continue
-        axes.plot(
-            [r.vehicles for r in runs], [r.wall_s for r in runs], marker, color=colour, alpha=0.35,
-            markersize=4, markeredgewidth=0,
-        )  # fmt: skip
-        sizes, seconds = zip(*times, strict=True)
-        label = f"{name}: slope {log_slope(sizes, seconds):.2f}"
-        axes.plot(sizes, seconds, marker + "-", color=colour, linewidth=1.5, label=label)
-    first, *_ = times = medians_by_size(results.fixed)
+    times = medians_by_size(results.fixed)
+    sizes, seconds = zip(*times, strict=True)
+    label = f"fixed network: slope {log_slope(sizes, seconds):.2f}"
+    axes.plot(sizes, seconds, "o-", color=_BLUE, linewidth=1.5, label=label)
+    first = times[0]
     fleets = [size for size, _ in times]
     limit = [first[1] * (size / first[0]) ** MAX_SLOPE for size in fleets]
     axes.plot(fleets, limit, "--", color=_GREY, linewidth=1, label=f"slope {MAX_SLOPE:g}, the aim")
@@ -76,7 +66,7 @@ def scaling(results: Results, path: Path) -> None:
 
 def rivals(runs: Sequence[CityRun], path: Path) -> None:
     """Objective against both rivals city by city, and where physical energy is saved."""
-    plt = _pyplot()
+    plt = pyplot()
     figure, (left, right) = plt.subplots(
         1, 2, figsize=(9.0, 4.2), layout="constrained", width_ratios=(1, 1.7)
     )
@@ -123,12 +113,3 @@ def rivals(runs: Sequence[CityRun], path: Path) -> None:
 
 def _tidy(axes: Any) -> None:
     axes.spines[["top", "right"]].set_visible(False)
-
-
-def _pyplot() -> Any:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    return pyplot

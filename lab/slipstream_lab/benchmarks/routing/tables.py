@@ -9,7 +9,6 @@ from slipstream_lab.benchmarks.routing.figures import (
     CityRun,
     Gap,
     InstanceRow,
-    medians_by_size,
     relative,
     saved_share,
     spread,
@@ -69,27 +68,21 @@ def _stages(run: CityRun) -> str:
     return f"{text}; ended by time" if run.timed_out else text
 
 
-def scaling_table(fixed: Sequence[CityRun], growing: Sequence[CityRun]) -> list[str]:
-    """Time by fleet size."""
-    lines = [
+def scaling_table(runs: Sequence[CityRun]) -> list[str]:
+    """Time, memory and quality by fleet size."""
+    return [
         "Searches end by what they have done, not by the clock.",
         "",
-        "| network | vehicles | stops | segments | s, median | s, min to max | ended by time "
-        "| peak, MB | objective below no platooning |",
-        "|---|--:|--:|--:|--:|--:|--:|--:|--:|",
+        "| vehicles | stops | segments | s | ended by time | peak, MB | objective below no "
+        "platooning |",
+        "|--:|--:|--:|--:|--:|--:|--:|",
+        *(
+            f"| {r.vehicles} | {r.stops} | {r.segments} | {r.wall_s:.2f} "
+            f"| {'yes' if r.timed_out else 'no'} | {r.peak_mb:.0f} "
+            f"| {percent(saved_share(r.objective_kwh, r.base_kwh))} |"
+            for r in runs
+        ),
     ]
-    for series, name in ((fixed, "fixed"), (growing, "growing")):
-        for vehicles, seconds in medians_by_size(series):
-            runs = [r for r in series if r.vehicles == vehicles]
-            times = [r.wall_s for r in runs]
-            saved = median(saved_share(r.objective_kwh, r.base_kwh) for r in runs)
-            lines.append(
-                f"| {name} | {vehicles} | {runs[0].stops} | {runs[0].segments} | {seconds:.2f} "
-                f"| {min(times):.2f} to {max(times):.2f} | {sum(r.timed_out for r in runs)} "
-                f"| {max(r.peak_mb for r in runs):.0f} "
-                f"| {percent(saved)} |"
-            )
-    return lines
 
 
 def rival_tables(runs: Sequence[CityRun]) -> list[str]:

@@ -19,10 +19,8 @@ _QUIET: Final = {"interval_s": 3600.0}
 
 
 def message_costs(seconds: float, folder: Path, say: Callable[[str], None]) -> tuple[Cost, Cost]:
-    """Costs of a segment state and of a vehicle's position.
-
-    Raises:
-        RuntimeError: a process ended, or the dispatcher did not start.
+    """Costs of a segment state and of a vehicle's position. Raises RuntimeError: a process ended,
+    or the dispatcher did not start.
     """
     return _states(seconds, folder, say), _positions(seconds, folder, say)
 

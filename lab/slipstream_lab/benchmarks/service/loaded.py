@@ -71,18 +71,8 @@ def _process(*command: str, **pipes: int) -> Iterator[subprocess.Popen[str]]:
 
 @dataclass(frozen=True)
 class Loaded:
-    """What a load did.
-
-    Attributes:
-        sent: messages.
-        seconds: for so long.
-        late_s: how far the senders fell behind their own timetable at worst.
-        message_bytes: length of a message.
-        before: the dispatcher's metrics, after its first cycle.
-        after: once all has come, or nothing more comes.
-        dispatcher_share: processor time of the dispatcher while messages came, of one core, its
-            cycles included.
-        router_share: the same of the router, with the process that hosts it.
+    """What a load did. `dispatcher_share`: processor time of the dispatcher while messages came,
+    of one core, its cycles included.
     """
 
     sent: int
@@ -97,15 +87,7 @@ class Loaded:
 
 @dataclass(frozen=True)
 class Cost:
-    """Processor time of one message, s.
-
-    Attributes:
-        what: of which kind.
-        bytes: its length.
-        dispatcher_s: in the dispatcher, from the bus to its table.
-        router_s: in one router on its way.
-        lost: of all that were sent.
-    """
+    """Processor time of one message, s."""
 
     what: str
     bytes: float
@@ -120,11 +102,9 @@ def run_load(
     """Start router, dispatcher and senders, send for a while, end them.
 
     Args:
-        folder: for the dispatcher's files.
         settings: of the dispatcher, with network, fleet and the segments of each RSU; beside
             database, bus and metrics.
         told: to the senders (see `slipstream_lab.benchmarks.service.senders`), with `seconds`.
-        subscription: key expression whose messages are waited for.
 
     Raises:
         RuntimeError: a process ended, or the dispatcher did not start.

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from slipstream_lab.benchmarks.aims import Check
-from slipstream_lab.benchmarks.orders.__main__ import Figures
+from slipstream_lab.benchmarks.orders.__main__ import InsertionFigures
 
 MAX_ACKNOWLEDGED_MS = 50.0
 MAX_PLACED_MS = 1000.0
 
 
-def order_checks(found: Figures) -> list[Check]:
+def order_checks(found: InsertionFigures) -> list[Check]:
     """The aims of orders: 95th percentiles, and that all are in a plan."""
     aims = []
     for what, seconds, limit_ms in (

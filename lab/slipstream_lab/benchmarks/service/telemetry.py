@@ -22,22 +22,9 @@ FLEET: Final[dict[str, Any]] = {
 
 
 @dataclass(frozen=True)
-class Figures:
-    """What was measured.
-
-    Attributes:
-        rsus: publishers, each with a session of its own.
-        rate: states a second, as sent.
-        seconds: for so long.
-        sent: states.
-        accepted: of them in the traffic table.
-        outcomes: of the dispatcher's inbox.
-        missed: sequence numbers that the dispatcher missed.
-        cpu_share: of one core, all of the dispatcher's process, its cycles included.
-        p99_s: upper bound of the 99th percentile, from publication to the traffic table, s; None:
-            above the histogram's largest bound.
-        within: share of the states that took `MAX_LATENCY_S` at most.
-        late_s: how far the senders fell behind their own timetable at worst.
+class TelemetryFigures:
+    """What was measured. `p99_s`: upper bound of the 99th percentile, from publication to the
+    traffic table, s; None: above the histogram's largest bound.
     """
 
     rsus: int
@@ -65,11 +52,9 @@ class Figures:
 
 def measure(
     rsus: int, segments_each: int, seconds: float, folder: Path, say: Callable[[str], None]
-) -> Figures:
-    """Send each segment's state once a second for some time.
-
-    Raises:
-        RuntimeError: a process ended, or the dispatcher did not start.
+) -> TelemetryFigures:
+    """Send each segment's state once a second for some time. Raises RuntimeError: a process ended,
+    or the dispatcher did not start.
     """
     say(f"{rsus} RSUs with {segments_each} segments each, {seconds:.0f} s")
     watched, settings = watched_grid(folder, rsus, segments_each)
@@ -82,11 +67,7 @@ def measure(
 def watched_grid(
     folder: Path, rsus: int, segments_each: int
 ) -> tuple[dict[str, list[str]], dict[str, str]]:
-    """Write a network that has as many segments, and a fleet of one van on it.
-
-    Returns:
-        segments by RSU, and the dispatcher's settings with the two files.
-    """
+    """Write a network that has as many segments, and a fleet of one van on it."""
     folder.mkdir(parents=True, exist_ok=True)
     number = rsus * segments_each
     size = 3
@@ -101,14 +82,14 @@ def watched_grid(
     }
 
 
-def _figures(rsus: int, found: Loaded) -> Figures:
+def _figures(rsus: int, found: Loaded) -> TelemetryFigures:
     age = "slipstream_dispatcher_state_age_seconds"
     earlier, after = found.before.buckets(age), found.after
     counts = {bound: count - earlier.get(bound, 0.0) for bound, count in after.buckets(age).items()}
     total = max(counts.values())
     p99 = next((b for b, count in sorted(counts.items()) if count >= 0.99 * total), None)
     accepted = after.total("slipstream_dispatcher_states_total", verdict="accepted")
-    return Figures(
+    return TelemetryFigures(
         rsus=rsus,
         rate=found.sent / found.seconds,
         seconds=found.seconds,
@@ -123,7 +104,7 @@ def _figures(rsus: int, found: Loaded) -> Figures:
     )
 
 
-def checks(found: Figures) -> list[Check]:
+def checks(found: TelemetryFigures) -> list[Check]:
     """The aims."""
     bound = "above 5 s" if found.p99_s is None else f"≤ {1e3 * found.p99_s:.0f} ms"
     return [
@@ -150,8 +131,8 @@ def checks(found: Figures) -> list[Check]:
 
 def write(
     folder: Path,
-    found: Figures,
-    steps: Sequence[Figures],
+    found: TelemetryFigures,
+    steps: Sequence[TelemetryFigures],
     costs: Sequence[Cost],
     about: Mapping[str, str],
 ) -> list[Check]:

@@ -13,11 +13,10 @@ _NAMING = ("--rsu", "--name")
 
 
 @dataclass(frozen=True)
-class Sample:
+class ProcessSample:
     """One process at one moment.
 
     Attributes:
-        at_s: since the soak began.
         name: the daemon's, as in its settings file; ``dispatcher/worker-1`` and the like for the
             processes that a daemon starts.
         cpu_share: of one core, since the last sample; 0 in the first.
@@ -40,7 +39,7 @@ class ProcessTree:
         self._names: dict[int, str] = {pid: "supervisor"}
         self._cpu: dict[int, tuple[float, float]] = {}
 
-    def sample(self, at_s: float) -> list[Sample]:
+    def sample(self, at_s: float) -> list[ProcessSample]:
         """All processes of the tree as they are now; none if it has ended."""
         try:
             processes = [self._root, *self._root.children(recursive=True)]
@@ -58,13 +57,13 @@ class ProcessTree:
                 continue
         return samples
 
-    def _look(self, process: psutil.Process, name: str, at_s: float) -> Sample:
+    def _look(self, process: psutil.Process, name: str, at_s: float) -> ProcessSample:
         with process.oneshot():
             times = process.cpu_times()
             used, now = times.user + times.system, time.monotonic()
             used_before, before = self._cpu.get(process.pid, (used, now - 1.0))
             self._cpu[process.pid] = (used, now)
-            return Sample(
+            return ProcessSample(
                 at_s=at_s,
                 name=name,
                 pid=process.pid,

@@ -26,10 +26,10 @@ from slipstream.errors import InputError
 from slipstream.service import die_with_parent
 from slipstream_cli.place.site_file import daemons_of
 from slipstream_lab.benchmarks.aims import Load
+from slipstream_lab.benchmarks.observer import BusObserver
 from slipstream_lab.benchmarks.soak import report
-from slipstream_lab.benchmarks.soak.observer import Observer
-from slipstream_lab.benchmarks.soak.processes import ProcessTree, Sample
-from slipstream_lab.benchmarks.soak.verdict import Verdict, Window, judge
+from slipstream_lab.benchmarks.soak.processes import ProcessSample, ProcessTree
+from slipstream_lab.benchmarks.soak.verdict import SoakVerdict, SoakWindow, judge
 
 _START_LIMIT_S: Final = 600.0
 _STOP_LIMIT_S: Final = 20.0
@@ -42,11 +42,8 @@ class SoakSettings:
     """What to run and where to report.
 
     Attributes:
-        seconds: how long the daemons run.
         out: folder for the report, the run's log and its state; made if missing.
         clips: folder with the demo's clips; they are rendered into it where they are missing.
-        interval_s: between dispatch cycles.
-        period_s: between samples.
         warm_up_s: not judged; None: the first third, at least a minute, at most half.
     """
 
@@ -68,15 +65,13 @@ class _Running:
 
 def run_soak(
     settings: SoakSettings, on_progress: Callable[[int, int], None] = lambda done, total: None
-) -> Verdict:
-    """Run, judge and write the report; a KeyboardInterrupt ends the run early.
-
-    Raises:
-        InputError: the daemons did not come up, or the output folder cannot be used.
+) -> SoakVerdict:
+    """Run, judge and write the report; a KeyboardInterrupt ends the run early. Raises InputError:
+    the daemons did not come up, or the output folder cannot be used.
     """
     state = _prepare(settings)
     load = Load()
-    samples: list[Sample] = []
+    samples: list[ProcessSample] = []
     with _run(settings, state) as running:
         configs = _wait_for_daemons(running, settings)
         began = time.monotonic()
@@ -84,7 +79,7 @@ def run_soak(
         def clock() -> float:
             return time.monotonic() - began
 
-        observer = Observer(clock)
+        observer = BusObserver(clock)
         tree = ProcessTree(running.process.pid)
         end_s = settings.seconds - _MARGIN_S
         with Bus.open(BusSettings(connect=_endpoints(configs))) as bus:
@@ -98,7 +93,7 @@ def run_soak(
                 # The samples so far are reported too.
                 end_s = clock()
                 running.process.terminate()
-        window = Window.of(end_s, settings.warm_up_s)
+        window = SoakWindow.of(end_s, settings.warm_up_s)
         figures = _figures(running)
     verdict = judge(
         samples,
@@ -119,7 +114,7 @@ def run_soak(
         "slipstream": __version__,
         "the run's own figures": json.dumps(figures),
     }
-    report.write(settings.out, verdict, samples, observer, about)
+    report.write(settings.out, verdict, samples, about)
     return verdict
 
 

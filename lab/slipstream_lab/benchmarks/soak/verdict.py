@@ -10,8 +10,9 @@ from typing import Final
 
 import numpy as np
 
-from slipstream_lab.benchmarks.soak.observer import Observer, StateArrival
-from slipstream_lab.benchmarks.soak.processes import Sample
+from slipstream_lab.benchmarks.observer import BusObserver, StateArrival
+from slipstream_lab.benchmarks.perception.slope import MIN_VALUES
+from slipstream_lab.benchmarks.soak.processes import ProcessSample
 from slipstream_lab.benchmarks.soak.trend import Trend, count_trend, memory_trend
 
 MAX_SILENCE_S: Final = 5.0
@@ -19,18 +20,17 @@ MAX_SKIPPED_SHARE: Final = 0.1
 """Two cores skip no frame of two cameras (docs/results.md): above it the daemons were short of
 processor time, and their figures are those of an overloaded machine. It allows stalls of 20 s in
 the 200 s that five minutes judge."""
-_MIN_SAMPLES: Final = 6
 
 
 @dataclass(frozen=True)
-class Window:
+class SoakWindow:
     """The evaluated period: from the end of the warm-up to just before the stop, s."""
 
     begin_s: float
     end_s: float
 
     @classmethod
-    def of(cls, duration_s: float, warm_up_s: float | None = None) -> Window:
+    def of(cls, duration_s: float, warm_up_s: float | None = None) -> SoakWindow:
         """The first third is warm-up, at least a minute, but never more than half."""
         warm_up_s = max(60.0, duration_s / 3) if warm_up_s is None else warm_up_s
         return cls(min(warm_up_s, duration_s / 2), duration_s)
@@ -81,10 +81,10 @@ class SegmentFigures:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class SoakVerdict:
     """Result of a soak."""
 
-    window: Window
+    window: SoakWindow
     processes: tuple[ProcessFigures, ...]
     rsus: tuple[RsuFigures, ...]
     segments: tuple[SegmentFigures, ...]
@@ -100,23 +100,14 @@ class Verdict:
 
 
 def judge(
-    samples: Sequence[Sample],
-    observer: Observer,
+    samples: Sequence[ProcessSample],
+    observer: BusObserver,
     expected: Iterable[str],
     rsus: Iterable[str],
-    window: Window,
+    window: SoakWindow,
     restarted: int,
-) -> Verdict:
-    """Judge a soak.
-
-    Args:
-        samples: of all processes, in the order of time.
-        observer: messages on the bus.
-        expected: processes that must be there all the time.
-        rsus: RSUs that must publish.
-        window: the evaluated period.
-        restarted: number of restarts that the supervisor reports.
-    """
+) -> SoakVerdict:
+    """Judge a soak."""
     faults: list[str] = []
     inside = [sample for sample in samples if window.holds(sample.at_s)]
     processes = _processes(samples, inside, faults)
@@ -151,7 +142,7 @@ def judge(
     seen = sum(process.restarts for process in processes if "/" not in process.name)
     if restarted > seen:
         faults.append(f"the supervisor restarted {restarted} processes")
-    return Verdict(
+    return SoakVerdict(
         window=window,
         processes=processes,
         rsus=figures,
@@ -164,12 +155,12 @@ def judge(
 
 
 def _processes(
-    samples: Sequence[Sample], inside: Sequence[Sample], faults: list[str]
+    samples: Sequence[ProcessSample], inside: Sequence[ProcessSample], faults: list[str]
 ) -> tuple[ProcessFigures, ...]:
     pids: dict[str, set[int]] = defaultdict(set)
     for sample in samples:
         pids[sample.name].add(sample.pid)
-    series: dict[str, list[Sample]] = defaultdict(list)
+    series: dict[str, list[ProcessSample]] = defaultdict(list)
     for sample in inside:
         series[sample.name].append(sample)
     found = []
@@ -183,16 +174,17 @@ def _processes(
         figures = ProcessFigures(
             name=name,
             memory_mb=memory_trend(times, [s.rss_mb for s in last_run]),
-            descriptors=count_trend(times, [s.descriptors for s in last_run]),
-            threads=count_trend(times, [s.threads for s in last_run]),
+            descriptors=count_trend([s.descriptors for s in last_run]),
+            threads=count_trend([s.threads for s in last_run]),
             cpu_share=float(np.mean([s.cpu_share for s in last_run])),
             restarts=restarts,
         )
         found.append(figures)
-        if len(last_run) < _MIN_SAMPLES:
+        if len(last_run) < MIN_VALUES:
             faults.append(f"{name}: only {len(last_run)} samples, too few to judge")
-        if figures.memory_mb.growing:
-            faults.append(f"{name}: memory grows by {figures.memory_mb.slope_per_h:.1f} MB an hour")
+        if figures.memory_mb.growing and figures.memory_mb.slope is not None:
+            per_h = figures.memory_mb.slope.per_h
+            faults.append(f"{name}: memory grows by {per_h:.1f} MB an hour")
         for what, trend in (("descriptors", figures.descriptors), ("threads", figures.threads)):
             if trend.growing:
                 faults.append(f"{name}: {what} grow from {trend.start:.0f} to {trend.end:.0f}")
@@ -200,7 +192,7 @@ def _processes(
 
 
 def _missing(
-    inside: Sequence[Sample], expected: set[str], window: Window, faults: list[str]
+    inside: Sequence[ProcessSample], expected: set[str], window: SoakWindow, faults: list[str]
 ) -> None:
     moments: dict[float, set[str]] = defaultdict(set)
     for sample in inside:
@@ -214,7 +206,7 @@ def _missing(
             faults.append(f"{name}: missing in {absent} of {len(moments)} samples")
 
 
-def _rsu(rsu: str, observer: Observer, window: Window) -> RsuFigures:
+def _rsu(rsu: str, observer: BusObserver, window: SoakWindow) -> RsuFigures:
     heard = [(at_s, h) for at_s, h in observer.rsus.get(rsu, []) if window.holds(at_s)]
     if not heard:
         return RsuFigures(rsu, 0, 0, 0.0, 0.0, 0, 0, None, None, None)
@@ -242,7 +234,7 @@ def _counted(values: Sequence[int]) -> int:
     return sum(b - a if b >= a else b for a, b in pairwise(values))
 
 
-def _segment(name: str, arrivals: Sequence[StateArrival], window: Window) -> SegmentFigures:
+def _segment(name: str, arrivals: Sequence[StateArrival], window: SoakWindow) -> SegmentFigures:
     inside = [a for a in arrivals if window.holds(a.at_s)]
     moments = [window.begin_s, *(a.at_s for a in inside), window.end_s]
     ages = [a.age_s for a in inside]

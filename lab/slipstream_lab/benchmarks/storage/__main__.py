@@ -12,7 +12,7 @@ from sqlalchemy import create_engine, text
 from slipstream_lab.benchmarks.aims import Load, machine
 from slipstream_lab.benchmarks.command import Measured, report, say, start
 from slipstream_lab.benchmarks.postgres_server import PostgresServer, find_pg_ctl
-from slipstream_lab.benchmarks.storage.bench import Figures, checks, measure, write
+from slipstream_lab.benchmarks.storage.bench import StorageFigures, checks, measure, write
 
 _DAYS = 30
 _SEGMENTS = 1000
@@ -53,7 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return report("bench-storage", run, as_json=options.json)
 
 
-def _sqlite(folder: Path, days: int, segments: int) -> Figures:
+def _sqlite(folder: Path, days: int, segments: int) -> StorageFigures:
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     path = folder / "slipstream.db"
@@ -67,7 +67,7 @@ def _sqlite(folder: Path, days: int, segments: int) -> Figures:
         shutil.rmtree(folder)
 
 
-def _postgresql(pg_ctl: str, days: int, segments: int) -> Figures:
+def _postgresql(pg_ctl: str, days: int, segments: int) -> StorageFigures:
     server = PostgresServer(pg_ctl, *_FAST_VACUUM)
     try:
         url = server.new_database()

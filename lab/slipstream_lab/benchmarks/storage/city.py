@@ -43,13 +43,8 @@ class CityCycle:
     minutes: Sequence[RollUp]
 
 
-class City:
-    """So many watched segments, from a seed.
-
-    Args:
-        segments: number of them.
-        seed: of all figures.
-    """
+class StoredCity:
+    """So many watched segments, from a seed."""
 
     def __init__(self, segments: int, seed: int = 1) -> None:
         self._random = random.Random(seed)

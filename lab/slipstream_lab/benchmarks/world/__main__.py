@@ -11,10 +11,17 @@ from pathlib import Path
 
 from slipstream.errors import InputError
 from slipstream_lab.benchmarks.command import Measured, parts_of, report, say, start
-from slipstream_lab.benchmarks.world.bench import FULL, PARTS, SHORT, BenchSettings, Form, run_bench
+from slipstream_lab.benchmarks.world.bench import (
+    FULL,
+    PARTS,
+    SHORT,
+    WorldBenchForm,
+    WorldBenchSettings,
+    run_bench,
+)
 from slipstream_lab.benchmarks.world.report import checks
 
-_DEFAULTS = BenchSettings()
+_DEFAULTS = WorldBenchSettings()
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -25,15 +32,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--short", action="store_true", help="a quarter of an hour, one seed")
     parser.add_argument("--only", default=",".join(PARTS), help=f"some of {','.join(PARTS)}")
     parser.add_argument("--seeds", help="days, as 1,2,3 (default: 1,2,3; short: 1)")
-    parser.add_argument("--hours", help="of the savings, as 6-10 (default: 0-24)")
-    parser.add_argument("--arms", help="of the savings, as slipstream evaluate takes them")
     parser.add_argument("--scenarios", help="some of troy,corridor")
     parser.add_argument("--out", type=Path, default=_DEFAULTS.out, help="folder for all results")
     parser.add_argument("--json", action="store_true", help="print the report as JSON")
     options = parser.parse_args(arguments)
 
     def measure() -> Measured:
-        settings = BenchSettings(
+        settings = WorldBenchSettings(
             out=options.out,
             form=_form(options),
             seeds=_seeds(options.seeds or ("1" if options.short else "1,2,3")),
@@ -45,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return report("bench-world", measure, as_json=options.json)
 
 
-def _form(options: argparse.Namespace) -> Form:
+def _form(options: argparse.Namespace) -> WorldBenchForm:
     form = SHORT if options.short else FULL
     if options.scenarios is not None:
         names = tuple(options.scenarios.split(","))
@@ -53,16 +58,7 @@ def _form(options: argparse.Namespace) -> Form:
         if strange is not None:
             raise InputError("--scenarios", f"no world {strange!r}", "use troy, corridor")
         form = replace(form, scenarios=names)
-    if options.hours is not None:
-        begin, _, end = options.hours.partition("-")
-        try:
-            span = float(begin), float(end)
-        except ValueError:
-            span = (0.0, 0.0)
-        if not 0 <= span[0] < span[1] <= 24:
-            raise InputError("--hours", f"{options.hours!r}", "give hours of a day, as 6-10")
-        form = replace(form, saving_span_h=span)
-    return form if options.arms is None else replace(form, saving_arms=options.arms)
+    return form
 
 
 def _seeds(text: str) -> tuple[int, ...]:

@@ -17,7 +17,7 @@ from slipstream_lab.benchmarks.aims import Load, measured_on
 from slipstream_lab.benchmarks.routing.watch import watched
 from slipstream_lab.benchmarks.world import report
 from slipstream_lab.benchmarks.world.figures import Repeat, Saved, TimedRun
-from slipstream_lab.benchmarks.world.report import Results
+from slipstream_lab.benchmarks.world.report import WorldResults
 from slipstream_lab.simulation.closed_loop.history_recording import history_of
 from slipstream_lab.simulation.evaluation.arms import (
     BASELINE,
@@ -30,11 +30,11 @@ from slipstream_lab.simulation.evaluation.arms import (
 )
 from slipstream_lab.simulation.evaluation.measures import (
     Evaluation,
-    Spread,
+    SeedSpread,
     collect,
     compute_ceilings,
 )
-from slipstream_lab.simulation.evaluation.runs import Store, World, WorldFiles, code_stamp
+from slipstream_lab.simulation.evaluation.runs import ArmStore, World, WorldFiles, code_stamp
 from slipstream_lab.simulation.scenarios.scenario import load_scenario, prepare
 
 PARTS: Final = ("background", "arm", "pair", "same", "saving")
@@ -44,17 +44,8 @@ _NOISE: Final = 0.2
 
 
 @dataclass(frozen=True)
-class Form:
-    """How much is simulated.
-
-    Attributes:
-        scenarios: worlds.
-        span_h: begin and end of the timed days, hours.
-        same_span_h: of the evaluations that are run twice.
-        same_arms: their arms.
-        saving_span_h: of the savings.
-        saving_arms: arms of the savings.
-    """
+class WorldBenchForm:
+    """How much is simulated."""
 
     scenarios: tuple[str, ...] = ("troy", "corridor")
     span_h: tuple[float, float] = (0.0, 24.0)
@@ -66,8 +57,8 @@ class Form:
     )
 
 
-FULL: Final = Form()
-SHORT: Final = Form(
+FULL: Final = WorldBenchForm()
+SHORT: Final = WorldBenchForm(
     scenarios=("troy",),
     span_h=(7.0, 7.25),
     same_span_h=(7.0, 7.25),
@@ -78,30 +69,25 @@ SHORT: Final = Form(
 
 
 @dataclass(frozen=True)
-class BenchSettings:
-    """What is measured and where it goes.
-
-    Attributes:
-        out: folder for the report and the evaluations; those of an earlier run are gone on with.
-        form: how much.
-        seeds: of the days.
-        parts: some of `PARTS`.
+class WorldBenchSettings:
+    """What is measured and where it goes. `out`: folder for the report and the evaluations; those
+    of an earlier run are gone on with.
     """
 
     out: Path = Path(".slipstream/bench-world")
-    form: Form = FULL
+    form: WorldBenchForm = FULL
     seeds: tuple[int, ...] = (1, 2, 3)
     parts: tuple[str, ...] = PARTS
 
 
 @dataclass
 class _Bench:
-    settings: BenchSettings
+    settings: WorldBenchSettings
     say: Callable[[str], None]
     missing: list[str] = field(default_factory=list)
 
     @property
-    def form(self) -> Form:
+    def form(self) -> WorldBenchForm:
         return self.settings.form
 
     @property
@@ -172,11 +158,9 @@ class _Bench:
         return folder
 
 
-def run_bench(settings: BenchSettings, say: Callable[[str], None]) -> Results:
+def run_bench(settings: WorldBenchSettings, say: Callable[[str], None]) -> WorldResults:
     """Measure all and write the report; it is written after each part, so that none is lost.
-
-    Raises:
-        InputError: the folder cannot be used.
+    Raises InputError: the folder cannot be used.
     """
     try:
         settings.out.mkdir(parents=True, exist_ok=True)
@@ -185,7 +169,7 @@ def run_bench(settings: BenchSettings, say: Callable[[str], None]) -> Results:
     bench = _Bench(settings, say)
     bench.log.unlink(missing_ok=True)
     load = Load()
-    results = Results()
+    results = WorldResults()
     for part in settings.parts:
         results = _PARTS[part](bench, results)
         results = replace(results, missing=tuple(bench.missing))
@@ -193,12 +177,12 @@ def run_bench(settings: BenchSettings, say: Callable[[str], None]) -> Results:
     return results
 
 
-def _background(bench: _Bench, results: Results) -> Results:
+def _background(bench: _Bench, results: WorldResults) -> WorldResults:
     runs = [run for world in bench.worlds for run in bench.timed("background", *world)]
     return replace(results, runs=(*results.runs, *runs))
 
 
-def _arm(bench: _Bench, results: Results) -> Results:
+def _arm(bench: _Bench, results: WorldResults) -> WorldResults:
     """The arm with every lever, of the first seed, held on one core."""
     seed, core = bench.settings.seeds[0], min(os.sched_getaffinity(0))
     runs: list[TimedRun] = []
@@ -208,7 +192,7 @@ def _arm(bench: _Bench, results: Results) -> Results:
     return replace(results, runs=(*results.runs, *runs))
 
 
-def _pair(bench: _Bench, results: Results) -> Results:
+def _pair(bench: _Bench, results: WorldResults) -> WorldResults:
     """Two arms at once, a core each."""
     seed, cores = bench.settings.seeds[0], sorted(os.sched_getaffinity(0))
     if len(cores) < 2:
@@ -226,7 +210,7 @@ def _pair(bench: _Bench, results: Results) -> Results:
     return replace(results, runs=(*results.runs, *runs))
 
 
-def _same(bench: _Bench, results: Results) -> Results:
+def _same(bench: _Bench, results: WorldResults) -> WorldResults:
     """The same evaluation twice, from nothing, in folders of their own."""
     form, seed = bench.form, str(bench.settings.seeds[0])
     repeats = []
@@ -263,7 +247,7 @@ def compare_folders(first: Path, second: Path) -> tuple[int, tuple[str, ...]]:
     return len(names), tuple(different)
 
 
-def _saving(bench: _Bench, results: Results) -> Results:
+def _saving(bench: _Bench, results: WorldResults) -> WorldResults:
     form, seeds = bench.form, bench.settings.seeds
     saved, tables = [], []
     for scenario in form.scenarios:
@@ -282,7 +266,7 @@ def read_saved(
     """Figures of an evaluation's folder."""
     span_s = span_h[0] * _HOUR_S, span_h[1] * _HOUR_S
     world = World(WorldFiles(scenario), folder / "background", "actuated", span_s)
-    with Store(folder, world.provenance, code_stamp()) as store:
+    with ArmStore(folder, world.provenance, code_stamp()) as store:
         found = collect(store, world.provenance, seeds)
 
     def equal(name: str) -> float | None:
@@ -312,11 +296,11 @@ def _drafting(found: Evaluation, world: World) -> float | None:
     return sum(shares) / len(shares) if shares else None
 
 
-def _mean(spread: Spread | None) -> float | None:
+def _mean(spread: SeedSpread | None) -> float | None:
     return None if spread is None else spread.mean
 
 
-_PARTS: Final[dict[str, Callable[[_Bench, Results], Results]]] = {
+_PARTS: Final[dict[str, Callable[[_Bench, WorldResults], WorldResults]]] = {
     "background": _background,
     "arm": _arm,
     "pair": _pair,
@@ -325,7 +309,7 @@ _PARTS: Final[dict[str, Callable[[_Bench, Results], Results]]] = {
 }
 
 
-def _about(settings: BenchSettings, load: Load) -> dict[str, object]:
+def _about(settings: WorldBenchSettings, load: Load) -> dict[str, object]:
     form = {FULL: "full", SHORT: "short: minutes, which no aim is judged by"}
     return measured_on(
         load,

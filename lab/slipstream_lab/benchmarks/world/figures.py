@@ -20,19 +20,7 @@ DAY_H: Final = 24.0
 
 @dataclass(frozen=True)
 class TimedRun:
-    """One simulation.
-
-    Attributes:
-        what: "background", or an arm.
-        scenario: its name.
-        seed: of the day.
-        hours: simulated.
-        wall_s: by the clock.
-        cpu_s: of all its processes.
-        peak_mb: their memory together.
-        beside: how many others ran at once.
-        faults: why a background is not fit.
-    """
+    """One simulation."""
 
     what: str
     scenario: str
@@ -47,15 +35,7 @@ class TimedRun:
 
 @dataclass(frozen=True)
 class Repeat:
-    """Two runs of the same evaluation.
-
-    Attributes:
-        scenario: its name.
-        hours: simulated.
-        arms: that were simulated.
-        files: compared.
-        different: names of those that are not the same byte for byte.
-    """
+    """Two runs of the same evaluation."""
 
     scenario: str
     hours: float
@@ -69,16 +49,8 @@ class Saved:
     """Result of an evaluation, means over its seeds, shares of the baseline's energy.
 
     Attributes:
-        scenario: its name.
-        hours: simulated.
-        seeds: of it.
         every: saving with every lever at equal travel time; None where it was not simulated, as
             everywhere here.
-        without_priority: the same without signal priority.
-        noisy: the same with 20 % noise.
-        drag: of C, what drafting alone saved.
-        drafting_ceiling: what it could save with every kilometre drafted.
-        refused: arms whose figures do not count.
     """
 
     scenario: str

@@ -19,16 +19,8 @@ from slipstream_lab.benchmarks.world.figures import (
 
 
 @dataclass(frozen=True)
-class Results:
-    """All that was measured.
-
-    Attributes:
-        runs: timed.
-        repeats: evaluations that were run twice.
-        saved: results of evaluations.
-        tables: folders of those, which have the tables and figures.
-        missing: why something was not measured.
-    """
+class WorldResults:
+    """All that was measured."""
 
     runs: tuple[TimedRun, ...] = ()
     repeats: tuple[Repeat, ...] = ()
@@ -37,7 +29,7 @@ class Results:
     missing: tuple[str, ...] = ()
 
 
-def checks(results: Results) -> list[Check]:
+def checks(results: WorldResults) -> list[Check]:
     """Each aim with what was measured."""
     return [
         *time_checks(results.runs),
@@ -46,7 +38,7 @@ def checks(results: Results) -> list[Check]:
     ]
 
 
-def markdown(results: Results, about: Mapping[str, object]) -> str:
+def markdown(results: WorldResults, about: Mapping[str, object]) -> str:
     """The report as people read it."""
     lines = report_head(
         "Worlds: how fast, how repeatable, what they save", about, checks(results), results.missing
@@ -61,7 +53,7 @@ def markdown(results: Results, about: Mapping[str, object]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def write(folder: Path, results: Results, about: Mapping[str, object]) -> None:
+def write(folder: Path, results: WorldResults, about: Mapping[str, object]) -> None:
     """Write report.md and report.json into an existing folder."""
     content = {"checks": [asdict(c) for c in checks(results)], **asdict(results)}
     write_report(folder, markdown(results, about), about, content)

@@ -29,16 +29,7 @@ _FLAG = {1: "stable", 0: "turbulent", None: "unknown"}
 
 @dataclass
 class BusCounts:
-    """Counts of messages since `listen`, in constant memory.
-
-    Attributes:
-        frames: frames that ended runs of each RSU had processed.
-        health: last health of each RSU.
-        flags: states seen of each segment, by flag.
-        cycle_count: cycles seen that gave an energy.
-        last_cycle: the newest of them.
-        plan_count: plans seen.
-    """
+    """Counts of messages since `listen`, in constant memory."""
 
     frames: int = 0
     health: dict[str, RsuHealth] = field(default_factory=dict)

@@ -27,11 +27,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class DemoRoadside:
-    """One RSU of the demo: clips of one camera, watched as that road segment.
-
-    Attributes:
-        clips: scenarios in the order in which they are played, again and again.
-    """
+    """One RSU of the demo: clips of one camera, watched as that road segment."""
 
     rsu: str
     segment: str
@@ -52,10 +48,6 @@ _FPS: Final = 15
 
 def make_clips(folder: Path, stopping: threading.Event) -> dict[str, dict[str, Path]]:
     """Render the missing clips in parallel.
-
-    Args:
-        folder: where they are kept between runs.
-        stopping: set from outside to stop.
 
     Returns:
         The folder of each RSU's clips, by scenario; some are missing if it was stopped.
@@ -129,12 +121,8 @@ def place_of_demo(
     town: WorldSpec | None = None,
     tours: Path | None = None,
 ) -> SiteSpec:
-    """What the demo's site.toml says.
-
-    Args:
-        hardware: a quantum device, see `HardwareSettings.backend`.
-        town: whose vans are dispatched and have agents; None: the two vans of the demo's fleet.
-        tours: folder of its agents' tours.
+    """What the demo's site.toml says. `town`: whose vans are dispatched and have agents; None: the
+    two vans of the demo's fleet.
     """
     return SiteSpec(
         network=DEMO_NETWORK,
@@ -179,11 +167,8 @@ def _of_town() -> dict[str, object]:
 
 
 def agents(world: WorldSpec, folder: Path) -> dict[str, object]:
-    """The agents of a world's vehicles, in one process.
-
-    Args:
-        world: whose vehicles stand at their depots when it begins.
-        folder: for their tours; those of a world before are over.
+    """The agents of a world's vehicles, in one process. `folder`: for their tours; those of a
+    world before are over.
     """
     from slipstream_lab.simulation.sumo import TYPES
 

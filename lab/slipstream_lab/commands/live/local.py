@@ -33,10 +33,8 @@ def http_status(address: str) -> int | None:
 
 
 def check_ports_are_free(port: int) -> None:
-    """Make sure that the operator's page and the 3D view can be served.
-
-    Raises:
-        InputError: the page's port is no port, or one of both is taken.
+    """Make sure that the operator's page and the 3D view can be served. Raises InputError: the
+    page's port is no port, or one of both is taken.
     """
     if not 1 <= port < 65535:
         mend = "give 1 to 65534; the 3D view has the next one"
@@ -54,10 +52,8 @@ def check_ports_are_free(port: int) -> None:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Hold the state folder: two runs must not share a database.
-
-    Raises:
-        InputError: it cannot be made, or another run holds it.
+    """Hold the state folder: two runs must not share a database. Raises InputError: it cannot be
+    made, or another run holds it.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -86,7 +82,6 @@ def watch(
     Args:
         port: of the operator's page; the 3D view is at `scene_port_of` it.
         seconds: until the end; None: until `stopping` is set.
-        look: called each time with the seconds that have passed.
     """
     address, scene = (f"http://127.0.0.1:{at}" for at in (port, scene_port_of(port)))
     began = time.monotonic()

@@ -49,12 +49,8 @@ class _Child:
 
 
 class Supervisor:
-    """Child processes, each with a name; call `poll` about ten times a second.
-
-    Attributes:
-        restarted: how often a process was started again.
-        refused: name of a process that ended for bad input and so is not started again.
-        given_up: names of processes that ended too often.
+    """Child processes, each with a name; call `poll` about ten times a second. `refused`: name of
+    a process that ended for bad input and so is not started again.
     """
 
     def __init__(self, log: TextIO) -> None:

@@ -94,11 +94,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def time_of_day_s(text: str) -> float:
-    """Seconds since midnight of ``HH:MM``.
-
-    Raises:
-        InputError: it is no time of day.
-    """
+    """Seconds since midnight of ``HH:MM``. Raises InputError: it is no time of day."""
     match = re.fullmatch(r"(\d{1,2}):(\d{2})", text)
     if match is None or int(match[1]) > 23 or int(match[2]) > 59:
         raise InputError("--begin", f"{text!r} is no time of day", "give HH:MM, 00:00 to 23:59")

@@ -16,12 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Missed:
-    """Rewards of an answer without a platoon on the road.
-
-    Attributes:
-        kwh: sum of the rewards.
-        segments: where, each with the reason.
-    """
+    """Rewards of an answer without a platoon on the road."""
 
     kwh: float
     segments: tuple[tuple[str, str], ...]
@@ -33,11 +28,7 @@ class Missed:
 
 
 def missed_rewards(form: Form, tried: Attempt, window_s: float) -> Missed | None:
-    """The rewards of a valid arc-form answer whose timetable makes no platoon at all.
-
-    Args:
-        window_s: Δt_sync.
-    """
+    """The rewards of a valid arc-form answer whose timetable makes no platoon at all."""
     selected, plan = tried.outcome.selected, tried.candidate
     if form.name != "arc" or plan is None or selected is None or plan.platooned_m > 0:
         return None

@@ -54,9 +54,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 def check_options(options: argparse.Namespace, names: Sequence[str]) -> None:
     """Refuse unknown solvers, options that none of the solvers has, and values out of bounds.
-
-    Raises:
-        InputError: naming the option.
+    Raises InputError: naming the option.
     """
     from dispatcher_daemon.settings import solver_names
 
@@ -148,9 +146,7 @@ def _given(options: argparse.Namespace) -> dict[str, Any]:
 
 def settings_of(options: argparse.Namespace) -> DispatcherSettings:
     """Settings with what was given on the command line; their types set its choices and bounds.
-
-    Raises:
-        InputError: naming the option: a solver has no such variant, or takes no such number.
+    Raises InputError: naming the option: a solver has no such variant, or takes no such number.
     """
     from dispatcher_daemon.settings import DispatcherSettings
     from slipstream.config import check
@@ -181,10 +177,8 @@ def settings_of(options: argparse.Namespace) -> DispatcherSettings:
 
 
 def make_solvers(names: Sequence[str], options: argparse.Namespace) -> list[Solver]:
-    """The solvers by name, each once.
-
-    Raises:
-        InputError: what they need is missing: credentials, a device, a variant.
+    """The solvers by name, each once. Raises InputError: what they need is missing: credentials, a
+    device, a variant.
     """
     from dispatcher_daemon.solvers import make_solver
     from dispatcher_daemon.solvers.quantum import LcQaoaSolver
@@ -235,9 +229,6 @@ def records(
 
     Beside its fields: ``optimum_proven``, ``seed``, ``iterations`` (of training, as asked; None
     where nothing is trained), ``deadline_s``.
-
-    Args:
-        best: exact or best known objective of the model, and whether it is proven.
     """
     from slipstream_lab.research.quantum.controls import distributions, run_controls
     from slipstream_lab.research.quantum.record import run_record
@@ -293,11 +284,7 @@ def best_known_kwh(
 
 
 def lines_of(record: Mapping[str, Any], wall_s: float) -> Iterator[str]:
-    """A record in lines for people.
-
-    Args:
-        wall_s: of the whole solve.
-    """
+    """A record in lines for people."""
     layers = f", p = {record['p']}" if record["p"] else ""
     qubits = "" if record["qubits"] is None else f", {record['qubits']} qubits"
     yield (

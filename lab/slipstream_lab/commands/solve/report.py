@@ -25,19 +25,9 @@ class Report:
     """An instance, its model, and the solvers' results.
 
     Attributes:
-        minimises: what a path costs: "energy" or "paper".
         encoding: of the arc form; None for the route form.
-        choices: number of arcs or options.
-        couplings: pairs of variables with a bias.
-        unserved: reason by stop that no vehicle can serve.
-        written: model file.
         rewards: judged pairs and the arcs that they point to; None if not asked for.
-        known: the published optimum of the same problem.
-        references_kwh: what plans of reference heuristics cost, by name.
-        problem: what solvers minimised.
         baseline_name: of the plan without platooning; None if there is none.
-        baseline: that plan.
-        attempts: outcomes and plans, by solver.
         quantum: by solver, of those that ran a circuit; see `run_record`.
         missed: by solver, rewards counted for platoons that do not form; None: there are
             none.

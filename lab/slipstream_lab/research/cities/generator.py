@@ -35,16 +35,10 @@ class CityShape:
     """What kind of city; shares are of 1.
 
     Attributes:
-        block_m: mean distance of neighbouring crossings.
-        arterial_every: one street in so many is an arterial.
         signalled_share: of an arterial's crossings with streets; two arterials always have signals.
         one_way_share: of the streets, at most; less where the number of segments needs no more.
         open_share: of the arterials' segments: fresh y_e = 1, in stretches of a few.
         turbulent_share: of all other segments: fresh y_e = 0; the rest is unwatched.
-        depots: 1 to 3, at the edge of the city.
-        clustered_share: of the stops; the others lie anywhere.
-        window_share: of the stops: with a time window of half an hour to an hour.
-        capacity_ratio: total capacity over total demand.
         ready_within_s: vehicles get ready at some moment between 0 and this.
     """
 
@@ -84,9 +78,7 @@ def generate_city(
     """A city with its fleet and traffic as an instance; same arguments, same city.
 
     Args:
-        seed: of everything random, at least 0.
         vehicles: spread evenly over the depots; departure windows of 10 to 20 minutes.
-        stops: several may share a junction.
         segments: directed; met exactly unless that would cut the network in pieces.
         shape: what kind of city; the default one if None.
 

@@ -35,8 +35,6 @@ class StreetGrid:
     Attributes:
         row_limits_mps: speed limit of the street along each row, shape (rows,).
         column_limits_mps: of the street along each column, shape (columns,).
-        arterial_rows: rows that are arterials.
-        arterial_columns: columns that are arterials.
     """
 
     row_limits_mps: tuple[float, ...]
@@ -97,13 +95,7 @@ def street_network(
 
     Args:
         segments: directed; the network has more where thinning further would cut it in pieces.
-        block_m: mean distance of neighbouring crossings.
-        arterial_every: every so many rows, and columns, one is an arterial.
-        one_way_share: of the streets, at most.
         signalled_share: of an arterial's crossings with streets; two arterials always have signals.
-
-    Returns:
-        The grid, its road network, and the way of each segment by id.
     """
     rows, columns = _size(segments)
     grid = _grid(rng, rows, columns, arterial_every)

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from slipstream_lab.research.coordination.case import Bools, Case, Floats, Ints
+from slipstream_lab.research.coordination.case import Bools, CoordinationCase, Floats, Ints
 
 _LENGTHS_MS: Final = tuple(
     round(1000 * s) for s in (0.5, 1, 2, 3, 4, 5, 8, 10, 16, 20, 25, 40, 50, 80, 100, 200, 400)
@@ -20,13 +20,12 @@ _PARTS: Final = 8
 
 
 @dataclass(frozen=True)
-class Part:
+class TripPart:
     """Trips of about the same number of links, so that their arrays have little padding.
 
     A *pool* is a link and a bin: vehicles that may platoon there behind one that enters in it.
 
     Attributes:
-        trips: their numbers.
         delay_ms: least delay in a bin, shape (trips, bins).
         reached: bins that a trip has, same shape.
         pool: number of each trip's pools, shape (links of a trip, trips, bins + ahead): at k those
@@ -44,24 +43,19 @@ class Bins:
     """Where each trip can be, by bins of its delay.
 
     Attributes:
-        length_ms: of a bin.
         ahead: so many bins before its own may the first vehicle of a trip's platoon be.
-        parts: all trips.
         link: of each pool; −1 of the first, which is none.
     """
 
     length_ms: int
     ahead: int
-    parts: tuple[Part, ...]
+    parts: tuple[TripPart, ...]
     link: Ints
 
 
-def choose_bins(case: Case) -> Bins:
-    """The shortest bins that fit the driving times and the memory.
-
-    Raises:
-        ValueError: none fits: two ways between the same links, say, take times that no multiple of
-            a bin lies between.
+def choose_bins(case: CoordinationCase) -> Bins:
+    """The shortest bins that fit the driving times and the memory. Raises ValueError: none fits:
+    two ways between the same links, say, take times that no multiple of a bin lies between.
     """
     longest_ms = int(case.useful_ms.max() + 1)
     in_all_ms = int((case.link_count * (case.useful_ms + 1)).sum())
@@ -74,7 +68,7 @@ def choose_bins(case: Case) -> Bins:
     raise ValueError("no bins fit the driving times")
 
 
-def _bins(case: Case, length_ms: int, clock: Ints) -> Bins:
+def _bins(case: CoordinationCase, length_ms: int, clock: Ints) -> Bins:
     ahead = -(-case.sync_window_ms // length_ms)
     present = case.link >= 0
     at_ms = case.ready_ms[:, None] + case.offset_ms - np.append(clock, 0)[case.link]
@@ -95,13 +89,13 @@ def _bins(case: Case, length_ms: int, clock: Ints) -> Bins:
         first = links * width + base[trips, : len(links)].T - low
         keys = first[..., None] + np.arange(-ahead, len(numbers))
         pool = np.where(in_pool & (links >= 0)[..., None], keys, -1) + 1
-        parts.append(Part(trips, delay_ms, reached, pool))
+        parts.append(TripPart(trips, delay_ms, reached, pool))
     used = np.unique(np.concatenate([[0], *(part.pool.ravel() for part in parts)]))
     numbered = (replace(part, pool=np.searchsorted(used, part.pool)) for part in parts)
     return Bins(length_ms, ahead, tuple(numbered), np.where(used > 0, (used - 1) // width, -1))
 
 
-def _clocks(case: Case, length_ms: int) -> Ints | None:
+def _clocks(case: CoordinationCase, length_ms: int) -> Ints | None:
     """Begin of each link's bins, ms, such that a trip is at one place in all its bins; None if
     there is none.
     """

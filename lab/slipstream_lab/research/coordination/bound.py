@@ -20,8 +20,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from slipstream_lab.research.coordination.bins import Bins, Part, choose_bins
-from slipstream_lab.research.coordination.case import Case, Floats
+from slipstream_lab.research.coordination.bins import Bins, TripPart, choose_bins
+from slipstream_lab.research.coordination.case import CoordinationCase, Floats
 
 _ITERATIONS: Final = (400, 1000)
 """Least and greatest number of steps."""
@@ -40,18 +40,13 @@ _LEAST: Final = 1e-300
 
 @dataclass(frozen=True)
 class Bound:
-    """An upper bound.
-
-    Attributes:
-        kwh: no plan's net value is above it.
-        bin_s: length of the bins of time.
-    """
+    """An upper bound."""
 
     kwh: float
     bin_s: float
 
 
-def upper_bound(case: Case, iterations: int | None = None) -> Bound:
+def upper_bound(case: CoordinationCase, iterations: int | None = None) -> Bound:
     """Bound the net value of all plans.
 
     Args:
@@ -84,7 +79,7 @@ def _between(ends: tuple[float, float], done: float) -> float:
 class _Prices:
     """Shares of the losses, and γ: by the part of `Bins.parts` that trips are in."""
 
-    def __init__(self, case: Case, bins: Bins) -> None:
+    def __init__(self, case: CoordinationCase, bins: Bins) -> None:
         follower, leader = np.append(case.follower_kwh, 0.0), np.append(case.leader_kwh, 0.0)
         self._case, self._bins = case, bins
         self._loss = (follower - leader)[bins.link]
@@ -117,12 +112,8 @@ class _Prices:
         return values
 
     def descend(self, values: list[Floats], temperature: float, step: float) -> None:
-        """Move shares towards trips that answer with a bin, and γ against its slope.
-
-        Args:
-            values: as `answers` gave them.
-            temperature: of answers, as a share of a trip's drafting ceiling.
-            step: of the logarithms of shares, for an answer that is one bin's.
+        """Move shares towards trips that answer with a bin, and γ against its slope. `step`: of
+        the logarithms of shares, for an answer that is one bin's.
         """
         slope = np.zeros(len(self._loss))
         for number, (part, value) in enumerate(zip(self._bins.parts, values, strict=True)):
@@ -141,7 +132,7 @@ class _Prices:
         self._back[0] = 0.0
 
     def _charges(
-        self, part: Part, mass: Floats, rate: Floats
+        self, part: TripPart, mass: Floats, rate: Floats
     ) -> tuple[Floats, npt.NDArray[np.int8]]:
         """(Charge less γ, number of the pool): of the pools that a trip can be in, which differ by
         the bin of the first vehicle, the cheapest; shapes (links of a trip, trips, bins).
@@ -177,7 +168,7 @@ class _Prices:
         return found
 
 
-def _answers(case: Case, part: Part, follower: Floats, charges: Floats) -> Floats:
+def _answers(case: CoordinationCase, part: TripPart, follower: Floats, charges: Floats) -> Floats:
     """Best by the bin of the first stretch: a dynamic program over stretches, as for a plan."""
     stops_kwh, trips = case.stop_kwh[part.trips], part.trips
     gains = np.zeros((int(case.stretch[trips].max()) + 1, *part.reached.shape))

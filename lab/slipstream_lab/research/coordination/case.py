@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-from slipstream_lab.research.coordination.freight import MS, Freight, FreightSegment, Trip
+from slipstream_lab.research.coordination.trips.freight import MS, Freight, FreightSegment, Trip
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -17,7 +17,7 @@ Bools = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class Case:
+class CoordinationCase:
     """A day's trips with the price of waiting.
 
     A *link* is a run of open segments that every trip on one of them drives wholly. A *stretch* is
@@ -25,9 +25,6 @@ class Case:
     arrays of links by trip have one row a trip, −1 where it has fewer links than others.
 
     Attributes:
-        freight: the trips.
-        price_kw: of waiting: energy that an hour's wait of one vehicle is worth, kWh.
-        sync_window_ms: greatest time between entries of a platoon's first and last member.
         follower_kwh: saving of a follower, shape (links,).
         leader_kwh: saving of a leader, shape (links,).
         length_m: shape (links,).
@@ -82,19 +79,9 @@ class Case:
         paying = np.floor(most / self.price_kwh_per_ms).astype(np.int64)
         return np.asarray(np.minimum(self.slack_ms, paying))
 
-    def at_price(self, price_kw: float) -> Case:
-        """The same trips at another price of waiting."""
-        return replace(self, price_kw=price_kw)
 
-
-def build_case(freight: Freight, price_kw: float, sync_window_s: float) -> Case:
-    """The arrays of some trips.
-
-    Raises:
-        ValueError: a price that is negative or not finite.
-    """
-    if not 0 <= price_kw < float("inf"):
-        raise ValueError(f"price_kw must be finite and not negative, got {price_kw}")
+def build_case(freight: Freight, price_kw: float, sync_window_s: float) -> CoordinationCase:
+    """The arrays of some trips. Raises ValueError: a price that is negative or not finite."""
     first_of = _links(freight)
     numbers: dict[str, int] = {}
     parts: list[list[FreightSegment]] = []
@@ -106,7 +93,7 @@ def build_case(freight: Freight, price_kw: float, sync_window_s: float) -> Case:
     def padded(values: list[list[int]], width: int) -> Ints:
         return np.array([row + [-1] * (width - len(row)) for row in values], dtype=np.int64)
 
-    return Case(
+    return CoordinationCase(
         freight,
         price_kw,
         round(MS * sync_window_s),

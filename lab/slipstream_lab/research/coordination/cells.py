@@ -2,30 +2,26 @@
 
 from __future__ import annotations
 
-import ast
-import hashlib
 import json
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any, Final, Literal, TypeVar
+from typing import Any, Final, Literal
 
 from pydantic import TypeAdapter
 
-import slipstream_lab.research.coordination
 from dispatcher_daemon.settings import DispatcherSettings
+from slipstream.sources import sources_digest
 from slipstream_lab.research.coordination.bound import upper_bound
-from slipstream_lab.research.coordination.case import Case, build_case
-from slipstream_lab.research.coordination.corridor import WINDOWS_MIN, corridor_freight
-from slipstream_lab.research.coordination.freight import MS, Freight
-from slipstream_lab.research.coordination.plan import Outcome, evaluate
-from slipstream_lab.research.coordination.region import region_freight
+from slipstream_lab.research.coordination.case import CoordinationCase, build_case
+from slipstream_lab.research.coordination.plan import PlanOutcome, evaluate
 from slipstream_lab.research.coordination.strategies import STRATEGIES
+from slipstream_lab.research.coordination.trips.corridor import WINDOWS_MIN, corridor_freight
+from slipstream_lab.research.coordination.trips.freight import MS, Freight
+from slipstream_lab.research.coordination.trips.region import region_freight
 from slipstream_lab.simulation.evaluation.runs import write_atomically
-
-_Content = TypeVar("_Content", "Plans", "Bounded")
 
 Place = Literal["one", "ten", "region"]
 """The corridor with one carrier or ten, or the region."""
@@ -34,24 +30,15 @@ OWN: Final = "local search"
 """The strategy that aims are judged by."""
 NONE_KWH: Final = 1e-6
 """Less than this is nothing."""
-FORMAT: Final = 2
+FORMAT: Final = 3
 """Of stored cells; those of another one are made anew."""
-_REPORT_MODULES: Final = ("cells", "curve", "picture")
-_BOUND_MODULES: Final = ("bound", "bins")
-_STRATEGY_MODULES: Final = ("strategies", "local_search", "pairwise", "threshold", "schedule")
+_PACKAGE: Final = "slipstream_lab.research.coordination"
+_REPORTS: Final = tuple(f"{_PACKAGE}/{module}.py" for module in ("cells", "curve", "picture"))
 
 
 @dataclass(frozen=True)
-class Cell:
-    """What is planned.
-
-    Attributes:
-        place: and carriers.
-        vehicles: a day.
-        window_min: half of the interval of arrival.
-        price_kw: of waiting.
-        seed: of the trips.
-    """
+class CoordinationCell:
+    """What is planned."""
 
     place: Place
     vehicles: int
@@ -67,17 +54,11 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Row:
-    """What one strategy reached.
-
-    Attributes:
-        strategy: its name in `STRATEGIES`.
-        outcome: of its plan.
-        wall_s: time that it took.
-    """
+class StrategyRow:
+    """What one strategy reached."""
 
     strategy: str
-    outcome: Outcome
+    outcome: PlanOutcome
     wall_s: float
 
     @property
@@ -98,28 +79,16 @@ class Row:
 
 @dataclass(frozen=True)
 class Plans:
-    """What all strategies reached in a cell.
-
-    Attributes:
-        ceiling_kwh: saving if everybody were a follower all the way.
-        longest_wait_s: the longest wait of any trip that can pay.
-        rows: one a strategy.
-    """
+    """What all strategies reached in a cell."""
 
     ceiling_kwh: float
     longest_wait_s: float
-    rows: tuple[Row, ...]
+    rows: tuple[StrategyRow, ...]
 
 
 @dataclass(frozen=True)
 class Bounded:
-    """A cell's bound.
-
-    Attributes:
-        bound_kwh: no plan's net value is above it.
-        bin_s: its bins.
-        wall_s: time that it took.
-    """
+    """A cell's bound."""
 
     bound_kwh: float
     bin_s: float
@@ -127,15 +96,15 @@ class Bounded:
 
 
 @dataclass(frozen=True)
-class Result:
+class CellResult:
     """A cell with what came out."""
 
-    cell: Cell
+    cell: CoordinationCell
     plans: Plans
     bounded: Bounded
 
     @property
-    def best(self) -> Row:
+    def best(self) -> StrategyRow:
         """Of the highest net value."""
         return max(self.plans.rows, key=lambda row: row.net_kwh)
 
@@ -144,7 +113,7 @@ class Result:
         """The bound as a share of the ceiling."""
         return self.bounded.bound_kwh / self.plans.ceiling_kwh
 
-    def row(self, strategy: str) -> Row:
+    def row(self, strategy: str) -> StrategyRow:
         """What a strategy reached."""
         return next(row for row in self.plans.rows if row.strategy == strategy)
 
@@ -153,7 +122,7 @@ class Result:
         return self.row(strategy).net_kwh / self.plans.ceiling_kwh
 
 
-def measured(cell: Cell, folder: Path, say: Callable[[str], None]) -> Result:
+def measured(cell: CoordinationCell, folder: Path, say: Callable[[str], None]) -> CellResult:
     """A cell's result; what this code has put into the folder before is not made again.
 
     A window in which no trip can use all its time at the price gives the same as a shorter one that
@@ -167,77 +136,47 @@ def measured(cell: Cell, folder: Path, say: Callable[[str], None]) -> Result:
     if known is not None:
         return known
     smallest = _smallest_window(cell)
-    plans, bounded = _stored_plans(smallest, folder), _stored_bound(smallest, folder)
-    if plans is None:
-        plans = _plan(smallest, say)
-        _store(_path(smallest, folder, "plans"), plans, plans_digest())
-    if bounded is None:
-        bounded = _bound(smallest, say)
-        _store(_path(smallest, folder, "bound"), bounded, bound_digest())
+    plans, bounded = _plan(smallest, say), _bound(smallest, say)
     for row in plans.rows:
         if row.net_kwh > bounded.bound_kwh * (1 + 1e-9) + 1e-9:
             raise RuntimeError(f"{smallest.name}: {row.strategy} is above the bound")
-    return Result(cell, plans, bounded)
+    result = CellResult(smallest, plans, bounded)
+    document = {"format": FORMAT, "code": _code(), **asdict(result)}
+    write_atomically(_path(smallest, folder), json.dumps(document, indent=1) + "\n")
+    return replace(result, cell=cell)
 
 
-def found(cell: Cell, folder: Path) -> Result | None:
-    """A cell's result if it was measured before."""
+def found(cell: CoordinationCell, folder: Path) -> CellResult | None:
+    """The result of a cell if it is stored; by a shorter window if that has the same plans."""
     for shorter in _no_longer_windows(cell):
-        plans = _stored_plans(shorter, folder)
-        if plans is not None and (shorter == cell or not _binds(shorter, plans.longest_wait_s)):
-            bounded = _stored_bound(shorter, folder)
-            return None if bounded is None else Result(cell, plans, bounded)
+        stored = _stored(_path(shorter, folder))
+        if stored is not None and (
+            shorter == cell or not _binds(shorter, stored.plans.longest_wait_s)
+        ):
+            return replace(stored, cell=cell)
     return None
 
 
 @cache
-def plans_digest() -> str:
-    """Of the code that plans depend on, but for comments and docstrings."""
-    return _digest(lambda name: name not in _BOUND_MODULES)
+def _code() -> str:
+    """Digest of the code that plans and bounds are made by."""
+    return sources_digest((_PACKAGE,), _REPORTS)[:16]
 
 
-@cache
-def bound_digest() -> str:
-    """Of the code that bounds depend on."""
-    return _digest(lambda name: name not in _STRATEGY_MODULES)
-
-
-def _digest(counts: Callable[[str], bool]) -> str:
-    digest = hashlib.sha256()
-    for path in sorted(Path(slipstream_lab.research.coordination.__path__[0]).glob("*.py")):
-        if path.stem in _REPORT_MODULES or not counts(path.stem):
-            continue
-        tree = ast.parse(path.read_bytes())
-        for node in ast.walk(tree):
-            body = getattr(node, "body", None)
-            if isinstance(body, list):
-                node.body = [part for part in body if not _is_text(part)]  # type: ignore[attr-defined]
-        digest.update(ast.dump(tree).encode())
-    return digest.hexdigest()[:16]
-
-
-def _is_text(node: ast.AST) -> bool:
-    return (
-        isinstance(node, ast.Expr)
-        and isinstance(node.value, ast.Constant)
-        and isinstance(node.value.value, str)
-    )
-
-
-def _plan(cell: Cell, say: Callable[[str], None]) -> Plans:
+def _plan(cell: CoordinationCell, say: Callable[[str], None]) -> Plans:
     case = _case(cell)
     rows = []
     for name, strategy in STRATEGIES.items():
         began = time.perf_counter()
         plan = strategy(case)
         wall_s = time.perf_counter() - began
-        row = Row(name, evaluate(case, plan), wall_s)
+        row = StrategyRow(name, evaluate(case, plan), wall_s)
         rows.append(row)
         say(f"{cell.name}: {name}, {row.net_kwh / case.ceiling_kwh:.1%}, {wall_s:.1f} s")
     return Plans(case.ceiling_kwh, float(case.useful_ms.max()) / MS, tuple(rows))
 
 
-def _bound(cell: Cell, say: Callable[[str], None]) -> Bounded:
+def _bound(cell: CoordinationCell, say: Callable[[str], None]) -> Bounded:
     case = _case(cell)
     began = time.perf_counter()
     bound = upper_bound(case)
@@ -246,56 +185,44 @@ def _bound(cell: Cell, say: Callable[[str], None]) -> Bounded:
     return Bounded(bound.kwh, bound.bin_s, wall_s)
 
 
-def _case(cell: Cell) -> Case:
+def _case(cell: CoordinationCell) -> CoordinationCase:
     return build_case(_freight(cell), cell.price_kw, DispatcherSettings().sync_window_s)
 
 
-def _freight(cell: Cell) -> Freight:
+def _freight(cell: CoordinationCell) -> Freight:
     if cell.place == "region":
         return region_freight(cell.window_min, cell.vehicles, cell.seed)
     return corridor_freight(cell.vehicles, cell.window_min, cell.place, cell.seed)
 
 
-def _smallest_window(cell: Cell) -> Cell:
+def _smallest_window(cell: CoordinationCell) -> CoordinationCell:
     for shorter in _no_longer_windows(cell):
         if shorter == cell or not _binds(shorter, float(_case(shorter).useful_ms.max()) / MS):
             break
     return shorter
 
 
-def _no_longer_windows(cell: Cell) -> list[Cell]:
+def _no_longer_windows(cell: CoordinationCell) -> list[CoordinationCell]:
     """The cell by windows of the law up to its own."""
     shorter = [w for w in WINDOWS_MIN if w < cell.window_min and cell.price_kw > 0]
     return [replace(cell, window_min=w) for w in (*shorter, cell.window_min)]
 
 
-def _binds(cell: Cell, longest_wait_s: float) -> bool:
+def _binds(cell: CoordinationCell, longest_wait_s: float) -> bool:
     """Whether a trip could use more time than the window leaves it."""
     return longest_wait_s >= 2 * 60 * cell.window_min
 
 
-def _path(cell: Cell, folder: Path, kind: str) -> Path:
-    return folder / f"{cell.name}.{kind}.json"
+def _path(cell: CoordinationCell, folder: Path) -> Path:
+    return folder / f"{cell.name}.json"
 
 
-def _store(path: Path, content: Plans | Bounded, digest: str) -> None:
-    document = {"format": FORMAT, "code": digest, **asdict(content)}
-    write_atomically(path, json.dumps(document, indent=1) + "\n")
-
-
-def _stored(path: Path, digest: str, kind: type[_Content]) -> _Content | None:
+def _stored(path: Path) -> CellResult | None:
+    """What a file has; None where it is missing, damaged or of another format or code."""
     try:
         document = TypeAdapter(dict[str, Any]).validate_json(path.read_bytes())
-        if (document.pop("format", None), document.pop("code", None)) != (FORMAT, digest):
+        if (document.pop("format", None), document.pop("code", None)) != (FORMAT, _code()):
             return None
-        return TypeAdapter(kind).validate_python(document)
+        return TypeAdapter(CellResult).validate_python(document)
     except (OSError, ValueError):
         return None
-
-
-def _stored_plans(cell: Cell, folder: Path) -> Plans | None:
-    return _stored(_path(cell, folder, "plans"), plans_digest(), Plans)
-
-
-def _stored_bound(cell: Cell, folder: Path) -> Bounded | None:
-    return _stored(_path(cell, folder, "bound"), bound_digest(), Bounded)

@@ -14,7 +14,13 @@ from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import Any, Final
 
-from slipstream_lab.research.coordination.cells import OWN, Cell, Result, found, measured
+from slipstream_lab.research.coordination.cells import (
+    OWN,
+    CellResult,
+    CoordinationCell,
+    found,
+    measured,
+)
 from slipstream_lab.research.coordination.picture import (
     BOUND,
     PLACES,
@@ -24,9 +30,9 @@ from slipstream_lab.research.coordination.picture import (
     shares,
 )
 from slipstream_lab.research.coordination.strategies import STRATEGIES
-from slipstream_lab.simulation.evaluation.measures import Evaluation, Spread
+from slipstream_lab.simulation.evaluation.measures import Evaluation, SeedSpread
 from slipstream_lab.simulation.evaluation.report import (
-    Table,
+    ReportTable,
     as_markdown,
     density_tables,
     number,
@@ -44,10 +50,10 @@ _START_VEHICLES: Final = 200
 """A cell takes about as long as so many vehicles more."""
 
 
-def curve_cells(densities: Iterable[int], seeds: Iterable[int]) -> list[Cell]:
+def curve_cells(densities: Iterable[int], seeds: Iterable[int]) -> list[CoordinationCell]:
     """What is planned; densities in turn."""
     return [
-        Cell(place, vehicles, WINDOW_MIN, price_kw, seed)
+        CoordinationCell(place, vehicles, WINDOW_MIN, price_kw, seed)
         for vehicles in densities
         for seed in seeds
         for price_kw in PRICES_KW
@@ -56,14 +62,12 @@ def curve_cells(densities: Iterable[int], seeds: Iterable[int]) -> list[Cell]:
 
 
 def plan_missing(
-    cells: Sequence[Cell], folder: Path, workers: int, progress: Callable[[int, int], None]
+    cells: Sequence[CoordinationCell],
+    folder: Path,
+    workers: int,
+    progress: Callable[[int, int], None],
 ) -> int:
     """Plan and bound what the folder lacks; how many cells it had.
-
-    Args:
-        folder: of the evaluation.
-        workers: cells at once, each in a process.
-        progress: called with the work done and all of it, in a unit of its own.
 
     Raises:
         InputError: the folder cannot be written. What was finished before is kept, as after
@@ -84,7 +88,9 @@ def plan_missing(
     return len(cells) - len(missing)
 
 
-def _measured(cells: Sequence[Cell], at: Path, workers: int) -> Iterable[Cell]:
+def _measured(
+    cells: Sequence[CoordinationCell], at: Path, workers: int
+) -> Iterable[CoordinationCell]:
     """The cells as they are finished."""
     if workers == 1 or len(cells) < 2:
         for cell in cells:
@@ -114,12 +120,12 @@ def _leave_interrupts() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def planned(cells: Iterable[Cell], folder: Path) -> list[Result]:
+def planned(cells: Iterable[CoordinationCell], folder: Path) -> list[CellResult]:
     """What the folder has of these cells."""
     return [r for cell in cells if (r := found(cell, folder / _CELLS)) is not None]
 
 
-def planned_tables(results: Sequence[Result]) -> tuple[Table, ...]:
+def planned_tables(results: Sequence[CellResult]) -> tuple[ReportTable, ...]:
     """Every strategy and the bound, a table for each price of waiting."""
     tables = []
     for price_kw in PRICES_KW:
@@ -133,12 +139,12 @@ def planned_tables(results: Sequence[Result]) -> tuple[Table, ...]:
     return tuple(tables)
 
 
-def _table(price_kw: int, rows: tuple[tuple[str, ...], ...]) -> Table:
+def _table(price_kw: int, rows: tuple[tuple[str, ...], ...]) -> ReportTable:
     heads = (
         *("carriers", "vehicles a day", "seeds", *STRATEGIES, BOUND, "best plan, of the bound"),
         *(f"{OWN}: drafting", "in platoons", "mean wait, s"),
     )
-    return Table(
+    return ReportTable(
         f"Planned only: waiting at {price_kw} kW, arrival within ±{WINDOW_MIN} min",
         heads,
         rows,
@@ -153,7 +159,7 @@ def _table(price_kw: int, rows: tuple[tuple[str, ...], ...]) -> Table:
     )
 
 
-def _row(cells: Sequence[Result]) -> tuple[str, ...]:
+def _row(cells: Sequence[CellResult]) -> tuple[str, ...]:
     # The share of a bound that is next to nothing says nothing.
     bounded = [r for r in cells if r.bound_share >= _NOTHING]
     own = [(r.row(OWN).outcome, r.plans.ceiling_kwh) for r in cells]
@@ -164,11 +170,11 @@ def _row(cells: Sequence[Result]) -> tuple[str, ...]:
     return (
         str(len(cells)),
         *(percent(spread) + unfair(name) for name, spread in shares(cells).items()),
-        percent(Spread.over([r.bound_share for r in cells])),
-        percent(Spread.over([r.best.net_kwh / r.bounded.bound_kwh for r in bounded])),
-        percent(Spread.over([o.drafting_kwh / ceiling_kwh for o, ceiling_kwh in own])),
-        percent(Spread.over([o.platooned_km / o.open_km for o, _ in own])),
-        number(Spread.over([o.mean_wait_s for o, _ in own]), 0),
+        percent(SeedSpread.over([r.bound_share for r in cells])),
+        percent(SeedSpread.over([r.best.net_kwh / r.bounded.bound_kwh for r in bounded])),
+        percent(SeedSpread.over([o.drafting_kwh / ceiling_kwh for o, ceiling_kwh in own])),
+        percent(SeedSpread.over([o.platooned_km / o.open_km for o, _ in own])),
+        number(SeedSpread.over([o.mean_wait_s for o, _ in own]), 0),
     )
 
 
@@ -191,17 +197,10 @@ Their shares do not compare point by point; the upper bound is of what is planne
 
 
 def write_curve(
-    folder: Path, results: Sequence[Result], driven: Mapping[int, Evaluation]
+    folder: Path, results: Sequence[CellResult], driven: Mapping[int, Evaluation]
 ) -> str | None:
-    """Write `density.md` and `density.png`; returns why there is no picture, if so.
-
-    Args:
-        folder: of the evaluation.
-        results: planned.
-        driven: evaluations by vehicles a day.
-
-    Raises:
-        InputError: a file cannot be written.
+    """Write `density.md` and `density.png`; returns why there is no picture, if so. Raises
+    InputError: a file cannot be written.
     """
     parts = [as_markdown(table) for table in planned_tables(results)]
     if driven:
@@ -218,14 +217,14 @@ def write_curve(
     return None
 
 
-def as_data(results: Sequence[Result]) -> list[dict[str, Any]]:
+def as_data(results: Sequence[CellResult]) -> list[dict[str, Any]]:
     """Means and spreads of what was planned, for JSON."""
     found = []
     for price_kw in PRICES_KW:
         for place in PLACES:
             some = [r for r in results if (r.cell.place, r.cell.price_kw) == (place, price_kw)]
             for vehicles, cells in by_density(some).items():
-                spreads = {**shares(cells), BOUND: Spread.over([r.bound_share for r in cells])}
+                spreads = {**shares(cells), BOUND: SeedSpread.over([r.bound_share for r in cells])}
                 found.append(
                     {
                         "waiting_kw": price_kw,

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from slipstream_lab.research.coordination.case import Case, Ints
+from slipstream_lab.research.coordination.case import CoordinationCase, Ints
 from slipstream_lab.research.coordination.pairwise import pairwise_leaders
 from slipstream_lab.research.coordination.plan import (
     Plan,
@@ -29,7 +29,7 @@ _TRIALS: Final = 4_000
 _TRIALS_A_TRIP: Final = 100
 
 
-def local_search(case: Case, seed: int = 1, trials: int | None = None) -> Plan:
+def local_search(case: CoordinationCase, seed: int = 1, trials: int | None = None) -> Plan:
     """The best plan of a search by simulated annealing; same seed, same plan.
 
     It begins with the better of two plans: answers in turn as if savings were shared equally, which
@@ -58,7 +58,7 @@ def local_search(case: Case, seed: int = 1, trials: int | None = None) -> Plan:
     return max(plans, key=lambda plan: evaluate(case, plan).net_kwh)
 
 
-def nobody_worse_off(case: Case, plan: Plan) -> Plan:
+def nobody_worse_off(case: CoordinationCase, plan: Plan) -> Plan:
     """The plan changed until each carrier has at least what it has alone.
 
     Of a carrier that has less, the trip that loses most follows whom it waits for instead of
@@ -90,7 +90,7 @@ def nobody_worse_off(case: Case, plan: Plan) -> Plan:
 class _Search:
     """A plan under annealing, and the best one so far."""
 
-    def __init__(self, case: Case, plan: Plan) -> None:
+    def __init__(self, case: CoordinationCase, plan: Plan) -> None:
         self._schedule = Schedule(case, plan)
         self._worths = (Worth.to_all(), Worth.equally_shared())
         self._gained_kwh = self._best_kwh = 0.0

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from slipstream_lab.research.coordination.case import Case, Floats, Ints
+from slipstream_lab.research.coordination.case import CoordinationCase, Floats, Ints
 from slipstream_lab.research.coordination.plan import Plan, entries_ms, undelayed
 
 _Delays = npt.NDArray[np.int32]
 
 
-def pairwise_leaders(case: Case) -> Plan:
+def pairwise_leaders(case: CoordinationCase) -> Plan:
     """Leaders drive as if alone; each other trip joins the leader that saves it most, or none.
 
     S. van de Hoef, K. H. Johansson, D. V. Dimarogonas: Fuel-efficient en route formation of truck
@@ -29,7 +29,7 @@ def pairwise_leaders(case: Case) -> Plan:
     return plan
 
 
-def _pairs(case: Case) -> tuple[Floats, _Delays]:
+def _pairs(case: CoordinationCase) -> tuple[Floats, _Delays]:
     """What trip i saves behind trip j, which leaves undelayed, and how much later i leaves for
     that, ms; shapes (trips, trips). Pairs that cannot meet, or lose by it, save 0.
     """

@@ -8,9 +8,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
-from slipstream_lab.research.coordination.cells import Place, Result
+from slipstream_lab.research.coordination.cells import CellResult, Place
 from slipstream_lab.research.coordination.strategies import STRATEGIES
-from slipstream_lab.simulation.evaluation.measures import Evaluation, Spread
+from slipstream_lab.simulation.evaluation.measures import Evaluation, SeedSpread
 from slipstream_lab.simulation.evaluation.report import density_shares, pyplot, tidy
 
 PRICES_KW: Final = (0, 27)
@@ -38,20 +38,20 @@ _DODGE: Final = 1.03
 """Series stand so far beside each other that bars of spread do not cover each other."""
 
 
-def by_density(results: Iterable[Result]) -> dict[int, list[Result]]:
+def by_density(results: Iterable[CellResult]) -> dict[int, list[CellResult]]:
     """Results by vehicles a day, rising, in the order of the seeds."""
-    found: dict[int, list[Result]] = {}
+    found: dict[int, list[CellResult]] = {}
     for result in sorted(results, key=lambda r: (r.cell.vehicles, r.cell.seed)):
         found.setdefault(result.cell.vehicles, []).append(result)
     return found
 
 
-def shares(results: Sequence[Result]) -> dict[str, Spread | None]:
+def shares(results: Sequence[CellResult]) -> dict[str, SeedSpread | None]:
     """Net value as a share of the ceiling over the seeds of one density, by strategy."""
-    return {name: Spread.over([r.net_share(name) for r in results]) for name in STRATEGIES}
+    return {name: SeedSpread.over([r.net_share(name) for r in results]) for name in STRATEGIES}
 
 
-def draw(results: Sequence[Result], driven: Mapping[int, Evaluation], path: Path) -> None:
+def draw(results: Sequence[CellResult], driven: Mapping[int, Evaluation], path: Path) -> None:
     """Draw the curve; see `figure`.
 
     Raises:
@@ -64,13 +64,9 @@ def draw(results: Sequence[Result], driven: Mapping[int, Evaluation], path: Path
     plt.close(drawn)
 
 
-def figure(plt: Any, results: Sequence[Result], driven: Mapping[int, Evaluation]) -> Any:
+def figure(plt: Any, results: Sequence[CellResult], driven: Mapping[int, Evaluation]) -> Any:
     """A panel for each price of waiting and number of carriers, and one of what was driven.
-
-    Args:
-        plt: `matplotlib.pyplot`.
-        results: planned.
-        driven: evaluations by vehicles a day; none: no panel of them.
+    `driven`: evaluations by vehicles a day; none: no panel of them.
     """
     drawn, panels = plt.subplots(
         2, 3, figsize=(9.2, 6.2), layout="constrained", sharey=True, width_ratios=(1, 1, 0.95)
@@ -117,13 +113,13 @@ def _legend(at: Any, of: Any, title: str, top: float) -> Any:
     )
 
 
-def _planned(results: Sequence[Result]) -> dict[str, dict[int, Spread | None]]:
+def _planned(results: Sequence[CellResult]) -> dict[str, dict[int, SeedSpread | None]]:
     """Series by label, by vehicles a day."""
-    found: dict[str, dict[int, Spread | None]] = {
+    found: dict[str, dict[int, SeedSpread | None]] = {
         name: {} for name in (BOUND, *reversed(list(STRATEGIES)))
     }
     for vehicles, cells in by_density(results).items():
-        found[BOUND][vehicles] = Spread.over([r.bound_share for r in cells])
+        found[BOUND][vehicles] = SeedSpread.over([r.bound_share for r in cells])
         for name, spread in shares(cells).items():
             found[name][vehicles] = spread
     return found
@@ -131,7 +127,7 @@ def _planned(results: Sequence[Result]) -> dict[str, dict[int, Spread | None]]:
 
 def _panel(
     axes: Any,
-    series: Mapping[str, Mapping[int, Spread | None]],
+    series: Mapping[str, Mapping[int, SeedSpread | None]],
     densities: Sequence[int],
     title: str,
 ) -> None:

@@ -7,7 +7,7 @@ from typing import Final, Self
 
 import numpy as np
 
-from slipstream_lab.research.coordination.case import Case, Floats, Ints
+from slipstream_lab.research.coordination.case import CoordinationCase, Floats, Ints
 from slipstream_lab.research.coordination.plan import Plan
 
 _COUNTS: Final = 1024
@@ -16,11 +16,8 @@ _COUNTS: Final = 1024
 
 @dataclass(frozen=True)
 class Worth:
-    """What it is worth to be with others on a link, in shares of its savings.
-
-    Attributes:
-        leader: share of a leader's saving by the number of others, from 0 on.
-        follower: share of a follower's saving.
+    """What it is worth to be with others on a link, in shares of its savings. `leader`: share of a
+    leader's saving by the number of others, from 0 on.
     """
 
     leader: Floats
@@ -47,12 +44,8 @@ class Schedule:
     both sides of a slot's end are not: the evaluation of a whole plan finds them.
     """
 
-    def __init__(self, case: Case, plan: Plan, driving: Ints | None = None) -> None:
-        """Put trips on the roads.
-
-        Args:
-            driving: those that are; None: all. The others can be added.
-        """
+    def __init__(self, case: CoordinationCase, plan: Plan, driving: Ints | None = None) -> None:
+        """Put trips on the roads. `driving`: those that are; None: all. The others can be added."""
         self.case, self.plan = case, plan.copy()
         self._first_ms = int(case.ready_ms.min())
         last_ms = int(case.ready_ms.max() + case.slack_ms.max() + case.offset_ms.max())
@@ -182,13 +175,10 @@ class _Part:
 
 
 def answer_in_turn(
-    case: Case, plan: Plan, worth: Worth, max_rounds: int, order: Ints | None = None
+    case: CoordinationCase, plan: Plan, worth: Worth, max_rounds: int, order: Ints | None = None
 ) -> Plan:
-    """Each trip in turn takes its best answer to the others, until nobody changes.
-
-    Args:
-        max_rounds: the end if somebody always does.
-        order: of the turns; None: as the trips get ready.
+    """Each trip in turn takes its best answer to the others, until nobody changes. `order`: of the
+    turns; None: as the trips get ready.
     """
     schedule = Schedule(case, plan)
     turns = np.argsort(case.ready_ms, kind="stable") if order is None else order

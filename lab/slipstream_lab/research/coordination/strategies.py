@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-from slipstream_lab.research.coordination.case import Case
+from slipstream_lab.research.coordination.case import CoordinationCase
 from slipstream_lab.research.coordination.local_search import local_search
 from slipstream_lab.research.coordination.pairwise import pairwise_leaders
 from slipstream_lab.research.coordination.plan import Plan, Strategy, undelayed
@@ -16,7 +16,7 @@ from slipstream_lab.research.coordination.threshold import best_threshold
 _MAX_ROUNDS: Final = 50
 
 
-def hub_waiting(case: Case) -> Plan:
+def hub_waiting(case: CoordinationCase) -> Plan:
     """Each trip waits at hubs as is best for itself, given everybody's present schedule, in turn,
     until nobody changes.
 

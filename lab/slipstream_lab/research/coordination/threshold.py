@@ -8,15 +8,15 @@ from typing import Final
 
 import numpy as np
 
-from slipstream_lab.research.coordination.case import Case
-from slipstream_lab.research.coordination.freight import MS
+from slipstream_lab.research.coordination.case import CoordinationCase
 from slipstream_lab.research.coordination.plan import Plan, evaluate, undelayed
+from slipstream_lab.research.coordination.trips.freight import MS
 
 _SIZES: Final = (2, 5)
 _WAITS_S: Final = (30, 120, 600)
 
 
-def best_threshold(case: Case) -> Plan:
+def best_threshold(case: CoordinationCase) -> Plan:
     """The best of several thresholds, with waits at origins only and at all hubs; undelayed if all
     of them lose. For this case it is chosen afterwards, which favours it.
 
@@ -33,7 +33,7 @@ def best_threshold(case: Case) -> Plan:
     return max(plans, key=lambda plan: evaluate(case, plan).net_kwh)
 
 
-def release(case: Case, size: int, wait_ms: int, at_hubs: bool) -> Plan:
+def release(case: CoordinationCase, size: int, wait_ms: int, at_hubs: bool) -> Plan:
     """Vehicles wait for each other before a link; all go when ``size`` of them wait or the first
     has waited ``wait_ms``. Who has no time left goes alone.
 

@@ -35,21 +35,11 @@ class Invalid(ValueError):
     """A solution that breaks a rule."""
 
 
-class Instance:
-    """What an instance file holds.
-
-    Attributes:
-        customers, vehicles: how many; each numbered from 1.
-        arcs: (number, cost in kWh) by vehicle, start and end.
-        savings: kWh by pair of arc numbers.
-    """
+class VrpcpInstance:
+    """What an instance file holds. `arcs`: (number, cost in kWh) by vehicle, start and end."""
 
     def __init__(self, text: str) -> None:
-        """Read the text of a file.
-
-        Raises:
-            BadInstance: with what is wrong.
-        """
+        """Read the text of a file. Raises BadInstance: with what is wrong."""
         given, rows = _sections(text)
         if given.get("TYPE") != "VRPCP":
             raise BadInstance("TYPE is not VRPCP")
@@ -90,10 +80,8 @@ class Instance:
                 raise BadInstance(f"{key} is {given.get(key)}, the sections have {count}")
 
     def objective(self, routes: dict[int, list[int]]) -> float:
-        """The objective in kWh of routes by vehicle.
-
-        Raises:
-            Invalid: with the rule that they break.
+        """The objective in kWh of routes by vehicle. Raises Invalid: with the rule that they
+        break.
         """
         for vehicle in range(1, self.vehicles + 1):
             if not routes.get(vehicle):
@@ -120,11 +108,9 @@ class Instance:
         return math.fsum(costs) - math.fsum(saved)
 
 
-def check_solution(instance: Instance, text: str) -> float:
-    """The objective in kWh of a solution file's text.
-
-    Raises:
-        Invalid: with the rule that it breaks.
+def check_solution(instance: VrpcpInstance, text: str) -> float:
+    """The objective in kWh of a solution file's text. Raises Invalid: with the rule that it
+    breaks.
     """
     routes: dict[int, list[int]] = {}
     cost = None
@@ -205,7 +191,7 @@ def main(arguments: list[str]) -> int:
             print(f"{path}: {error}", file=sys.stderr)
             return 2
     try:
-        objective = check_solution(Instance(texts[0]), texts[1])
+        objective = check_solution(VrpcpInstance(texts[0]), texts[1])
     except BadInstance as error:
         print(f"{arguments[0]}: {error}", file=sys.stderr)
         return 2

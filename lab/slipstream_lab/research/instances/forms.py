@@ -81,11 +81,7 @@ def baseline(
 def instance_cycle(
     instance: Instance, seed: int, settings: DispatcherSettings = DEFAULT_SETTINGS
 ) -> Cycle:
-    """Cycle 0 in the instance's traffic; times count from its start, nothing waits for a deadline.
-
-    Args:
-        settings: the instance's own Δt_sync takes the place of theirs.
-    """
+    """Cycle 0 in the instance's traffic; times count from its start, no deadline holds."""
     settings = settings.model_copy(update={"sync_window_s": instance.sync_window_s})
     return cycle_of(instance.problem, instance.snapshot, settings, seed=seed, reference_delay_s=0.0)
 
@@ -93,10 +89,8 @@ def instance_cycle(
 def arc_form_of(
     instance: Instance, seed: int = 1, settings: DispatcherSettings = DEFAULT_SETTINGS
 ) -> ArcForm:
-    """The arc form of an instance; stops that no vehicle can serve are left out.
-
-    Raises:
-        InputError: the arc form cannot express the fleet, or no stop can be served.
+    """The arc form of an instance; stops that no vehicle can serve are left out. Raises
+    InputError: the arc form cannot express the fleet, or no stop can be served.
     """
     cycle = instance_cycle(instance, seed, settings)
     routing, unserved = servable_part(cycle.problem, cycle.snapshot)
@@ -111,13 +105,8 @@ def arc_form_of(
 def route_form_of(
     instance: Instance, seed: int = 1, settings: DispatcherSettings = DEFAULT_SETTINGS
 ) -> RouteForm:
-    """The route form of an instance: all its vehicles as one block.
-
-    Args:
-        seed: of the search for base routes and of the draw of options.
-
-    Raises:
-        InputError: no stop can be served.
+    """The route form of an instance: all its vehicles as one block. Raises InputError: no stop can
+    be served.
     """
     with ThreadPoolExecutor(max_workers=1) as executor:
         form = route_form(instance_cycle(instance, seed, settings), executor)

@@ -40,9 +40,6 @@ class Recipe:
     """What kind of instance.
 
     Attributes:
-        landscape: kind of roads, a key of `LANDSCAPES`.
-        first_stops: for each vehicle, whether it has a first stop of its own.
-        pooled: number of stops that any vehicle may serve.
         stability: y_e of the segments: all 1, all 0, or 1 on about two thirds and else 0 or
             unknown.
         ready_within_s: vehicles set out from there at some moment between the first possible one
@@ -62,12 +59,8 @@ class Recipe:
 
 @dataclass(frozen=True)
 class GeneratedInstance:
-    """A generated instance.
-
-    Attributes:
-        problem: roads and fleet.
-        snapshot: the traffic.
-        draw: how many were drawn until one fitted the recipe, counted from 0.
+    """A generated instance. `draw`: how many were drawn until one fitted the recipe, counted from
+    0.
     """
 
     problem: RoutingProblem
@@ -77,12 +70,7 @@ class GeneratedInstance:
 
 def generate(recipe: Recipe, seed: int) -> GeneratedInstance:
     """The first instance of the seed's stream that fits the recipe; same arguments, same instance.
-
-    Args:
-        seed: at least 0.
-
-    Raises:
-        ValueError: fewer sites than stops, or none of the first 20,000 draws fits.
+    Raises ValueError: fewer sites than stops, or none of the first 20,000 draws fits.
     """
     for draw in range(_DRAWS):
         problem, snapshot = _draw(recipe, np.random.default_rng([seed, draw]))

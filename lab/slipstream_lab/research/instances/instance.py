@@ -35,14 +35,8 @@ from slipstream_lab.research.instances.tables import (
 
 @dataclass(frozen=True)
 class Optimum:
-    """The best solution known.
-
-    Attributes:
-        form: the formulation that it solves.
-        objective_kwh: H_cost − H_platoon.
-        proven: True if nothing better exists.
-        method: what found it, and what proves it.
-        routes: stops in order, by vehicle; a vehicle that stays at its depot has none.
+    """The best solution known. `routes`: stops in order, by vehicle; a vehicle that stays at its
+    depot has none.
     """
 
     form: Literal["arc", "route"]
@@ -54,17 +48,7 @@ class Optimum:
 
 @dataclass(frozen=True)
 class Instance:
-    """A routing problem in the traffic of one moment.
-
-    Attributes:
-        name: for people and tables.
-        problem: roads, fleet, vehicle data, driving style.
-        snapshot: the traffic.
-        provenance: where the instance comes from.
-        optimum: what is known of its solution by the paper's objective.
-        sync_window_s: Δt_sync.
-        energy_optimum: by the objective "energy".
-    """
+    """A routing problem in the traffic of one moment."""
 
     name: str
     problem: RoutingProblem
@@ -101,10 +85,8 @@ def load_instance(path: str | Path) -> Instance:
 
 
 def instance_from(data: object, source: str | Path) -> Instance:
-    """Check plain data as an instance; errors as in `load_instance`.
-
-    Args:
-        source: what errors name; the path of a SUMO net counts from its folder.
+    """Check plain data as an instance; errors as in `load_instance`. `source`: what errors name;
+    the path of a SUMO net counts from its folder.
     """
     if isinstance(data, Mapping) and "matrix" in data:
         mend = "take `slipstream solve --instance`, or give a network"

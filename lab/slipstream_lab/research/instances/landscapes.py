@@ -21,12 +21,7 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class Landscape:
-    """Roads, and where a fleet belongs on them.
-
-    Attributes:
-        depots: junctions that suit a depot.
-        sites: junctions that suit a stop.
-    """
+    """Roads, and where a fleet belongs on them."""
 
     network: RoadNetwork
     depots: tuple[str, ...]

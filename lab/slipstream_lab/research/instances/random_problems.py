@@ -26,10 +26,8 @@ _INFEASIBLE_SHARE = 0.15
 def random_arc_problem(
     rng: np.random.Generator, max_variables: int, encoding: Encoding = "reduced"
 ) -> ArcProblem:
-    """An arc problem of 1 to 3 vehicles and 1 to 5 customers.
-
-    Args:
-        max_variables: of its QUBO in this encoding, at least 12.
+    """An arc problem of 1 to 3 vehicles and 1 to 5 customers. `max_variables`: of its QUBO in this
+    encoding, at least 12.
     """
     while True:
         vehicles = int(rng.integers(1, 4))
@@ -64,11 +62,7 @@ def _arc_problem(rng: np.random.Generator, vehicles: int, customers: int, arcs: 
 
 
 def random_route_problem(rng: np.random.Generator, max_variables: int) -> RouteProblem:
-    """A route problem of 2 to 6 vehicles whose options share out up to 8 stops.
-
-    Args:
-        max_variables: options in all, at least 12.
-    """
+    """A route problem of 2 to 6 vehicles whose options share out up to 8 stops."""
     vehicles = int(rng.integers(2, 7))
     fleet = tuple(f"v{k}" for k in range(vehicles))
     stops = tuple(f"s{i}" for i in range(int(rng.integers(0, 9))))

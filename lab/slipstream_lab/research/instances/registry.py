@@ -19,10 +19,8 @@ def instance_names() -> tuple[str, ...]:
 
 
 def open_instance(reference: str | Path) -> Instance:
-    """Read a published instance by name, or an instance file by path.
-
-    Raises:
-        InputError: there is neither, or the file is faulty (see `load_instance`).
+    """Read a published instance by name, or an instance file by path. Raises InputError: there is
+    neither, or the file is faulty (see `load_instance`).
     """
     if str(reference) in instance_names():
         folder = resources.files("slipstream_lab.research.instances") / "files"

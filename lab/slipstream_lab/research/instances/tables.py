@@ -149,10 +149,8 @@ def _access_table(access: Access) -> AccessTable:
 
 
 def snapshot_of(table: TrafficTable, network: RoadNetwork, source: str | Path) -> TrafficSnapshot:
-    """The traffic of an instance on all segments of its network.
-
-    Raises:
-        InputError: a segment twice or unknown, or a speed above its limit.
+    """The traffic of an instance on all segments of its network. Raises InputError: a segment
+    twice or unknown, or a speed above its limit.
     """
     repeated = first_twice(row.segment for row in table.segments)
     if repeated is not None:
@@ -191,10 +189,8 @@ def snapshot_of(table: TrafficTable, network: RoadNetwork, source: str | Path) -
 
 
 def traffic_table(snapshot: TrafficSnapshot, network: RoadNetwork) -> TrafficTable:
-    """The traffic without its RSUs' states; `snapshot_of` reverses it.
-
-    Raises:
-        ValueError: a gate is open without y_e = 1, or closed without a reason.
+    """The traffic without its RSUs' states; `snapshot_of` reverses it. Raises ValueError: a gate
+    is open without y_e = 1, or closed without a reason.
     """
     rows = []
     for name, traffic in snapshot.segments.items():

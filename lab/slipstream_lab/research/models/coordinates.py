@@ -90,9 +90,6 @@ def qbsolv_qubo(text: str, path: Path) -> QuboFile:
 def coo_qubo(text: str, path: Path, vartype: Vartype | None = None) -> QuboFile:
     """dimod's coordinates: minimised, each entry counts once; a comment says ``vartype=`` and
     perhaps ``offset=``.
-
-    Args:
-        vartype: of a file that does not say its own.
     """
     offset, found = 0.0, list[tuple[int, int, float]]()
     own: str | None = None

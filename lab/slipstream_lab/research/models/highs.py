@@ -57,12 +57,7 @@ def _messages(lines: list[str]) -> Iterator[str]:
 
 
 def read_linear(text: str, ending: str) -> tuple[TellingHighs, bool, tuple[str, ...]]:
-    """HiGHS with a model of an LP or MPS file, whether it could be read, and what is odd about it.
-
-    Args:
-        text: of the file.
-        ending: ``.lp`` or ``.mps``.
-    """
+    """HiGHS with a model of an LP or MPS file, whether it could be read, what is odd about it."""
     solver: Any = TellingHighs()
     with tempfile.TemporaryDirectory() as folder, solver.told() as found:
         copy = Path(folder) / f"model{ending}"

@@ -16,12 +16,7 @@ Status = Literal["optimal", "feasible", "infeasible", "unbounded", "timeout", "f
 
 @dataclass(frozen=True)
 class MilpModel:
-    """A model with constraints, integers or real variables.
-
-    Attributes:
-        lp: as HiGHS read it.
-        warnings: what is odd about the file.
-    """
+    """A model with constraints, integers or real variables."""
 
     lp: highspy.HighsLp
     warnings: tuple[str, ...] = ()
@@ -48,7 +43,6 @@ class MilpAnswer:
         objective: of the model; None without an answer.
         bound: no solution is better; None where there is none.
         values: of the variables that are not 0, by name.
-        wall_s: of the search.
         warnings: HiGHS's, of the search.
     """
 
@@ -61,11 +55,7 @@ class MilpAnswer:
 
 
 def solve_milp_model(model: MilpModel, deadline_s: float, seed: int) -> MilpAnswer:
-    """Search until the optimum is proven or the deadline is there.
-
-    Args:
-        seed: of HiGHS.
-    """
+    """Search until the optimum is proven or the deadline is there."""
     began = time.perf_counter()
     solver: Any = TellingHighs()
     for option, value in (

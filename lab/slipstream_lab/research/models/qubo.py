@@ -15,13 +15,8 @@ MAX_VARIABLES: Final = 2000
 
 @dataclass(frozen=True)
 class QuboFile:
-    """A QUBO and its own units.
-
-    Attributes:
-        problem: what is minimised, divided by `scale`, so that solvers' tolerances fit.
-        scale: a power of two, negative where the model maximises.
-        offset: of the model's objective.
-        warnings: what is odd about the file.
+    """A QUBO and its own units. `problem`: what is minimised, divided by `scale`, so that solvers'
+    tolerances fit.
     """
 
     problem: BinaryProblem
@@ -44,10 +39,8 @@ class QuboFile:
 
 
 def qubo_of(bqm: Any, *, maximise: bool = False) -> QuboFile:
-    """Take a `dimod.BinaryQuadraticModel`, of spins or bits.
-
-    Raises:
-        ValueError: no variable, too many, two with one name, or a number that is not finite.
+    """Take a `dimod.BinaryQuadraticModel`, of spins or bits. Raises ValueError: no variable, too
+    many, two with one name, or a number that is not finite.
     """
     binary = bqm.change_vartype("BINARY", inplace=False)
     names = tuple(str(variable) for variable in binary.variables)

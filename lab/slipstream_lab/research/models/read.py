@@ -49,7 +49,6 @@ def read_model(
 
     Args:
         form: its format, one of `FORMATS`; None: the file's ending says it.
-        vartype: of the variables of a ``.coo`` that does not say it.
 
     Raises:
         InputError: naming file, line and mend: it is missing, too large, malformed, or has what no

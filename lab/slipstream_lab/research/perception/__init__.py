@@ -2,8 +2,8 @@
 
 from slipstream_lab.research.perception.noise import PAPER_STABLE_SHARE, NoiseTable, noise_table
 from slipstream_lab.research.perception.score import (
-    Comparison,
     Scores,
+    TrackComparison,
     compare,
     score,
     true_windows,
@@ -11,9 +11,9 @@ from slipstream_lab.research.perception.score import (
 
 __all__ = [
     "PAPER_STABLE_SHARE",
-    "Comparison",
     "NoiseTable",
     "Scores",
+    "TrackComparison",
     "compare",
     "noise_table",
     "score",

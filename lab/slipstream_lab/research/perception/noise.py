@@ -28,8 +28,6 @@ class NoiseRow:
 
     Attributes:
         noise: standard deviation of the factor 1 + noise·N(0, 1).
-        stable_share: of the states stable without noise, still flagged stable with it.
-        standard_error: binomial, for that many states.
         wrongly_stable_share: of the states turbulent without noise, flagged stable with it; None
             without such states.
     """
@@ -42,15 +40,7 @@ class NoiseRow:
 
 @dataclass(frozen=True)
 class NoiseTable:
-    """The table, and what it rests on.
-
-    Attributes:
-        stable: states that the bare rule calls stable.
-        turbulent: states that it calls turbulent.
-        unknown: states without a flag, which take no part.
-        segments: road segments that the stable states are of.
-        rows: one a level of noise.
-    """
+    """The table, and what it rests on."""
 
     stable: int
     turbulent: int
@@ -66,9 +56,6 @@ def noise_table(
 
     Args:
         states: any; what the bare rule leaves unknown takes no part.
-        levels: of noise, ≥ 0.
-        draws: of noise for each state and level.
-        seed: equal arguments give an equal table.
 
     Raises:
         ValueError: no state is stable without noise.

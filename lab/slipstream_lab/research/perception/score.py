@@ -39,13 +39,8 @@ _FEATURES: Final = (
 
 @dataclass(frozen=True)
 class FeatureScore:
-    """How one feature compares over the windows.
-
-    Attributes:
-        mean_abs_error: in the feature's unit.
-        bias: mean of estimate less truth.
-        covered_95: share of true values within ± 1.96 standard errors.
-        windows: how many were compared.
+    """How one feature compares over the windows. `covered_95`: share of true values within ± 1.96
+    standard errors.
     """
 
     mean_abs_error: float
@@ -56,13 +51,8 @@ class FeatureScore:
 
 @dataclass(frozen=True)
 class ClassScore:
-    """How well the vehicles of one class are followed.
-
-    Attributes:
-        vehicles: how many there were, each clip's counted by themselves.
-        followed: share of their true boxes that a track has; which boxes: see `Scores`.
-        speed_mae_kmh: None where none has a speed.
-        speeds: how many were compared.
+    """How well the vehicles of one class are followed. `followed`: share of their true boxes that
+    a track has; which boxes: see `Scores`.
     """
 
     vehicles: int
@@ -113,16 +103,13 @@ class TrueBoxes:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class TrackComparison:
     """One clip's recording matched with its truth.
 
     Attributes:
-        frames: who is where, frame by frame.
-        boxes: those to be followed in these frames.
         speed_errors_mps: estimate less truth, shape (n,).
         speed_covered: whether the truth lies within ± 1.96 standard errors, shape (n,).
         speed_kind: the vehicle's index into `VEHICLE_CLASSES`, or -1, shape (n,).
-        windows: states of covered windows with what was true in them.
     """
 
     frames: list[FrameIdentities]
@@ -135,15 +122,15 @@ class Comparison:
 
 def compare(
     recorder: Recorder, truth: Truth, camera: Camera, rule: StabilitySettings
-) -> Comparison:
+) -> TrackComparison:
     """Match a recording with the truth of the same clip."""
     frames, owners, boxes = _match(recorder, truth, camera)
     errors, covered, kinds = _speed_errors(recorder, truth, owners)
     windows = true_windows(recorder, truth, camera, rule, MIN_COVERAGE)
-    return Comparison(frames, boxes, errors, covered, kinds, windows)
+    return TrackComparison(frames, boxes, errors, covered, kinds, windows)
 
 
-def score(comparisons: Sequence[Comparison]) -> Scores:
+def score(comparisons: Sequence[TrackComparison]) -> Scores:
     """The figures over all speeds, windows and frames of one or more clips."""
     errors = np.concatenate([np.zeros(0), *(c.speed_errors_mps for c in comparisons)])
     covered = np.concatenate([np.zeros(0, np.bool_), *(c.speed_covered for c in comparisons)])
@@ -183,7 +170,7 @@ def score(comparisons: Sequence[Comparison]) -> Scores:
     )
 
 
-def _class(kind: int, comparisons: Sequence[Comparison]) -> ClassScore | None:
+def _class(kind: int, comparisons: Sequence[TrackComparison]) -> ClassScore | None:
     followed, errors, vehicles = [], [], 0
     for comparison in comparisons:
         of_class = comparison.boxes.kind == kind

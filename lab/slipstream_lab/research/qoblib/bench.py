@@ -54,7 +54,7 @@ class QoblibSettings(Settings):
 
 
 @dataclass(frozen=True)
-class Case:
+class QoblibCase:
     """An instance with its runs.
 
     Attributes:
@@ -82,14 +82,11 @@ def run(
     progress: Callable[[int, int], None],
     *,
     stored: bool = False,
-) -> list[Case]:
+) -> list[QoblibCase]:
     """Make the runs that are missing; seed by seed, so that an interrupted one has whole tables.
 
     Args:
-        data: the library's folder, that of its class, or one with the instances.
-        out: folder of the results.
         progress: called with the number of runs that were made, and of those that were missing.
-        stored: nothing is run.
 
     Raises:
         InputError: no or malformed instances, or a folder that cannot be written.
@@ -130,7 +127,7 @@ def _row(solver: str, seed: int) -> str:
     return f"{solver} {seed}"
 
 
-def _record(task: Task, case: Case, store: Store, executor: WorkerExecutor) -> Record:
+def _record(task: Task, case: QoblibCase, store: Store, executor: WorkerExecutor) -> Record:
     """One run; one that fails or is late has no answer, and the reason."""
     nothing: Record = {"seed": task.seed, "date": time.strftime("%Y-%m-%d", time.gmtime())}
     nothing |= {"cost": None, "routes": None, "bound": None, "cpu_s": None, "wall_s": None}
@@ -153,11 +150,9 @@ def _record(task: Task, case: Case, store: Store, executor: WorkerExecutor) -> R
         return nothing | {"reason": error_line(error)}
 
 
-def find_cases(data: Path, most: int | None) -> list[Case]:
-    """The instances of a folder, those with the fewest routes first.
-
-    Raises:
-        InputError: there are none, or one is malformed or cannot be modelled.
+def find_cases(data: Path, most: int | None) -> list[QoblibCase]:
+    """The instances of a folder, those with the fewest routes first. Raises InputError: there are
+    none, or one is malformed or cannot be modelled.
     """
     for folder in (data / "09-routing" / "instances", data / "instances", data):
         paths = sorted(folder.glob("*.vrp"))
@@ -171,7 +166,7 @@ def find_cases(data: Path, most: int | None) -> list[Case]:
         instance = read_published(path, "qoblib")
         best = instance.file.best_known
         cases.append(
-            Case(
+            QoblibCase(
                 path,
                 len(instance.fleet.stops),
                 len(instance.fleet.vehicles),
@@ -183,7 +178,7 @@ def find_cases(data: Path, most: int | None) -> list[Case]:
     return sorted(cases, key=lambda case: (case.routes, case.name))[:most]
 
 
-def best_cost(case: Case) -> float | None:
+def best_cost(case: QoblibCase) -> float | None:
     """The best known cost, the library's or a better one that was found."""
     costs = [r["cost"] for runs in case.runs.values() for r in runs if r["cost"] is not None]
     return min([*costs, *([] if case.best_known is None else [case.best_known])], default=None)

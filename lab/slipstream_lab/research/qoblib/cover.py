@@ -39,7 +39,6 @@ class CoverModel:
     """Routes to choose from, as a QUBO and for the exact solver.
 
     Attributes:
-        instance: what it models.
         routes: stops in order, by number from 0 in the instance's order; x_r chooses route r.
         costs: of the routes, as the instance measures them, shape (routes,).
         rows: what a choice has to add up to, shape (rows, routes): each stop once; and, unless
@@ -49,7 +48,6 @@ class CoverModel:
             choice is never better is not proven with it; answers are checked by rows.
         bqm: Σ c x + penalty · Σ (row − target)², variables in the order of the routes.
         qubo: the same divided by a power of two, without its offset, as solvers take it.
-        cpu_s: processor time of building it.
     """
 
     instance: MatrixInstance
@@ -158,10 +156,8 @@ def _shortest(
 
 
 def _tours(cost: Floats, places: Index) -> tuple[Index, Floats]:
-    """Shortest tours from place 0 over sets of m places, shapes (sets, m) and (sets,).
-
-    Args:
-        places: shape (sets, m).
+    """Shortest tours from place 0 over sets of m places, shapes (sets, m) and (sets,). `places`:
+    shape (sets, m).
     """
     sets, m = places.shape
     between = cost[places[:, :, None], places[:, None, :]]

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from slipstream import __version__
 from slipstream_lab.research.instances.matrices import read_published
-from slipstream_lab.research.qoblib.bench import Case, QoblibSettings, best_cost
+from slipstream_lab.research.qoblib.bench import QoblibCase, QoblibSettings, best_cost
 from slipstream_lab.research.qoblib.cover import CoverModel, build_cover
 from slipstream_lab.research.qoblib.solvers import SOLVERS, Record, SolverName
 
@@ -43,19 +43,14 @@ _WORKFLOWS: Final[Mapping[SolverName, str]] = {
 
 
 @dataclass(frozen=True)
-class Line:
+class QoblibLine:
     """One solver on one instance.
 
     Attributes:
-        feasible, optimal: runs with checked routes, and with routes of the best known cost.
-        best: lowest cost.
-        gap: of the mean cost of the feasible runs to the best known one.
         spread: standard deviation of the cost over the feasible runs; None of fewer than two.
-        cpu_s: processor time of all runs together.
         samples, valid, hits: of all runs: drawn, and of those choices of valid routes and of the
             best known cost, after the solver's own post-processing; None of solvers that do not
             sample.
-        reason: why some run has no answer.
     """
 
     instance: str
@@ -73,18 +68,18 @@ class Line:
     reason: str | None
 
 
-def lines_of(cases: Sequence[Case]) -> list[Line]:
+def lines_of(cases: Sequence[QoblibCase]) -> list[QoblibLine]:
     """Of all solvers that have run on the cases."""
     return [
         _line(case, solver, runs) for case in cases for solver, runs in case.runs.items() if runs
     ]
 
 
-def _line(case: Case, solver: SolverName, runs: Sequence[Record]) -> Line:
+def _line(case: QoblibCase, solver: SolverName, runs: Sequence[Record]) -> QoblibLine:
     costs = [r["cost"] for r in runs if r["cost"] is not None]
     best = best_cost(case)
     sampled = [r for r in runs if r.get("samples") is not None]
-    return Line(
+    return QoblibLine(
         case.name,
         solver,
         len(runs),
@@ -105,7 +100,7 @@ def _is_best(cost: float | None, best: float | None) -> bool:
     return cost is not None and best is not None and cost <= best * (1 + 1e-9)
 
 
-def as_json(cases: Sequence[Case], settings: QoblibSettings) -> dict[str, Any]:
+def as_json(cases: Sequence[QoblibCase], settings: QoblibSettings) -> dict[str, Any]:
     """The report as plain data, each run included."""
     return {
         "settings": settings.model_dump(mode="json"),
@@ -125,7 +120,7 @@ def as_json(cases: Sequence[Case], settings: QoblibSettings) -> dict[str, Any]:
     }
 
 
-def as_markdown(cases: Sequence[Case], settings: QoblibSettings) -> str:
+def as_markdown(cases: Sequence[QoblibCase], settings: QoblibSettings) -> str:
     """All instances together, then each of them."""
     lines = lines_of(cases)
     text = [
@@ -150,7 +145,7 @@ def as_markdown(cases: Sequence[Case], settings: QoblibSettings) -> str:
     return "\n".join([*(line for line in text if line is not None), *reasons])
 
 
-def _together(solver: SolverName, lines: Sequence[Line]) -> str | None:
+def _together(solver: SolverName, lines: Sequence[QoblibLine]) -> str | None:
     runs = sum(x.runs for x in lines)
     if not runs:
         return None
@@ -188,7 +183,7 @@ def hardware() -> str:
     )
 
 
-def submissions(cases: Sequence[Case], submitter: str) -> Iterator[tuple[str, str]]:
+def submissions(cases: Sequence[QoblibCase], submitter: str) -> Iterator[tuple[str, str]]:
     """(file, text): a table of all, and of each solver that has routes a folder as QOBLIB asks."""
     table: list[dict[str, str]] = []
     for case in cases:
@@ -221,7 +216,7 @@ def _as_csv(rows: Sequence[Mapping[str, str]]) -> str:
 
 
 def _row(
-    case: Case, solver: SolverName, runs: Sequence[Record], model: CoverModel, submitter: str
+    case: QoblibCase, solver: SolverName, runs: Sequence[Record], model: CoverModel, submitter: str
 ) -> dict[str, str]:
     costs = [r["cost"] for r in runs if r["cost"] is not None]
     bounds = [r["bound"] for r in runs if r["bound"] is not None]

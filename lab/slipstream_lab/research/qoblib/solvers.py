@@ -56,9 +56,7 @@ class Task:
     """One run.
 
     Attributes:
-        path: of the instance.
         circuit: its settings; shots are those of the circuit alone.
-        limit_s: wall time.
         cpu_s: processor time to spend, building the model not counted; None: the solver's own end.
     """
 

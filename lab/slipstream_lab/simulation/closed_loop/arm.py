@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from slipstream_lab.simulation.closed_loop.policy import AS_DRIVING, Policy, WaitingPrices
-from slipstream_lab.simulation.closed_loop.record import ArmResult, Others, Service
+from slipstream_lab.simulation.closed_loop.record import ArmResult, OrderService, Others
 from slipstream_lab.simulation.rsus import Rsu
 from slipstream_lab.simulation.scenarios.day import DaySpec, sumo_options
 from slipstream_lab.simulation.scenarios.demand import DAY_S, FleetSettings, draw_deliveries
@@ -37,15 +37,9 @@ class ArmSpec:
     """What to simulate.
 
     Attributes:
-        scenario: name of a built-in one, or of one's own around a net.
-        background: its route files of the seed.
-        rsus: whose views count.
         seed: of the fleet's orders, of perception's errors and of the dispatcher's searches.
-        policy: of the arm.
-        net: other than the built-in one.
         fleet: settings of the deliveries, other than the scenario's.
         own_routes: whether the background is the user's: the default fleet is another one then.
-        additional: further SUMO files, as another signal program.
         history: what movements cost on another day; the lever "routes" needs it.
         begin_s: simulated, s since midnight; a multiple of 300.
         end_s: orders are released until then. The arm goes on until these are served and everybody
@@ -54,7 +48,6 @@ class ArmSpec:
         step_s: of the simulation; a second must be a multiple of it.
         database: SQLite file that is made, with the arm's cycles, plans and energy ledger; None:
             none is. Its times count from midnight of 1970-01-01, UTC.
-        prices: of waiting for other vehicles.
     """
 
     scenario: str
@@ -100,24 +93,17 @@ def run_arm(order: ArmSpec, progress: Progress | None = None) -> ArmResult:
 
 
 def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmResult:
-    """Simulate in this process.
-
-    Args:
-        report_time: called with the simulated time every ten minutes.
-
-    Raises:
-        InputError: SUMO refuses a file.
-    """
+    """Simulate in this process. Raises InputError: SUMO refuses a file."""
     # Imported here: they need libsumo, or take a second to load.
     from slipstream_lab.simulation.closed_loop.dispatching import Dispatching
-    from slipstream_lab.simulation.closed_loop.gates import WINDOW_S, Roadside
+    from slipstream_lab.simulation.closed_loop.gates import WINDOW_S, SimulatedRoadside
     from slipstream_lab.simulation.closed_loop.history_file import load_history
     from slipstream_lab.simulation.fleet.exchange import Exchange
     from slipstream_lab.simulation.fleet.sensing import PREFIX
     from slipstream_lab.simulation.fleet.van import yards
     from slipstream_lab.simulation.fleet.world import FleetWorld
     from slipstream_lab.simulation.signals import SignalController
-    from slipstream_lab.simulation.sumo.session import Session
+    from slipstream_lab.simulation.sumo.session import SumoSession
 
     scenario = _scenario(order)
     network, policy = scenario.network, order.policy
@@ -128,7 +114,7 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
     over = orders.keys() - due.keys()
     home_s = home_by_s(scenario.fleet, order.end_s)
     history = None if order.history is None else load_history(order.history)
-    roadside = Roadside(order.rsus, order.seed, policy.noise, policy.gating)
+    roadside = SimulatedRoadside(order.rsus, order.seed, policy.noise, policy.gating)
     day = DaySpec(
         scenario.net,
         order.background,
@@ -150,7 +136,7 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
         ]
         legs = []
         gridlock = GridlockWatch()
-        with Session(options, day.files) as session:
+        with SumoSession(options, day.files) as session:
             parameters = AgentParameters(
                 length_m=TYPES["cav"].length_m,
                 interval_s=order.step_s,
@@ -222,7 +208,7 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
             if not trip.id.startswith(PREFIX) and trip.depart_s + trip.duration_s <= end_s
         ]
     services = tuple(
-        Service(one.id, one.latest_s, world.begun_s.get(one.id))
+        OrderService(one.id, one.latest_s, world.begun_s.get(one.id))
         for one in due.values()
         if one.release_s < end_s
     )

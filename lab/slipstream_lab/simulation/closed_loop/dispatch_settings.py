@@ -15,9 +15,7 @@ _AMPLE_S: Final = 250.0
 """No cycle of a delivery fleet takes so long, however busy the machine is."""
 
 
-def evaluation_settings(
-    *, sync_window_s: float = 3.0, gap_m: float = 1.5, solver: str = "exact"
-) -> DispatcherSettings:
+def evaluation_settings(solver: str = "exact") -> DispatcherSettings:
     """Settings under which iterations end every search, never the clock.
 
     Give `run_cycle` `reference_s=0` with them: a simulation does not advance during a cycle. By
@@ -46,8 +44,8 @@ def evaluation_settings(
     return DispatcherSettings(
         interval_s=300.0,
         deadline_s=_AMPLE_S,
-        sync_window_s=sync_window_s,
-        gap_m=gap_m,
+        sync_window_s=3.0,
+        gap_m=1.5,
         form="route",
         solvers=("exact",),
         city=city,

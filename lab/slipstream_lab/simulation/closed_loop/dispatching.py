@@ -10,7 +10,7 @@ from typing import Any
 
 from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.fleet.learning import HOUR_NS, History, Learned, Learning
-from dispatcher_daemon.forms import RoutingProblem
+from dispatcher_daemon.forms import RoutingProblem, routing_problem
 from dispatcher_daemon.service.dispatcher import CycleRunner, FleetWatch, PlanDelivery, Surroundings
 from dispatcher_daemon.settings import AdviceSettings, DispatcherSettings
 from dispatcher_daemon.traffic import TrafficSnapshot, take_snapshot
@@ -23,13 +23,14 @@ from slipstream.messages import (
     VehicleProgress,
 )
 from slipstream.orders import FleetRecords
+from slipstream.prices import PriceSettings
 from slipstream.roads import RoadNetwork
 from slipstream_lab.simulation.closed_loop.dispatch_settings import (
     DEFAULT_TIME_WORTH_KW,
     evaluation_settings,
     evaluation_solve,
 )
-from slipstream_lab.simulation.closed_loop.gates import WINDOW_S, Roadside
+from slipstream_lab.simulation.closed_loop.gates import WINDOW_S, SimulatedRoadside
 from slipstream_lab.simulation.closed_loop.history_file import time_worth_kw
 from slipstream_lab.simulation.closed_loop.planned_platoons import PlannedPlatoons
 from slipstream_lab.simulation.closed_loop.policy import AS_DRIVING, Policy, WaitingPrices
@@ -43,16 +44,8 @@ class Dispatching:
     """The real dispatcher's cycles and fleet, in this process and by the simulation's clock.
 
     Args:
-        deliveries: orders and vehicles of the day.
-        network: roads.
-        policy: of the arm.
-        seed: of the searches.
-        executor: runs the search for base routes.
-        send: takes each plan that goes out.
-        roadside: has the RSUs' reports.
         history: what movements cost on another day; for the lever "routes" alone.
         database: takes cycles, plans and the energy ledger; None: they are not stored.
-        prices: of waiting for other vehicles.
     """
 
     def __init__(
@@ -63,17 +56,16 @@ class Dispatching:
         seed: int,
         executor: Executor,
         send: Callable[[VehiclePlan], None],
-        roadside: Roadside,
+        roadside: SimulatedRoadside,
         history: History | None = None,
         database: Database | None = None,
         prices: WaitingPrices = AS_DRIVING,
     ) -> None:
         self._deliveries, self._network, self._roadside = deliveries, network, roadside
-        self._policy, self._prices = policy, prices
+        self._policy = policy
         history = history if "routes" in policy.levers else None
-        self.time_worth_kw = 0.0 if history is None else time_worth_kw(history, network)
-        settings = settings_of(policy, self.time_worth_kw or DEFAULT_TIME_WORTH_KW, seed)
-        self._gap_m = settings.gap_m
+        worth_kw = 0.0 if history is None else time_worth_kw(history, network)
+        self._settings = settings = settings_of(policy, worth_kw, prices, seed)
         self._now_ns = 0
         self._over: Collection[str] = ()
         self._sent = _Sent(send)
@@ -110,12 +102,7 @@ class Dispatching:
             self._watch.take(message, message.vehicle)
 
     def cycle(self, now_s: float, over: Collection[str]) -> None:
-        """Plan the released orders and the vehicles from where they are; the plans go out.
-
-        Args:
-            now_s: since midnight.
-            over: orders that are, or are being, served, and those that do not count.
-        """
+        """Plan the released orders and the vehicles from where they are; the plans go out."""
         self._now_ns, self._over = round(now_s * 1e9), over
         platoons, roadside = self._sent.platoons, self._roadside
         planned_m, saved_kwh = platoons.planned_m, platoons.saved_kwh
@@ -168,26 +155,9 @@ class Dispatching:
             snapshot if self._policy.gating == "rsu" else with_gates(snapshot, self._roadside.open)
         )
 
-    @property
-    def waiting_worth_kw(self) -> float:
-        """Price of waiting for other vehicles at the depot."""
-        if self._prices.waiting_kw is not None:
-            return self._prices.waiting_kw
-        return self.time_worth_kw or DEFAULT_TIME_WORTH_KW
-
     def _problem(self, fleet: Fleet) -> RoutingProblem:
-        return RoutingProblem(
-            self._network,
-            fleet,
-            search=self._policy.search,
-            # Without the lever vans are routed as the paper routes them.
-            objective="energy" if "routes" in self._policy.levers else "paper",
-            price_of_time_kw=self.time_worth_kw,
-            price_of_waiting_kw=self.waiting_worth_kw,
-            standing_kw=self._prices.standing_kw,
-            advised_gap_m=self._gap_m,
-            drafting="expected",
-        )
+        problem = routing_problem(self._network, fleet, self._settings)
+        return replace(problem, search=self._policy.search)
 
 
 class _AnotherDay(Learning):
@@ -259,18 +229,30 @@ def _refuse(error: InputError) -> None:
     raise error
 
 
-def settings_of(policy: Policy, value_of_time_kw: float, seed: int) -> DispatcherSettings:
-    """The dispatcher's settings in an arm."""
+def settings_of(
+    policy: Policy, time_worth_kw: float, waiting: WaitingPrices, seed: int
+) -> DispatcherSettings:
+    """The dispatcher's settings in an arm; without the lever "routes" vans are routed as the paper
+    routes them, by an objective in which time has no price.
+    """
     levers = policy.levers
+    worth_kw = time_worth_kw or DEFAULT_TIME_WORTH_KW
     advice = AdviceSettings(
         eco_approach="eco_approach" in levers,
         coasting_budget=policy.coasting_budget if "coasting" in levers else 0.0,
         signal_priority="priority" in levers,
         departure_window_s=DEPARTURE_WINDOW_S if "departures" in levers else 0.0,
-        value_of_time_kw=value_of_time_kw,
+        value_of_time_kw=worth_kw,
     )
-    settings = evaluation_settings(solver=policy.solver)
-    return settings.model_copy(update={"advice": advice, "seed": seed})
+    prices = PriceSettings(
+        energy_kwh=1.0,
+        driving_hour=time_worth_kw,
+        waiting_hour=worth_kw if waiting.waiting_kw is None else waiting.waiting_kw,
+        standing_hour=waiting.standing_kw,
+    )
+    objective = "energy" if "routes" in levers else "paper"
+    changed = {"advice": advice, "prices": prices, "objective": objective, "seed": seed}
+    return evaluation_settings(policy.solver).model_copy(update=changed)
 
 
 def with_gates(snapshot: TrafficSnapshot, open_: frozenset[str]) -> TrafficSnapshot:

@@ -28,19 +28,9 @@ _STREAM: Final = 3000
 _MIN_VEHICLES: Final = StabilitySettings().min_vehicles
 
 
-class Roadside:
-    """RSUs of a running simulation: windows, reports with errors, gates.
-
-    Args:
-        rsus: whose views they are.
-        seed: of errors, and of random gates.
-        noise: the paper's, on the features.
-        gating: what opens a gate.
-
-    Attributes:
-        watched: segments.
-        opened: those whose gate has been open at any time.
-        states: as reported last.
+class SimulatedRoadside:
+    """RSUs of a running simulation: windows, reports with errors, gates. `noise`: the paper's, on
+    the features.
     """
 
     def __init__(self, rsus: Sequence[Rsu], seed: int, noise: float, gating: Gating) -> None:
@@ -113,14 +103,8 @@ def _gated(state: SegmentState, open_: bool) -> SegmentState:
 def open_gates(
     gating: Gating, watched: Collection[str], reported: Collection[str], seed: int
 ) -> frozenset[str]:
-    """The segments whose gates are open.
-
-    Args:
-        gating: `random` permutes the reported gates over the segments once a day, so that as many
-            are open for as long.
-        watched: by an RSU.
-        reported: stable by the RSUs.
-        seed: of the permutation.
+    """The segments whose gates are open. `gating`: `random` permutes the reported gates over the
+    segments once a day, so that as many are open for as long.
     """
     if gating == "open":
         return frozenset(watched)

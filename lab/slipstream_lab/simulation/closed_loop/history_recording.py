@@ -74,13 +74,7 @@ def history_file(
     span_s: tuple[float, float],
     depends_on: Iterable[bytes],
 ) -> Path:
-    """Where a history lies: another net or other traffic has another name.
-
-    Args:
-        name: of the scenario and what its traffic is of.
-        span_s: begin and end of what was recorded, s since midnight.
-        depends_on: contents of the net and of what the traffic is made from.
-    """
+    """Where a history lies: another net or other traffic has another name."""
     begin_s, end_s = span_s
     hours = "" if end_s - begin_s >= 86400 else f"-{begin_s:.0f}-{end_s:.0f}"
     digest = sha256()
@@ -103,12 +97,12 @@ def record_history(day: DaySpec, network: RoadNetwork, progress: Progress | None
 
 
 def _simulate(spec: HistorySpec, report_time: Callable[[float], None]) -> History:
-    from slipstream_lab.simulation.sumo.session import Session
+    from slipstream_lab.simulation.sumo.session import SumoSession
 
     day = spec.day
     passages = Passages(spec.limits_mps, day.step_s)
     gridlock = GridlockWatch()
-    with Session(sumo_options(day), day.files) as session:
+    with SumoSession(sumo_options(day), day.files) as session:
         traces: dict[str, DrivenTrace | None] = {}
         finished: list[DrivenTrace] = []
         while (now_s := session.time_s) < day.end_s:

@@ -22,12 +22,7 @@ class PlannedPlatoons:
         self._newest: dict[str, VehiclePlan] = {}
 
     def add(self, plan: VehiclePlan, now_ns: int) -> None:
-        """A plan is sent.
-
-        Args:
-            plan: with the lengths of its segments.
-            now_ns: when, UTC.
-        """
+        """A plan is sent."""
         before = self._newest.get(plan.vehicle)
         replaced = (0.0, 0.0) if before is None else platooned(before, now_ns)
         (old_m, old_kwh), (new_m, new_kwh) = replaced, platooned(plan, now_ns)

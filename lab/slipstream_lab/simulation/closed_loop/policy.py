@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -30,21 +29,15 @@ many as are reported, elsewhere (see `gates.open_gates`)."""
 
 @dataclass(frozen=True)
 class WaitingPrices:
-    """What an hour of waiting for other vehicles costs, kWh; None: as driving time does, and 10 at
-    the depot where that has no value.
+    """What an hour of waiting for other vehicles costs, kWh, by the objective of energy; None: as
+    driving time does. The paper's objective has no price of waiting.
 
     Attributes:
-        waiting_kw: at the depot, within the departure window.
         standing_kw: at a stop that has been served; None: `waiting_kw` if that is more.
     """
 
     waiting_kw: float | None = None
     standing_kw: float | None = None
-
-    def __post_init__(self) -> None:
-        for price_kw in (self.waiting_kw, self.standing_kw):
-            if price_kw is not None and not (math.isfinite(price_kw) and price_kw >= 0):
-                raise ValueError(f"a price of waiting must be >= 0, got {price_kw}")
 
 
 AS_DRIVING: Final = WaitingPrices()
@@ -55,15 +48,9 @@ class Policy:
     """An arm.
 
     Attributes:
-        name: in tables and files.
-        levers: what the dispatcher controls.
-        search: what routes are shortest in.
-        gating: where platoons may form.
         noise: the paper's, on the six features: each times 1 + noise · N(0, 1).
         pace: the fleet's desired speed over the limit, in every arm 1 but in those that the
             baseline is slowed or hurried in to compare at equal travel time.
-        coasting_budget: share of a leg's planned time that coasting may add to it.
-        solver: of the dispatcher's blocks, by its registered name.
     """
 
     name: str
@@ -74,7 +61,3 @@ class Policy:
     pace: float = 1.0
     coasting_budget: float = 0.06
     solver: str = "exact"
-
-    def __post_init__(self) -> None:
-        if self.noise < 0 or self.pace <= 0 or self.coasting_budget < 0:
-            raise ValueError("noise and coasting_budget must be >= 0 and pace > 0")

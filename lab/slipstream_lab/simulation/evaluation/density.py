@@ -18,13 +18,8 @@ TOURS: Final = 29
 
 
 def scaled(settings: FleetSettings, vehicles: int, key: str) -> FleetSettings:
-    """The corridor's fleet with so many tours a day.
-
-    Args:
-        key: option that asks for them.
-
-    Raises:
-        InputError: more orders or vehicles than a fleet can have.
+    """The corridor's fleet with so many tours a day. Raises InputError: more orders or vehicles
+    than a fleet can have.
     """
     share = vehicles / TOURS
     counts = {

@@ -21,7 +21,7 @@ from slipstream_lab.simulation.evaluation.arms import (
 )
 from slipstream_lab.simulation.evaluation.measures import Evaluation, collect
 from slipstream_lab.simulation.evaluation.runs import (
-    Store,
+    ArmStore,
     World,
     WorldFiles,
     code_stamp,
@@ -29,7 +29,7 @@ from slipstream_lab.simulation.evaluation.runs import (
 )
 from slipstream_lab.simulation.exogenous.day import exogenous_day
 from slipstream_lab.simulation.exogenous.recorded import RecordedTraffic, Watched, record_background
-from slipstream_lab.simulation.scenarios.scenario import Background, SignalControl
+from slipstream_lab.simulation.scenarios.scenario import BackgroundTraffic, SignalControl
 from slipstream_lab.simulation.sumo import Progress, run_in_subprocess
 
 ARMS: Final[Mapping[Watched, tuple[str, ...]]] = {
@@ -46,21 +46,12 @@ _STEP_S: Final = 1.0
 
 @dataclass(frozen=True)
 class ExogenousSpec:
-    """One exogenous arm, for a subprocess.
-
-    Attributes:
-        files: of the scenario.
-        background: of the seed.
-        folder: where its record lies.
-        watched: where traffic is judged.
-        policy: of the arm.
-        seed: of the deliveries, the perception's errors and the searches.
-        signals: how they were run when the background was recorded.
-        span_s: begin and end of the orders' release; the record goes on until their arms end.
+    """One exogenous arm, for a subprocess. `span_s`: begin and end of the orders' release; the
+    record goes on until their arms end.
     """
 
     files: WorldFiles
-    background: Background
+    background: BackgroundTraffic
     folder: Path
     watched: Watched
     policy: Policy
@@ -83,9 +74,7 @@ def exogenous_evaluation(
 
     Args:
         folder: of the evaluation; these arms lie in `exogenous-rsus` and `exogenous-everywhere`.
-        workers: arms at once.
         progress: called with the simulated time done and the total, s.
-        stored: nothing is simulated, what is there is collected.
 
     Raises:
         InputError: a background is not fit, or the folder is of another evaluation.
@@ -94,7 +83,7 @@ def exogenous_evaluation(
         world.provenance,
         step_s=_STEP_S,
         rsus=f"{watched} {world.provenance.rsus}"[:72],
-        waiting_kw=None,  # these arms have a price of their own
+        waiting_kw=None,  # the paper's objective has no price of waiting
         standing_kw=None,
     )
     span_s = provenance.begin_s, provenance.end_s
@@ -118,7 +107,7 @@ def exogenous_evaluation(
         return run_in_subprocess(run_exogenous, spec, source, provenance.end_s, report)
 
     policies = [POLICIES[name] for name in ARMS[watched]]
-    with Store(folder / f"exogenous-{watched}", provenance, code_stamp()) as store:
+    with ArmStore(folder / f"exogenous-{watched}", provenance, code_stamp()) as store:
         if not stored:
             run_missing(policies, seeds, span_s, store, simulate, workers, progress)
         return collect(store, provenance, seeds)
@@ -126,7 +115,7 @@ def exogenous_evaluation(
 
 def run_exogenous(spec: ExogenousSpec, report_time: Callable[[float], None]) -> ArmResult:
     """Evaluate an arm in this process, on a background that is recorded already."""
-    day = exogenous_day(
+    return exogenous_day(
         spec.files.load(),
         _recorded(spec),
         spec.policy,
@@ -134,7 +123,6 @@ def run_exogenous(spec: ExogenousSpec, report_time: Callable[[float], None]) -> 
         end_s=spec.span_s[1],
         progress=lambda now_s, _: report_time(now_s),
     )
-    return day.arm
 
 
 def _recorded(spec: ExogenousSpec) -> RecordedTraffic:

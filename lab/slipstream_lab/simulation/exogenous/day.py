@@ -16,14 +16,12 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from dispatcher_daemon.fleet import on_road
-from dispatcher_daemon.forms import RoutingProblem
+from dispatcher_daemon.forms import routing_problem
 from dispatcher_daemon.planning.cycle import cycle_of, run_cycle
 from dispatcher_daemon.settings import DispatcherSettings
-from slipstream.energy.consumption import Energy, total
 from slipstream.energy.drive import DrivingStyle, plan_drive
 from slipstream.messages import VehiclePlan
 from slipstream_lab.simulation.closed_loop.dispatch_settings import (
-    DEFAULT_TIME_WORTH_KW,
     evaluation_settings,
     evaluation_solve,
 )
@@ -32,7 +30,7 @@ from slipstream_lab.simulation.closed_loop.policy import Policy
 from slipstream_lab.simulation.closed_loop.record import ArmResult, LoopCycleRecord, Others
 from slipstream_lab.simulation.exogenous.passages import RecordedLeg, evaluate
 from slipstream_lab.simulation.exogenous.recorded import RecordedTraffic
-from slipstream_lab.simulation.exogenous.roadside import Roadside
+from slipstream_lab.simulation.exogenous.roadside import RecordedRoadside
 from slipstream_lab.simulation.exogenous.tours import LegOrder, Tours
 from slipstream_lab.simulation.scenarios.demand import draw_deliveries, fleet_at
 from slipstream_lab.simulation.scenarios.scenario import Scenario
@@ -40,52 +38,6 @@ from slipstream_lab.simulation.sumo import Progress
 
 _STYLE: Final = DrivingStyle()
 _NO_OTHERS: Final = Others(0, 0.0, 0.0, 0.0)
-
-
-@dataclass(frozen=True)
-class ExogenousDay:
-    """A fleet's day on traffic that it does not change.
-
-    Attributes:
-        arm: legs, services and cycles like the closed loop's; the background's own figures are
-            zero, since nothing happens to it. Disengagements are platoons, one count a segment, on
-            a segment whose true traffic was turbulent.
-        watched_m: driven on segments that are watched.
-        open_m: of that, driven where the gate was open on entering, in a platoon or alone.
-        violations: passages in a platoon of segments whose true traffic was turbulent.
-        violated_m: their length.
-    """
-
-    arm: ArmResult
-    watched_m: float
-    open_m: float
-    violations: int
-    violated_m: float
-
-    @property
-    def distance_m(self) -> float:
-        """Driven by the fleet."""
-        return sum(leg.distance_m for leg in self.arm.legs)
-
-    @property
-    def travel_s(self) -> float:
-        """Driving time without service."""
-        return sum(leg.travel_s for leg in self.arm.legs)
-
-    @property
-    def platooned_m(self) -> float:
-        """Driven in platoons, at their front or behind."""
-        return sum(leg.led_m + leg.followed_m for leg in self.arm.legs)
-
-    @property
-    def driven(self) -> Energy:
-        """With the drag reductions of platoons."""
-        return total(leg.driven for leg in self.arm.legs)
-
-    @property
-    def alone(self) -> Energy:
-        """The same drives without any."""
-        return total(leg.alone for leg in self.arm.legs)
 
 
 def exogenous_day(
@@ -97,53 +49,54 @@ def exogenous_day(
     end_s: float | None = None,
     settings: DispatcherSettings | None = None,
     progress: Progress | None = None,
-) -> ExogenousDay:
+) -> ArmResult:
     """Dispatch and evaluate a fleet's day; same arguments, same day.
+
+    The background's own figures are zero, since nothing happens to it. Disengagements are platoons,
+    one count a segment, on a segment whose true traffic was turbulent.
 
     Of the policy, what counts is whether it has platoons, the gating, and the noise; without
     platoons it is the paper's baseline, the same model with H_platoon = 0.
 
     Args:
-        seed: of the deliveries, the perception's errors and the searches.
         end_s: orders are released until then; the fleet goes on until all are served, or the record
             ends. None: until the record ends.
-        settings: of the dispatcher.
         progress: called with the simulated time and the end, s.
 
     Raises:
         InputError: the scenario's fleet does not fit its network.
     """
-    settings = (settings or evaluation_settings()).model_copy(update={"seed": seed})
+    settings = settings or evaluation_settings()
+    settings = settings.model_copy(update={"objective": "paper", "seed": seed})
     deliveries = draw_deliveries(scenario.fleet, scenario.network, seed, scenario.name)
     keep_s = {rsu.id: rsu.keep_s for rsu in scenario.rsus or ()}
-    roadside = Roadside(recorded, scenario.network, policy, seed, keep_s)
+    roadside = RecordedRoadside(recorded, scenario.network, policy, seed, keep_s)
     day = _FleetDay(Tours(deliveries, scenario.network), roadside, settings)
     begin_s = recorded.traffic.begin_s
     end_s = recorded.end_s if end_s is None else end_s
     day.run(begin_s, end_s, recorded.end_s, progress)
     roadside.until(recorded.end_s)
-    driven = evaluate(day.legs, roadside, scenario.network, settings.sync_window_s)
-    arm = ArmResult(
+    legs, disengagements = evaluate(day.legs, roadside, scenario.network, settings.sync_window_s)
+    return ArmResult(
         scenario=scenario.name,
         seed=seed,
         policy=policy.name,
         begin_s=begin_s,
         end_s=end_s,
-        legs=driven.legs,
+        legs=legs,
         services=day.tours.services(end_s),
         cycles=tuple(day.cycles),
         others=_NO_OTHERS,
-        disengagements=driven.disengagements,
+        disengagements=disengagements,
         teleports=0,
         collisions=0,
         emergency_stops=0,
         gridlock_s=None,
         unfinished=0,
-        ended_s=max((leg.arrived_s for leg in driven.legs), default=end_s),
+        ended_s=max((leg.arrived_s for leg in legs), default=end_s),
         watched=tuple(sorted(roadside.watched)),
         opened=tuple(sorted(roadside.opened)),
     )
-    return ExogenousDay(arm, driven.watched_m, driven.open_m, driven.violations, driven.violated_m)
 
 
 @dataclass
@@ -151,19 +104,14 @@ class _FleetDay:
     """The fleet's day, cycle by cycle."""
 
     tours: Tours
-    roadside: Roadside
+    roadside: RecordedRoadside
     settings: DispatcherSettings
     legs: list[RecordedLeg] = field(default_factory=list)
     cycles: list[LoopCycleRecord] = field(default_factory=list)
     _under_way: list[tuple[float, str, RecordedLeg]] = field(default_factory=list)
 
     def run(self, begin_s: float, end_s: float, until_s: float, progress: Progress | None) -> None:
-        """Dispatch the orders of a time until all are on a tour, and finish these.
-
-        Args:
-            end_s: of the orders' release.
-            until_s: nothing is dispatched later.
-        """
+        """Dispatch the orders of a time until all are on a tour, and finish these."""
         tours, solve = self.tours, evaluation_solve()
         tours.keep_released(begin_s, end_s)
         deliveries, now_s = tours.deliveries, begin_s
@@ -173,13 +121,7 @@ class _FleetDay:
             fleet = fleet_at(deliveries, now_s, idle, tours.taken)
             if fleet is not None:
                 number, snapshot = len(self.cycles), self.roadside.snapshot(now_s)
-                problem = RoutingProblem(
-                    tours.network,
-                    fleet,
-                    style=_STYLE,
-                    objective="paper",
-                    price_of_waiting_kw=DEFAULT_TIME_WORTH_KW,
-                )
+                problem = routing_problem(tours.network, fleet, self.settings)
                 cycle = cycle_of(
                     problem,
                     snapshot,

@@ -24,7 +24,7 @@ from slipstream.energy.drive import Drive
 from slipstream.roads import RoadNetwork
 from slipstream.vehicle_types import RoutingProfile
 from slipstream_lab.simulation.closed_loop.gates import is_turbulent
-from slipstream_lab.simulation.exogenous.roadside import Roadside
+from slipstream_lab.simulation.exogenous.roadside import RecordedRoadside
 from slipstream_lab.simulation.fleet.driven_leg import DrivenLeg
 from slipstream_lab.simulation.fleet.losses import drive_losses
 
@@ -37,14 +37,8 @@ class RecordedLeg:
     """A leg on recorded traffic, from rest to rest; times in s since midnight.
 
     Attributes:
-        vehicle: of the fleet.
         round: number of the tour in the vehicle's day, from 0.
-        leg: number of the leg in the tour, from 0.
-        path: segments.
-        ready_s: when it could have left.
         due_s: its departure; times of the drive count from it.
-        drive: at the speeds that the background had then.
-        free_s: what it takes at the limit.
     """
 
     vehicle: str
@@ -62,31 +56,14 @@ class RecordedLeg:
         return self.due_s + self.drive.duration_s
 
 
-@dataclass(frozen=True)
-class Passages:
-    """What came of all legs of a day.
-
-    Attributes:
-        legs: in the order of arrival.
-        disengagements: platoons on a segment whose true traffic was turbulent.
-        violations: their vehicles, one count a segment.
-        violated_m: what these drove there.
-        watched_m: driven on watched segments.
-        open_m: of that, where the gate was open on entering.
-    """
-
-    legs: tuple[DrivenLeg, ...]
-    disengagements: int
-    violations: int
-    violated_m: float
-    watched_m: float
-    open_m: float
-
-
 def evaluate(
-    legs: Sequence[RecordedLeg], roadside: Roadside, network: RoadNetwork, sync_window_s: float
-) -> Passages:
-    """Platoons from exact times, and energies.
+    legs: Sequence[RecordedLeg],
+    roadside: RecordedRoadside,
+    network: RoadNetwork,
+    sync_window_s: float,
+) -> tuple[tuple[DrivenLeg, ...], int]:
+    """The legs with platoons from exact times and energies, and the number of platoons on segments
+    that were turbulent in truth.
 
     On a segment whose gate is open when they enter it, vehicles within the window drive as a
     platoon (`planning.platooning`). On one that is turbulent in truth, the traffic's accelerations
@@ -95,26 +72,19 @@ def evaluate(
     entries = _entries(legs)
     eta = [[ETA_ALONE] * len(leg.path) for leg in legs]
     platooned_s = [0.0] * len(legs)
-    disengagements = violations = 0
-    watched_m = open_m = violated_m = 0.0
+    disengagements = 0
     extra = np.zeros(len(legs))
     for segment in sorted(entries):
-        length = network.segments[segment].length_m
         passing = entries[segment]
-        if segment in roadside.watched:
-            watched_m += length * len(passing)
         for entry, leaving, (_, index, _) in passing:
             extra[index] += turbulence_kwh(roadside, network, segment, entry, leaving)
         welcome = [timed for timed in passing if roadside.is_open(segment, timed[0])]
-        open_m += length * len(welcome)
         for group in platoons_of(welcome, sync_window_s):
             if len(group) < 2:
                 continue
             truth = roadside.truth(segment, group[0][0])
             turbulent = is_turbulent(truth)
             disengagements += turbulent
-            violations += turbulent * len(group)
-            violated_m += turbulent * len(group) * length
             for place, (entry, leaving, (_, index, position)) in enumerate(group):
                 eta[index][position] = ETA_FOLLOWER if place else ETA_LEADER
                 platooned_s[index] += turbulent * (leaving - entry)
@@ -126,11 +96,11 @@ def evaluate(
         for i, leg in enumerate(legs)
     ]
     made.sort(key=lambda leg: (leg.arrived_s, leg.vehicle))
-    return Passages(tuple(made), disengagements, violations, violated_m, watched_m, open_m)
+    return tuple(made), disengagements
 
 
 def turbulence_kwh(
-    roadside: Roadside, network: RoadNetwork, segment: str, entry_s: float, exit_s: float
+    roadside: RecordedRoadside, network: RoadNetwork, segment: str, entry_s: float, exit_s: float
 ) -> float:
     """What a turbulent segment costs beyond steady driving, kWh, ≥ 0; 0 where it is calm or nobody
     knows.

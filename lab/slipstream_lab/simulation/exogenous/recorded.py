@@ -13,14 +13,14 @@ import numpy as np
 
 from slipstream.roads import RoadNetwork
 from slipstream_lab.simulation.ground_truth import TrueWindow
-from slipstream_lab.simulation.rsus import Rsu, Stretch
+from slipstream_lab.simulation.rsus import Rsu, WatchedStretch
 from slipstream_lab.simulation.scenarios.acceptance import AcceptanceLimits
 from slipstream_lab.simulation.scenarios.day import DaySpec, run_day
 from slipstream_lab.simulation.scenarios.demand import Array
 from slipstream_lab.simulation.scenarios.perception import Observation
 from slipstream_lab.simulation.scenarios.record import Traffic
 from slipstream_lab.simulation.scenarios.scenario import (
-    Background,
+    BackgroundTraffic,
     Scenario,
     SignalControl,
     day_spec,
@@ -39,13 +39,7 @@ _WINDOW_FIELDS: Final = tuple(field.name for field in fields(TrueWindow))
 
 @dataclass(frozen=True)
 class RecordedTraffic:
-    """A background day that nothing changes any more.
-
-    Attributes:
-        traffic: speeds by segment and interval of five minutes.
-        observations: windows of a minute, in order of time.
-        every_s: between the ends of a segment's windows.
-    """
+    """A background day that nothing changes any more."""
 
     traffic: Traffic
     observations: tuple[Observation, ...]
@@ -59,7 +53,7 @@ class RecordedTraffic:
 
 def record_background(
     scenario: Scenario,
-    background: Background,
+    background: BackgroundTraffic,
     folder: Path,
     *,
     watched: Watched = "rsus",
@@ -74,7 +68,6 @@ def record_background(
     minute, an everywhere of them, for its size, once in each interval of traffic.
 
     Args:
-        background: its route files and its RSUs.
         folder: for the record; one of another net, route file or time is replaced.
 
     Raises:
@@ -102,18 +95,14 @@ def record_background(
 def rsus_everywhere(
     network: RoadNetwork, *, min_m: float = 60.0, max_m: float = 300.0, setback_m: float = 60.0
 ) -> tuple[Rsu, ...]:
-    """An RSU for every segment that has a stretch worth watching before the queue at its end.
-
-    Args:
-        min_m: shortest stretch worth watching.
-        max_m: longest that a unit can watch.
-        setback_m: between the stretch and the junction, as in `place_rsus`.
-    """
+    """An RSU for every segment that has a stretch worth watching before the queue at its end."""
     rsus = []
     for name in sorted(network.segments):
         end_m = round(network.segments[name].length_m - setback_m, 1)
         if end_m >= min_m:
-            stretch = Stretch(segment=name, from_m=max(0.0, round(end_m - max_m, 1)), to_m=end_m)
+            stretch = WatchedStretch(
+                segment=name, from_m=max(0.0, round(end_m - max_m, 1)), to_m=end_m
+            )
             rsus.append(Rsu(id=f"rsu-{name}", watch=(stretch,)))
     return tuple(rsus)
 

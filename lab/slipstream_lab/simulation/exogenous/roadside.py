@@ -23,16 +23,8 @@ from slipstream_lab.simulation.scenarios.perception import Reporter, measured_er
 from slipstream_lab.simulation.scenarios.record import Traffic
 
 
-class Roadside:
-    """Reports a recorded day's windows as time goes by, and remembers what they were.
-
-    Args:
-        recorded: the day.
-        network: its roads.
-        policy: whether platoons are allowed at all, which gates open, and the noise.
-        seed: of the perception's errors and of random gates.
-        keep_s: of the RSUs, by id.
-    """
+class RecordedRoadside:
+    """Reports a recorded day's windows as time goes by, and remembers what they were."""
 
     def __init__(
         self,

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
 
 from slipstream.energy.drive import DrivingStyle, plan_drive
 from slipstream.messages import PlannedSegment, VehiclePlan
 from slipstream.roads import RoadNetwork
-from slipstream_lab.simulation.closed_loop.record import Service
+from slipstream_lab.simulation.closed_loop.record import OrderService
+from slipstream_lab.simulation.exogenous.passages import RecordedLeg
 from slipstream_lab.simulation.scenarios.demand import Deliveries, Order
 
 
@@ -18,14 +18,9 @@ class LegOrder:
     """One leg as its vehicle is to drive it.
 
     Attributes:
-        vehicle: of the fleet.
         round: number of the tour in the vehicle's day, from 0.
-        leg: number in the tour, from 0.
         path: segments, the first one left from its beginning, the last one driven to its end.
         ready_s: from when on it could have left, s since midnight; travel time counts from then.
-        due_s: when to leave, later where the plan has it wait to meet others.
-        free_s: what the leg takes at the limit on an empty road.
-        planned: the plan's segments of this leg, in order, with platoons and entry times.
     """
 
     vehicle: str
@@ -35,31 +30,11 @@ class LegOrder:
     ready_s: float
     due_s: float
     free_s: float
-    planned: tuple[PlannedSegment, ...]
 
     @property
     def id(self) -> str:
         """Its name."""
         return f"{self.vehicle}/{self.round}/{self.leg}"
-
-
-class Arrival(Protocol):
-    """A leg that ended."""
-
-    @property
-    def vehicle(self) -> str:
-        """Of the fleet."""
-        ...
-
-    @property
-    def leg(self) -> int:
-        """Its number in the tour."""
-        ...
-
-    @property
-    def arrived_s(self) -> float:
-        """When, s since midnight."""
-        ...
 
 
 @dataclass
@@ -75,14 +50,8 @@ class _Tour:
 
 @dataclass
 class Tours:
-    """Vehicles idle and under way, orders taken and served.
-
-    Attributes:
-        deliveries: of the day.
-        network: roads.
-        idle: when each vehicle is ready at its depot, s since midnight; those under way are left
-            out.
-        taken: orders that are served or on their way.
+    """Vehicles idle and under way, orders taken and served. `idle`: when each vehicle is ready at
+    its depot, s since midnight; those under way are left out.
     """
 
     deliveries: Deliveries
@@ -117,7 +86,7 @@ class Tours:
         self._begun[plan.vehicle] += 1
         yield from self._next(plan.vehicle, plan.issued_ns / 1e9, plan.depart_ns / 1e9)
 
-    def arrived(self, leg: Arrival) -> Iterator[LegOrder]:
+    def arrived(self, leg: RecordedLeg) -> Iterator[LegOrder]:
         """A vehicle ended a leg; the next one, none at its depot."""
         self._under_way[leg.vehicle].leg = leg.leg
         yield from self._serve(leg.vehicle, leg.arrived_s)
@@ -130,24 +99,10 @@ class Tours:
         """By how much each vehicle under way began its present leg later than planned."""
         return {name: own.late_s for name, own in self._under_way.items()}
 
-    def slack_s(self, vehicle: str, due_s: float) -> float:
-        """Largest delay of a departure without a late delivery on the rest of the tour, s.
-
-        The rest takes as long as planned; 0 where the vehicle is late already.
-        """
-        own = self._under_way[vehicle]
-        shift = due_s - own.plan.stops[own.leg].departure_ns / 1e9
-        spare = [
-            self._orders[stop.stop].latest_s - stop.arrival_ns / 1e9 - shift
-            for stop in own.plan.stops[own.leg + 1 : -1]
-            if stop.stop in self._orders
-        ]
-        return max(0.0, min(spare, default=0.0))
-
-    def services(self, end_s: float) -> tuple[Service, ...]:
+    def services(self, end_s: float) -> tuple[OrderService, ...]:
         """One an order that was released before the end."""
         return tuple(
-            Service(order.id, order.latest_s, self._served.get(order.id))
+            OrderService(order.id, order.latest_s, self._served.get(order.id))
             for order in self._orders.values()
             if order.release_s < end_s
         )
@@ -186,7 +141,6 @@ class Tours:
             ready_s,
             due_s,
             free_s(self.network, path),
-            planned,
         )
 
 

@@ -56,13 +56,7 @@ def add_follower_type() -> None:
 
 @dataclass
 class Driver:
-    """The driver of one vehicle on the road.
-
-    Attributes:
-        name: SUMO's id of the vehicle.
-        pace: desired speed over the limit, without advice.
-        close: whether the agent keeps the gap.
-    """
+    """The driver of one vehicle on the road."""
 
     name: str
     pace: float = 1.0
@@ -78,12 +72,7 @@ class Driver:
         self._set_factor(self.pace)
 
     def obey(self, advice: VehicleAdvice | None, sensed: VehicleSensing) -> None:
-        """Set what the coming step is driven by.
-
-        Args:
-            advice: that holds; None: none does.
-            sensed: by the vehicle.
-        """
+        """Set what the coming step is driven by."""
         mode = "none" if advice is None else advice.mode
         self.close = mode in ("follow", "open_gap")
         commanded = advice is not None and mode in ("speed", "follow", "open_gap")

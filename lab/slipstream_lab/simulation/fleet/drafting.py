@@ -26,7 +26,7 @@ partners that have not met, as one of them left late or drives late."""
 _QUEUE_SHARE: Final = 0.7
 
 
-class Gates(Protocol):
+class RoadsideGates(Protocol):
     """Gate and true traffic of a segment."""
 
     def is_open(self, segment: str) -> bool:
@@ -44,7 +44,6 @@ class Drafting:
 
     Attributes:
         eta: drag reduction by vehicle of a platoon; others are left out.
-        places: of the same vehicles; 0 is the leader.
         turbulent: vehicles in a close gap, leaving ones included, on segments whose true traffic is
             turbulent.
     """
@@ -57,17 +56,10 @@ class Drafting:
 def drafting(
     sensed: Mapping[str, VehicleSensing],
     following: Mapping[str, bool],
-    gates: Gates,
+    gates: RoadsideGates,
     laws: Mapping[str, DragLaw] | None = None,
 ) -> Drafting:
-    """The drag reductions of a step.
-
-    Args:
-        sensed: by vehicle, of all on the road.
-        following: by vehicle whose gap its agent keeps: whether it follows, or leaves.
-        gates: of the segments.
-        laws: by vehicle; of others the paper's.
-    """
+    """The drag reductions of a step. `laws`: by vehicle; of others the paper's."""
     front_of: dict[str, str] = {}
     ahead_m: dict[str, float] = {}
     behind_m: dict[str, float] = {}
@@ -107,14 +99,7 @@ def _place(name: str, front_of: Mapping[str, str]) -> int:
 def why_missed(
     planned: PlannedSegment, sensed: VehicleSensing, advice: VehicleAdvice | None, *, is_open: bool
 ) -> Cause | None:
-    """Why a vehicle that is in no platoon now is in none; None: its plan has none there either.
-
-    Args:
-        planned: the segment that it is on.
-        sensed: by it.
-        advice: that it drives by.
-        is_open: the gate there.
-    """
+    """Why a vehicle that is in no platoon now is in none; None: its plan has none there either."""
     if planned.platoon is None:
         return None
     if not is_open:

@@ -21,27 +21,12 @@ class DrivenLeg:
     """One driven leg of a tour, from rest at one place to rest at the next.
 
     Attributes:
-        vehicle: of the fleet.
         round: number of the tour in the vehicle's day, from 0.
-        leg: number of the leg in the tour, from 0.
         ready_s: when it could have left: its plan was made, or the delivery before it was done; s
             since midnight.
-        due_s: when it should have left by the plan.
-        departed_s: when it came onto the road.
-        arrived_s: when it stood at the next place.
         free_s: what the leg takes at the limit on an empty road, as the dispatcher plans it.
-        distance_m: driven.
-        driven: energy with the drag reductions that it had.
-        alone: energy of the same speeds without any.
-        led_m: distance as a platoon's leader.
-        followed_m: distance as a follower.
-        stops: on the road, without the arrival.
-        waited_s: time below 0.1 m/s on the road.
         turbulent_s: time in a close gap, leaving included, on a segment whose true traffic was
             turbulent.
-        path: its segments.
-        losses: where the energy of `alone` went.
-        missed_m: distance outside a platoon where the plan in force had one, by cause.
     """
 
     vehicle: str
@@ -73,7 +58,7 @@ class DrivenLeg:
 
 
 @dataclass
-class Measurement:
+class LegMeasurement:
     """What is measured of a leg, step by step; fields as of `DrivenLeg`."""
 
     departed_s: float
@@ -102,12 +87,7 @@ class Measurement:
         """Add a step.
 
         Args:
-            speed_mps: at its end.
-            driven_m: since the leg began.
-            eta: drag reduction in it.
-            step_s: its length.
             place: in a platoon, 0 is the leader; None: alone.
-            turbulent: whether it was spent in a close gap in truly turbulent traffic.
             missed: why it was not in the platoon that its plan has; None: it was, or there is none.
         """
         way_m = driven_m - self.driven_m
@@ -139,11 +119,7 @@ class Measurement:
         step_s: float,
         physics: VehicleParameters,
     ) -> DrivenLeg:
-        """The leg, which has ended.
-
-        Args:
-            times_s: ready, due and arrived.
-        """
+        """The leg, which has ended."""
         # It comes to rest in the step in which it is taken off.
         speeds, eta = [*self.speeds_mps, 0.0], [*self.eta, ETA_ALONE]
         ready_s, due_s, arrived_s = times_s

@@ -31,14 +31,6 @@ _PLANS_KEPT: Final = 4
 class Exchange:
     """Agents of a simulated fleet, called directly; see
     `slipstream_lab.simulation.fleet.world.Agents`.
-
-    Args:
-        vehicles: parameters of the agents by vehicle.
-        signals: of the running simulation.
-        intersections: ids of the signals.
-        time_s: the simulation's present time.
-        deliver: what vehicles send to the dispatcher.
-        stale_after_s: age limit of a SegmentState.
     """
 
     def __init__(

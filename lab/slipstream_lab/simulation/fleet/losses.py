@@ -23,9 +23,6 @@ class Losses(NamedTuple):
     The parts add up to its traction energy: from rest to rest nothing stays kinetic.
 
     Attributes:
-        rolling_kwh: over the whole way, whether pulling, coasting or braking.
-        drag_kwh: likewise.
-        arrival_kwh: braked away before the place that the leg ends at.
         stands_kwh: braked away before standing on the road: at signals, and behind others.
         slowing_kwh: braked away without coming to a stand: for turns, lower limits, and others.
     """

@@ -20,14 +20,7 @@ def fleet_vehicle(name: str) -> str | None:
 
 
 def sense(name: str, segment: str, time_ns: int, acceleration_mps2: float) -> VehicleSensing:
-    """The sensing of a vehicle on the road.
-
-    Args:
-        name: its SUMO id.
-        segment: of its path that it is on, or has just left.
-        time_ns: of the simulation's present moment.
-        acceleration_mps2: in the last step.
-    """
+    """The sensing of a vehicle on the road."""
     vehicle = libsumo.vehicle
     return VehicleSensing(
         vehicle=fleet_vehicle(name) or name,

@@ -7,26 +7,14 @@ from dataclasses import dataclass, field
 from slipstream.messages import PlannedSegment, VehiclePlan
 from slipstream.roads import RoadNetwork
 from slipstream_lab.simulation.fleet.actuation import Driver
-from slipstream_lab.simulation.fleet.driven_leg import Measurement
+from slipstream_lab.simulation.fleet.driven_leg import LegMeasurement
 from slipstream_lab.simulation.scenarios.demand import Deliveries
 
 
 @dataclass
-class Van:
-    """One vehicle of the fleet.
-
-    Attributes:
-        segment: that it stands at an end of.
-        look_ns: when it asks its agent next while it stands.
-        since_ns: since when it stands; advice from before is for the road.
-        tour: number of its tour, from 0.
-        begun: cycle of the plan that its tour began with.
-        ready_s: since when it could leave.
-        serves: stop at which it stands, and until when.
-        told_s: when its driver last said that it is served.
-        way: of the leg that it drives, or waits to enter the road for.
-        entering: whether it waits for a gap in the traffic.
-        measured: of the leg, while it is on the road.
+class SimulatedVan:
+    """One vehicle of the fleet. `since_ns`: since when it stands; advice from before is for the
+    road.
     """
 
     segment: str
@@ -38,26 +26,16 @@ class Van:
     ready_s: float = 0.0
     serves: tuple[str, float] | None = None
     told_s: float = 0.0
-    way: Way | None = None
+    way: DrivenWay | None = None
     entering: bool = False
-    measured: Measurement | None = None
+    measured: LegMeasurement | None = None
     driver: Driver = field(default_factory=lambda: Driver(""))
 
 
 @dataclass
-class Way:
-    """A leg that is driven.
-
-    Attributes:
-        plan: that it is of.
-        number: of the leg in that plan.
-        planned: the leg in it.
-        path: its segments.
-        first: number of the first one that was driven on this plan.
-        driven: segments of the leg before that one, on earlier plans.
-        behind: segments of the path that lay behind when SUMO was given its present route.
-        due_s: when it should have begun.
-        free_s: see `DrivenLeg`.
+class DrivenWay:
+    """A leg that is driven. `behind`: segments of the path that lay behind when SUMO was given its
+    present route.
     """
 
     plan: VehiclePlan

@@ -18,11 +18,11 @@ from slipstream.messages import (
 )
 from slipstream.vehicle_types import RoutingProfile
 from slipstream_lab.simulation.fleet.actuation import Driver
-from slipstream_lab.simulation.fleet.drafting import Cause, Gates, drafting, why_missed
-from slipstream_lab.simulation.fleet.driven_leg import DrivenLeg, Measurement, free_s
+from slipstream_lab.simulation.fleet.drafting import Cause, RoadsideGates, drafting, why_missed
+from slipstream_lab.simulation.fleet.driven_leg import DrivenLeg, LegMeasurement, free_s
 from slipstream_lab.simulation.fleet.sensing import PREFIX, sense, standing
-from slipstream_lab.simulation.fleet.van import Van, Way, planned_leg
-from slipstream_lab.simulation.sumo.session import Session
+from slipstream_lab.simulation.fleet.van import DrivenWay, SimulatedVan, planned_leg
+from slipstream_lab.simulation.sumo.session import SumoSession
 from vehicle_agent.platooning import CLOSE_GAP_M
 
 # The IDM approaches the end of a leg asymptotically: the last metres would take minutes.
@@ -57,35 +57,22 @@ class FleetWorld:
     """A simulation with the fleet in it.
 
     Args:
-        session: running.
-        places: by vehicle, a segment at an end of which it stands at the beginning.
-        lengths_m: of the network's segments.
-        agents: of the vehicles.
-        gates: of the segments, and their true traffic, for the drag reductions.
         service_s: time that a stop takes, by its id; None: as its plan has it.
-        step_s: of the simulation.
-        clock_ns: the moment of the simulation as agents and dispatcher have it.
-        look_s: a vehicle that stands asks its agent at least so often.
-        pace: desired speed of the fleet's vehicles over the limit.
-        profiles: of vehicles that are no paper's cars.
 
     Attributes:
         disengagements: of platoons in close gaps that parted because the state of the segment was
             turbulent.
-        begun_s: when the service of each stop began.
-        again: stops that were served once more.
         longest_silence_s: for how long a partner had been without advice, and so silent, at most,
             while a vehicle still followed it closely.
-        tours_finished: that ended at the depot.
     """
 
     def __init__(
         self,
-        session: Session,
+        session: SumoSession,
         places: Mapping[str, str],
         lengths_m: Mapping[str, float],
         agents: Agents,
-        gates: Gates,
+        gates: RoadsideGates,
         service_s: Callable[[str], float | None],
         step_s: float,
         clock_ns: Callable[[], int],
@@ -98,7 +85,7 @@ class FleetWorld:
         self._clock_ns = clock_ns
         self._look_ns, self._pace, self._profiles = round(look_s * 1e9), pace, profiles or {}
         self._laws = {name: profile.drafting for name, profile in self._profiles.items()}
-        self._vans = {name: Van(segment) for name, segment in sorted(places.items())}
+        self._vans = {name: SimulatedVan(segment) for name, segment in sorted(places.items())}
         self._sensed: dict[str, VehicleSensing] = {}
         self._following: dict[str, bool] = {}
         self.disengagements = 0
@@ -129,10 +116,8 @@ class FleetWorld:
         return sum(van.measured is not None for van in self._vans.values())
 
     def step(self) -> list[DrivenLeg]:
-        """Move by one step; the legs that ended in it.
-
-        Raises:
-            InputError: SUMO refuses a vehicle or a route.
+        """Move by one step; the legs that ended in it. Raises InputError: SUMO refuses a vehicle
+        or a route.
         """
         now_s, now_ns = self._session.time_s, self._clock_ns()
         for name, van in self._vans.items():
@@ -170,7 +155,7 @@ class FleetWorld:
         self._admit(after_s)
         return ended
 
-    def _stand(self, name: str, van: Van, now_s: float, now_ns: int) -> None:
+    def _stand(self, name: str, van: SimulatedVan, now_s: float, now_ns: int) -> None:
         """Serve; ask the agent; leave when it says so."""
         if van.serves is not None and now_s >= max(van.serves[1], van.told_s + _TELL_S):
             # Said again until the agent has taken it in: it may have been restarted.
@@ -202,7 +187,7 @@ class FleetWorld:
         else:
             self._enter(name, van, plan, advice.leg, now_s)
 
-    def _serve(self, van: Van, stop: PlannedStop, now_s: float) -> None:
+    def _serve(self, van: SimulatedVan, stop: PlannedStop, now_s: float) -> None:
         if stop.stop in self.begun_s:
             self.again.append(stop.stop)
         self.begun_s.setdefault(stop.stop, now_s)
@@ -212,7 +197,9 @@ class FleetWorld:
             service_s = max(0.0, stays_s - stop.wait_s)
         van.serves, van.told_s = (stop.stop, now_s + service_s), 0.0
 
-    def _enter(self, name: str, van: Van, plan: VehiclePlan, leg: int, now_s: float) -> None:
+    def _enter(
+        self, name: str, van: SimulatedVan, plan: VehiclePlan, leg: int, now_s: float
+    ) -> None:
         planned = planned_leg(plan, leg)
         # Not at leg 0: the first stop may be at the depot's junction.
         begins = plan.continues is None and van.begun != plan.cycle
@@ -224,7 +211,7 @@ class FleetWorld:
             due_s = max(due_s, self._time_s(plan.stops[leg].departure_ns))
         due_s = max(due_s, van.ready_s + _breaks_s(plan, leg))
         path = tuple(segment.segment for segment in planned)
-        van.way = Way(plan, leg, planned, path, due_s, free_s(planned))
+        van.way = DrivenWay(plan, leg, planned, path, due_s, free_s(planned))
         van.serves, van.entering = None, True
         sumo = f"{PREFIX}{name}/{van.tour}/{van.leg}"
         van.driver = Driver(sumo, self._pace)
@@ -251,7 +238,7 @@ class FleetWorld:
         for sumo in libsumo.simulation.getDepartedIDList() if waiting else ():
             van = waiting.get(sumo)
             if van is not None:
-                van.entering, van.measured = False, Measurement(now_s)
+                van.entering, van.measured = False, LegMeasurement(now_s)
 
     def _drive(self, now_ns: int) -> None:
         """Each vehicle on the road senses and obeys, those behind after those ahead of them."""
@@ -287,7 +274,7 @@ class FleetWorld:
         # One a platoon: whoever is behind another one that parts is of the same.
         self.disengagements += sum(partner not in parted for partner in parted.values())
 
-    def _why_missed(self, name: str, way: Way) -> Cause | None:
+    def _why_missed(self, name: str, way: DrivenWay) -> Cause | None:
         """Why it was in no platoon in the step that has ended, if its plan has one there."""
         sensed = self._sensed.get(name)
         if sensed is None:
@@ -300,7 +287,9 @@ class FleetWorld:
         heard_ns = now_ns if advice is None else advice.time_ns
         self.longest_silence_s = max(self.longest_silence_s, (now_ns - heard_ns) / 1e9)
 
-    def _navigate(self, name: str, van: Van, way: Way, advice: VehicleAdvice | None) -> None:
+    def _navigate(
+        self, name: str, van: SimulatedVan, way: DrivenWay, advice: VehicleAdvice | None
+    ) -> None:
         """Take another way to the next stop, as a newer plan has it."""
         if advice is None or advice.cycle is None or advice.cycle == way.plan.cycle:
             return
@@ -326,7 +315,7 @@ class FleetWorld:
         way.plan, way.number, way.planned = plan, advice.leg, planned
         way.path, way.at, way.first = path, at, at
 
-    def _has_arrived(self, sumo: str, way: Way, speed_mps: float) -> bool:
+    def _has_arrived(self, sumo: str, way: DrivenWay, speed_mps: float) -> bool:
         if way.at < len(way.path) - 1 or speed_mps > _ARRIVED_MPS:
             return False
         if libsumo.vehicle.getRoadID(sumo).startswith(":"):
@@ -334,7 +323,7 @@ class FleetWorld:
         left_m = self._lengths_m[way.path[-1]] - libsumo.vehicle.getLanePosition(sumo)
         return bool(left_m < _ARRIVED_M)
 
-    def _end(self, name: str, van: Van, now_s: float) -> DrivenLeg:
+    def _end(self, name: str, van: SimulatedVan, now_s: float) -> DrivenLeg:
         assert van.way is not None
         assert van.measured is not None
         way = van.way

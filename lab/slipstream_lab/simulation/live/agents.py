@@ -29,13 +29,8 @@ _STATES_WAITING: Final = 1000
 
 
 class BusAgents:
-    """See `slipstream_lab.simulation.fleet.world.Agents`. The bus's threads write, the simulation's
-    reads.
-
-    Args:
-        bus: to publish and to listen.
-        vehicles: of the world; plans for others are left out.
-        clock_ns: UTC.
+    """See `slipstream_lab.simulation.fleet.world.Agents`. The bus's threads write, the
+    simulation's reads. `vehicles`: of the world; plans for others are left out.
     """
 
     def __init__(

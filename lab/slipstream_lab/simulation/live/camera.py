@@ -15,7 +15,7 @@ from slipstream.errors import InputError
 from slipstream.service import die_with_parent
 from slipstream_lab.simulation.live.world_spec import CameraEndpoint
 from slipstream_lab.simulation.rsus import RsuSettings
-from slipstream_lab.simulation.sumo_view import Pose, Roads, SumoClipSettings, ViewedVehicle
+from slipstream_lab.simulation.sumo_view import LaneRoads, Pose, SumoClipSettings, ViewedVehicle
 
 JPEG_QUALITY: Final = 85
 _HELD: Final = 0.6
@@ -25,32 +25,18 @@ so that the times of arrival, which are all that a receiver has, are as even as 
 
 @dataclass(frozen=True)
 class CameraSpec:
-    """A camera to be.
-
-    Attributes:
-        site: where it hangs and what it watches.
-        pose: where exactly.
-        roads: around it.
-        clip: seed and pictures a second; its files are named in complaints.
-        calibration: where its camera.toml goes.
-        parent: process that it ends with.
-    """
+    """A camera to be. `clip`: seed and pictures a second; its files are named in complaints."""
 
     site: RsuSettings
     pose: Pose
-    roads: Roads
+    roads: LaneRoads
     clip: SumoClipSettings
     calibration: Path
     parent: int
 
 
-class Camera:
-    """The camera as the simulation has it: `show` never waits.
-
-    Attributes:
-        frames: pictures served.
-        skipped: pictures left out, as the one before was still being painted.
-    """
+class SimulatedCamera:
+    """The camera as the simulation has it: `show` never waits."""
 
     def __init__(self, spec: CameraSpec) -> None:
         self._name = spec.site.name
@@ -75,14 +61,8 @@ class Camera:
         return place
 
     def show(self, vehicles: list[ViewedVehicle], due_s: float) -> None:
-        """Have a picture painted, unless the one before is not done.
-
-        Args:
-            vehicles: around the camera.
-            due_s: the moment that they are seen at, by the monotonic clock.
-
-        Raises:
-            ChildProcessError: the process died.
+        """Have a picture painted, unless the one before is not done. Raises ChildProcessError: the
+        process died.
         """
         if self._busy and self._connection.poll():
             self._receive()

@@ -10,16 +10,11 @@ from pathlib import Path
 from slipstream_lab.simulation.scenarios.demand import Deliveries, fleet_at
 
 
-class FleetFile:
+class LiveFleetFile:
     """Rewritten as orders are released and served; its times count from then.
 
     Orders that were released before the last wave count as served when the world begins. All
     vehicles are listed: where each is, it tells the dispatcher itself.
-
-    Args:
-        path: of the file, in a folder that is there.
-        deliveries: of the day.
-        begin_s: time of day that the world begins at, s.
     """
 
     def __init__(self, path: Path, deliveries: Deliveries, begin_s: float) -> None:
@@ -29,15 +24,7 @@ class FleetFile:
         self._over = {o.id for o in deliveries.orders if o.release_s < open_since_s}
 
     def write(self, now_s: float, served: Collection[str]) -> int:
-        """Write the fleet of a moment atomically.
-
-        Args:
-            now_s: s since midnight.
-            served: orders that are, or are being, served.
-
-        Returns:
-            Number of orders that are ready and not served.
-        """
+        """Write the fleet of a moment atomically."""
         done = self._over.union(served)
         fleet = fleet_at(
             self._deliveries, now_s, dict.fromkeys(self._deliveries.vehicles, now_s), done

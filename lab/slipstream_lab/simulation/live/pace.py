@@ -12,16 +12,8 @@ as a burst of steps would show vehicles racing."""
 
 
 @dataclass
-class Pace:
-    """Steps of a simulation that runs in real time.
-
-    Attributes:
-        step_s: simulated, and by the clock.
-        clock: monotonic, s.
-        steps: done.
-        late: steps that began more than their own length after they were due.
-        slipped_s: wall time by which the world has fallen behind for good.
-    """
+class WorldPace:
+    """Steps of a simulation that runs in real time. `clock`: monotonic, s."""
 
     step_s: float
     clock: Callable[[], float]

@@ -12,7 +12,7 @@ import numpy as np
 
 from slipstream.config import BusSettings
 from slipstream.errors import InputError
-from slipstream_lab.simulation.live.fleet_file import FleetFile
+from slipstream_lab.simulation.live.fleet_file import LiveFleetFile
 from slipstream_lab.simulation.live.world_spec import WorldSpec
 from slipstream_lab.simulation.rsus import Rsu
 from slipstream_lab.simulation.scenarios.acceptance import clock
@@ -50,15 +50,7 @@ def prepare_world(
 
     Args:
         name: of the scenario; ``net`` to ``fleet`` as for `load_scenario`.
-        routes: route files of the user's instead of any demand.
         additional: SUMO additional files of the user's.
-        from_s: simulated time before which the background has no vehicle.
-        begin_s: simulated time that the world opens at, s since midnight.
-        cameras: RSUs that get one, the first ones of the scenario.
-        fps: pictures a second.
-        priority: whether vehicles may ask signals for green.
-        seed: of traffic, orders and scenery.
-        say: told what of a net is left out.
 
     Raises:
         InputError: an unknown scenario, files that are malformed or do not fit each other, fewer
@@ -76,7 +68,7 @@ def prepare_world(
     deliveries = named_anew(draw_deliveries(scenario.fleet, scenario.network, seed, name))
     folder.mkdir(parents=True, exist_ok=True)
     orders = folder / "fleet.json"
-    if not FleetFile(orders, deliveries, begin_s).write(begin_s, ()):
+    if not LiveFleetFile(orders, deliveries, begin_s).write(begin_s, ()):
         later = min((o.release_s for o in deliveries.orders if o.release_s > begin_s), default=None)
         mend = "begin earlier" if later is None else f"the next comes at {clock(later + 60.0)}"
         raise InputError("--begin", "no order is open at this time of day", mend)

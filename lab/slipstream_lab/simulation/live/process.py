@@ -23,11 +23,7 @@ _POLL_S: Final = 0.2
 
 
 def check_simulator() -> None:
-    """Make sure that SUMO is installed.
-
-    Raises:
-        ModuleNotFoundError: libsumo is not.
-    """
+    """Make sure that SUMO is installed. Raises ModuleNotFoundError: libsumo is not."""
     if find_spec("libsumo") is None:
         raise ModuleNotFoundError("No module named 'libsumo'", name="libsumo")
 
@@ -36,7 +32,6 @@ class WorldProcess:
     """A running world as a context manager: `with WorldProcess(order) as world`.
 
     Attributes:
-        spec: of the world.
         counts: the latest; None before the world has opened.
 
     Raises:

@@ -25,11 +25,6 @@ class LiveSignals:
     """Signals that tell their timing to whom it may concern.
 
     The simulation counts from midnight; on the bus times are UTC.
-
-    Args:
-        bus: to publish and to listen.
-        controller: of the running simulation.
-        intersections: ids of its signals.
     """
 
     def __init__(
@@ -44,12 +39,7 @@ class LiveSignals:
         bus.subscribe(ALL_SIGNAL_REQUESTS, self._on_request, history=False)
 
     def step(self, now_s: float, offset_ns: int) -> None:
-        """Act on what was asked, and tell what has changed where somebody listens.
-
-        Args:
-            now_s: the simulation's time.
-            offset_ns: from the simulation's midnight to UTC.
-        """
+        """Act on what was asked, and tell what has changed where somebody listens."""
         while not self._requests.empty():
             request = self._requests.get_nowait()
             self._controller.receive(_in_world_time(request, offset_ns), now_s)
@@ -73,12 +63,7 @@ class LiveSignals:
 
 
 def in_utc(spat: SignalPhaseAndTiming, offset_ns: int) -> SignalPhaseAndTiming:
-    """A SPAT of the simulation with its times in UTC.
-
-    Args:
-        spat: its times count from the simulation's midnight.
-        offset_ns: from then to UTC.
-    """
+    """A SPAT of the simulation with its times in UTC."""
 
     def moved(time_ns: int) -> int:
         return max(0, time_ns + offset_ns)

@@ -36,9 +36,7 @@ class LatestPicture:
 
     def after(self, number: int, timeout_s: float = _WAIT_S) -> tuple[int, bytes, float] | None:
         """The newest picture (number, JPEG, time taken) if newer than ``number``; waits for one.
-
-        Raises:
-            EOFError: there will be no more.
+        Raises EOFError: there will be no more.
         """
         with self._changed:
             self._changed.wait_for(lambda: self._closed or self._number > number, timeout_s)
@@ -54,9 +52,6 @@ class MjpegServer:
 
     Each client has a thread of its own, and one that does not read is dropped after 5 s, so that
     none holds up the pictures.
-
-    Attributes:
-        url: of the stream.
     """
 
     def __init__(self, latest: LatestPicture) -> None:

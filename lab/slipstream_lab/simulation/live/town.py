@@ -9,7 +9,7 @@ from typing import Final
 from dispatcher_daemon.fleet import Depot
 from slipstream.config import BusSettings
 from slipstream.roads.sumo_net import DEMO_NETWORK, load_network
-from slipstream_lab.simulation.live.fleet_file import FleetFile
+from slipstream_lab.simulation.live.fleet_file import LiveFleetFile
 from slipstream_lab.simulation.live.prepare import named_anew
 from slipstream_lab.simulation.live.world_spec import WorldSpec
 from slipstream_lab.simulation.scenarios.day import DaySpec
@@ -43,20 +43,14 @@ before its first wave, which finds cameras that have seen the avenue."""
 
 
 def town(folder: Path, bus: BusSettings, seed: int = 1) -> WorldSpec:
-    """Write the files of the town into a folder.
-
-    Args:
-        folder: for the fleet file and SUMO's types of vehicles.
-        bus: for the vehicles' messages.
-        seed: of the orders.
-    """
+    """Write the files of the town into a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     network = load_network(DEMO_NETWORK)
     deliveries = named_anew(draw_deliveries(_FLEET, network, seed, "town"))
     types = folder / "town.rou.xml"
     types.write_text(f"<routes>\n{TYPES['cav'].xml()}\n</routes>\n", encoding="utf-8")
     orders = folder / "fleet.json"
-    FleetFile(orders, deliveries, _FULL_S).write(_FULL_S, ())
+    LiveFleetFile(orders, deliveries, _FULL_S).write(_FULL_S, ())
     with resources.as_file(resources.files("slipstream") / "data" / "demo.net.xml") as net:
         day = DaySpec(net, (types,), tuple(network.segments), begin_s=_FULL_S)
     return WorldSpec(day, _FULL_S, (), deliveries, orders, bus, folder)

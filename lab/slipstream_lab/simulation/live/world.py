@@ -20,16 +20,16 @@ from slipstream.roads.sumo_net import load_network
 from slipstream_lab.simulation.fleet.van import yards
 from slipstream_lab.simulation.fleet.world import FleetWorld
 from slipstream_lab.simulation.live.agents import BusAgents, BusGates
-from slipstream_lab.simulation.live.camera import Camera, CameraSpec
-from slipstream_lab.simulation.live.fleet_file import FleetFile
-from slipstream_lab.simulation.live.pace import Pace
+from slipstream_lab.simulation.live.camera import CameraSpec, SimulatedCamera
+from slipstream_lab.simulation.live.fleet_file import LiveFleetFile
+from slipstream_lab.simulation.live.pace import WorldPace
 from slipstream_lab.simulation.live.signals import LiveSignals
 from slipstream_lab.simulation.live.views import RADIUS_M, Views
 from slipstream_lab.simulation.live.world_spec import WorldCounts, WorldSpec
 from slipstream_lab.simulation.scenarios.day import sumo_options
 from slipstream_lab.simulation.scenarios.gridlock import CHECK_S, GridlockWatch
 from slipstream_lab.simulation.signals import SignalController
-from slipstream_lab.simulation.sumo.session import Session
+from slipstream_lab.simulation.sumo.session import SumoSession
 from slipstream_lab.simulation.sumo_view import SumoClipSettings, camera_site, draw_pose
 from slipstream_lab.simulation.sumo_view.net import read_roads
 
@@ -54,7 +54,7 @@ def run_world(spec: WorldSpec, connection: Connection) -> None:
     roads = load_network(day.net)
     network = largest_part(roads, day.net)
     with ExitStack() as stack:
-        session = stack.enter_context(Session(options, day.files))
+        session = stack.enter_context(SumoSession(options, day.files))
         _warm_up(session, spec, lambda share: connection.send(("warm", share)))
         cameras, views = _open_cameras(spec, network, stack)
         connection.send(("cameras", [camera.place() for camera in cameras]))
@@ -72,8 +72,8 @@ class _World:
         spec: WorldSpec,
         network: RoadNetwork,
         lengths_m: Mapping[str, float],
-        session: Session,
-        cameras: list[Camera],
+        session: SumoSession,
+        cameras: list[SimulatedCamera],
         views: Views,
         bus: Bus,
     ) -> None:
@@ -97,16 +97,14 @@ class _World:
             time.time_ns,
             _LOOK_S,
         )
-        self._orders = FleetFile(spec.fleet, spec.deliveries, session.time_s)
+        self._orders = LiveFleetFile(spec.fleet, spec.deliveries, session.time_s)
         self._legs, self._driven_m, self._platooned_m = 0, 0.0, 0.0
-        self._pace = Pace(spec.step_s, time.monotonic)
+        self._pace = WorldPace(spec.step_s, time.monotonic)
         self._gridlock, self._look_s = GridlockWatch(), session.time_s + CHECK_S
 
     def run(self, connection: Connection) -> None:
-        """Step by step, until the other end says something or is gone.
-
-        Raises:
-            InputError: SUMO refuses a vehicle, or nothing moves any more.
+        """Step by step, until the other end says something or is gone. Raises InputError: SUMO
+        refuses a vehicle, or nothing moves any more.
         """
         reported_s = 0.0
         while not connection.poll(self._pace.wait_s()):
@@ -163,7 +161,7 @@ class _World:
         )
 
 
-def _warm_up(session: Session, spec: WorldSpec, report_time: Callable[[float], None]) -> None:
+def _warm_up(session: SumoSession, spec: WorldSpec, report_time: Callable[[float], None]) -> None:
     whole_s = spec.begin_s - spec.day.begin_s
     while (left_s := spec.begin_s - session.time_s) > 0:
         report_time(1.0 - left_s / whole_s)
@@ -173,7 +171,7 @@ def _warm_up(session: Session, spec: WorldSpec, report_time: Callable[[float], N
 
 def _open_cameras(
     spec: WorldSpec, network: RoadNetwork, stack: ExitStack
-) -> tuple[list[Camera], Views]:
+) -> tuple[list[SimulatedCamera], Views]:
     cameras, poses = [], []
     for number, rsu in enumerate(spec.rsus):
         site = camera_site(rsu, network, spec.width_px, spec.height_px)
@@ -182,7 +180,7 @@ def _open_cameras(
         clip = SumoClipSettings(spec.day.net, spec.day.routes, source, fps=spec.fps, seed=seed)
         roads = read_roads(pose.x_m, pose.y_m, RADIUS_M)
         calibration = spec.folder / f"{rsu.id}.camera.toml"
-        camera = Camera(CameraSpec(site, pose, roads, clip, calibration, os.getpid()))
+        camera = SimulatedCamera(CameraSpec(site, pose, roads, clip, calibration, os.getpid()))
         stack.callback(camera.close)
         cameras.append(camera)
         poses.append(pose)

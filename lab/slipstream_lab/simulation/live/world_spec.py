@@ -23,15 +23,7 @@ class WorldSpec:
     Attributes:
         day: files, and the time that the background starts at; its step is not used.
         begin_s: simulated time that the world opens at; what comes before fills the roads.
-        rsus: that have a camera.
         deliveries: orders and vehicles; plans for others are ignored.
-        fleet: the dispatcher's fleet file, kept up to date.
-        bus: for plans and positions.
-        folder: for the cameras' calibration files.
-        priority: whether vehicles may ask signals for green.
-        seed: of light and scenery.
-        fps: pictures a second, by the wall clock.
-        width_px: of a picture, with height_px.
     """
 
     day: DaySpec
@@ -62,14 +54,7 @@ class WorldSpec:
 
 @dataclass(frozen=True)
 class CameraEndpoint:
-    """A camera that serves pictures.
-
-    Attributes:
-        rsu: its RSU.
-        segments: that it watches.
-        url: of its stream.
-        calibration: its camera.toml.
-    """
+    """A camera that serves pictures."""
 
     rsu: str
     segments: tuple[str, ...]
@@ -79,29 +64,7 @@ class CameraEndpoint:
 
 @dataclass(frozen=True)
 class WorldCounts:
-    """What has happened since the world opened.
-
-    Attributes:
-        time_s: simulated now, since midnight.
-        simulated_s: since it opened.
-        steps: of the simulation.
-        late_steps: that began more than their own length too late.
-        slipped_s: wall time that it has fallen behind for good.
-        frames: pictures served.
-        frames_skipped: pictures left out as the camera was still busy with the one before.
-        vehicles: on the road now, the fleet's included.
-        orders_waiting: released and not served.
-        tours_begun: of all vehicles, from their depots.
-        tours_finished: of them, ended at the depot.
-        orders_served: whose service has begun.
-        orders_served_again: times that a vehicle came to an order that was served before.
-        longest_silence_s: see `slipstream_lab.simulation.fleet.world.FleetWorld`.
-        platooned_m: driven in platoons, at their front or behind.
-        legs_driven: of the fleet, to their end.
-        fleet_driven_m: on them.
-        fleet_on_road: vehicles of the fleet on a leg now.
-        fleet_vehicles_driven: vehicles of the fleet that have driven at all.
-    """
+    """What has happened since the world opened."""
 
     time_s: float
     simulated_s: float

@@ -27,7 +27,7 @@ from slipstream_lab.simulation.scenarios.networks import (
     troy_plan,
     write_fixed_time,
 )
-from slipstream_lab.simulation.scenarios.record import Day
+from slipstream_lab.simulation.scenarios.record import SimulatedDay
 from slipstream_lab.simulation.scenarios.scenario import day_spec, load_scenario, prepare
 
 
@@ -144,7 +144,7 @@ def _write(
     folder: Path,
     name: str,
     seed: int,
-    day: Day,
+    day: SimulatedDay,
     faults: tuple[str, ...],
     breakdowns: Sequence[DrawnBreakdown],
 ) -> None:

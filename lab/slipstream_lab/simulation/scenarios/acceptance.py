@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from slipstream.errors import InputError
-from slipstream_lab.simulation.scenarios.record import Day
+from slipstream_lab.simulation.scenarios.record import SimulatedDay
 
 
 @dataclass(frozen=True)
@@ -13,8 +13,6 @@ class AcceptanceLimits:
     """Limits of a day.
 
     Attributes:
-        teleports: vehicles that SUMO had to lift out of a jam, at most.
-        depart_delay_s: mean wait to get onto the road, below.
         left: vehicles driving or waiting at the end, below; of whole days alone.
         emergency_stops: at most; each is a vehicle that could not brake in time.
     """
@@ -24,7 +22,7 @@ class AcceptanceLimits:
     left: int = 100
     emergency_stops: int = 0
 
-    def faults(self, day: Day) -> tuple[str, ...]:
+    def faults(self, day: SimulatedDay) -> tuple[str, ...]:
         """Reasons to refuse a day; empty if it is accepted."""
         found, faults = day.statistics, []
         if day.gridlock_s is not None:
@@ -47,12 +45,8 @@ class AcceptanceLimits:
             )
         return tuple(faults)
 
-    def check(self, day: Day, scenario: str) -> None:
-        """Refuse a day that is not fit.
-
-        Raises:
-            InputError: naming every fault.
-        """
+    def check(self, day: SimulatedDay, scenario: str) -> None:
+        """Refuse a day that is not fit. Raises InputError: naming every fault."""
         faults = self.faults(day)
         if faults:
             raise InputError(scenario, "; ".join(faults), "take fewer trips or another network")

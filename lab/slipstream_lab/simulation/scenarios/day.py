@@ -13,7 +13,7 @@ from edge_daemon.settings import StabilitySettings
 from slipstream_lab.simulation.rsus import Rsu
 from slipstream_lab.simulation.scenarios.gridlock import CHECK_S, GridlockWatch
 from slipstream_lab.simulation.scenarios.record import (
-    Day,
+    SimulatedDay,
     hours_of,
     read_statistics,
     read_traffic,
@@ -30,18 +30,8 @@ class DaySpec:
     """What to simulate.
 
     Attributes:
-        net: a SUMO net.
-        routes: its route files.
-        segments: of the network, in the order of the record's tables.
-        additional: further SUMO files, as another signal program.
-        rsus: whose windows are recorded.
         begin_s: simulated time; vehicles due earlier are left out.
-        end_s: simulated time.
         step_s: of the simulation; a window and a second must be multiples of it.
-        interval_s: of the traffic tables; divides an hour.
-        window_every_s: a window of the RSUs ends at each multiple.
-        window_s: its length, no more than that.
-        seed: of SUMO. With the scenarios' own vehicles nothing is drawn from it.
         rule: of the true stability of windows: the paper's, without hysteresis.
     """
 
@@ -83,7 +73,7 @@ def sumo_options(spec: DaySpec, additional: tuple[Path, ...] = ()) -> list[str]:
     ]
 
 
-def run_day(spec: DaySpec, progress: Progress | None = None) -> Day:
+def run_day(spec: DaySpec, progress: Progress | None = None) -> SimulatedDay:
     """Simulate in another process.
 
     Raises:
@@ -94,16 +84,9 @@ def run_day(spec: DaySpec, progress: Progress | None = None) -> Day:
     return run_in_subprocess(simulate, spec, spec.source, spec.end_s, progress)
 
 
-def simulate(spec: DaySpec, report_time: Callable[[float], None]) -> Day:
-    """Simulate in this process.
-
-    Args:
-        report_time: called with the simulated time now and then.
-
-    Raises:
-        InputError: SUMO refuses a file.
-    """
-    from slipstream_lab.simulation.sumo.session import Session
+def simulate(spec: DaySpec, report_time: Callable[[float], None]) -> SimulatedDay:
+    """Simulate in this process. Raises InputError: SUMO refuses a file."""
+    from slipstream_lab.simulation.sumo.session import SumoSession
 
     began = time.monotonic()
     with tempfile.TemporaryDirectory() as name:
@@ -120,11 +103,11 @@ def simulate(spec: DaySpec, report_time: Callable[[float], None]) -> Day:
             *("--tripinfo-output", str(trips), "--statistic-output", str(statistics)),
         ]
         watch = _Watch(spec, report_time)
-        with Session(options, spec.files) as session:
+        with SumoSession(options, spec.files) as session:
             end_s = watch.run(session.advance)
         ended = read_trips(trips)
         traffic = read_traffic(edges, spec.segments, spec.begin_s, end_s, spec.interval_s)
-        return Day(
+        return SimulatedDay(
             spec.begin_s,
             end_s,
             read_statistics(statistics, ended),

@@ -19,9 +19,7 @@ _STUCK_VEHICLES: Final = 50
 
 class GridlockWatch:
     """Gridlock: at three checks in a row, ten minutes apart, four fifths of the vehicles stand.
-
-    Attributes:
-        since_s: simulated time at which it was a gridlock; None: never.
+    `since_s`: simulated time at which it was a gridlock; None: never.
     """
 
     def __init__(self) -> None:
@@ -41,11 +39,7 @@ class GridlockWatch:
         return self.since_s is not None
 
     def refuse(self, now_s: float, source: str | Path) -> None:
-        """Check, and end a simulation in a gridlock.
-
-        Raises:
-            InputError: it is in a gridlock.
-        """
+        """Check, and end a simulation in a gridlock. Raises InputError: it is in a gridlock."""
         if self.update(now_s):
             raise InputError(
                 source, f"gridlock at {clock(now_s)}", "take fewer trips or another network"

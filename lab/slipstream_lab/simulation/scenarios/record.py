@@ -20,17 +20,7 @@ HOUR_S: Final = 3600.0
 
 @dataclass(frozen=True)
 class Traffic:
-    """Traffic on segments in intervals of equal length; arrays of shape (intervals, segments).
-
-    Attributes:
-        begin_s: of the first interval.
-        interval_s: length of each.
-        segments: ids.
-        present_s: time that vehicles spent on the segment.
-        distance_m: that they drove on it.
-        waiting_s: time of it spent below 0.1 m/s.
-        entered: vehicles that came onto it or departed there.
-    """
+    """Traffic on segments in intervals of equal length; arrays of shape (intervals, segments)."""
 
     begin_s: float
     interval_s: float
@@ -59,13 +49,6 @@ class Hour:
 
     Attributes:
         speed_mps: vehicle-kilometres over vehicle-hours; NaN in an empty hour.
-        running: mean number of vehicles.
-        waiting_share: of vehicles' time, standing.
-        arrived: trips, with what follows being theirs.
-        stops_per_km: how often they came to a stand.
-        time_loss_share: of their time, against driving as fast as they like.
-        judged: windows with enough vehicles for a flag.
-        stable: those of them whose true traffic was stable.
     """
 
     speed_mps: float
@@ -100,18 +83,13 @@ class Statistics:
 
 
 @dataclass(frozen=True)
-class Day:
+class SimulatedDay:
     """A simulated day, or a part of one.
 
     Attributes:
-        begin_s: simulated.
         end_s: simulated; earlier than asked for after a gridlock.
         statistics: SUMO's.
-        traffic: by segment and interval.
-        hours: of the clock, the first one being the one that `begin_s` lies in.
-        observations: before the RSUs' cameras, in order of time.
         gridlock_s: when most vehicles had stood for long; None: never.
-        wall_s: time that the simulation took.
     """
 
     begin_s: float
@@ -216,11 +194,7 @@ def hours_of(
     observations: Sequence[Observation],
     min_vehicles: int,
 ) -> tuple[Hour, ...]:
-    """Sum up by hours of the clock; an interval counts for the hour that it begins in.
-
-    Args:
-        min_vehicles: that a window needs to be judged.
-    """
+    """Sum up by hours of the clock; an interval counts for the hour that it begins in."""
     truths = [
         (o.time_s, o.truth.y_e)
         for o in observations

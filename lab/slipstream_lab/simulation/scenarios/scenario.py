@@ -58,14 +58,7 @@ class Scenario:
     """A world to evaluate in.
 
     Attributes:
-        name: for people and files.
-        net: the SUMO net.
-        network: its roads, the largest connected part of them.
-        demand: of the background.
         rsus: where they stand; None: on the busiest approaches of the day's background.
-        fleet: what is delivered.
-        routes: the user's own route files, instead of the demand.
-        additional: the user's further SUMO files.
         left_out: what of the net is not in the network; None: nothing.
     """
 
@@ -81,16 +74,12 @@ class Scenario:
 
 
 @dataclass(frozen=True)
-class Background:
+class BackgroundTraffic:
     """One day's background traffic, ready to be simulated.
 
     Attributes:
-        files: SUMO's route files.
         rsus: the scenario's, or those that were placed by this traffic.
         trips: drawn from the seed; None where the files are the user's.
-        routes: theirs.
-        breakdowns: drawn from the seed.
-        additional: further SUMO files that belong to it.
     """
 
     files: tuple[Path, ...]
@@ -119,8 +108,6 @@ def load_scenario(
     which may last for an hour at any time, orders come evenly, some in each five minutes.
 
     Args:
-        routes: SUMO route files instead of any demand.
-        additional: SUMO additional files.
         own_routes: whether there are routes of the user's, where they are not given here.
 
     Raises:
@@ -152,12 +139,11 @@ def load_scenario(
     )
 
 
-def prepare(scenario: Scenario, seed: int, folder: Path) -> Background:
+def prepare(scenario: Scenario, seed: int, folder: Path) -> BackgroundTraffic:
     """Draw a day's background and write its route file, or take the user's own.
 
     Args:
         seed: the same one gives the same file, byte for byte; the user's own is the same in all.
-        folder: made if it does not exist.
 
     Raises:
         InputError: the demand does not fit the network.
@@ -173,7 +159,7 @@ def prepare(scenario: Scenario, seed: int, folder: Path) -> Background:
             additional = (*additional, types)
         if rsus is None:
             rsus = place_rsus(scenario.network, count_passages(scenario.routes, scenario.network))
-        return Background(scenario.routes, rsus, additional=additional)
+        return BackgroundTraffic(scenario.routes, rsus, additional=additional)
     source = f"{scenario.name}: demand"
     trips = draw_trips(scenario.demand, scenario.network, seed, source)
     breakdowns = draw_breakdowns(scenario.demand.breakdowns, scenario.network, seed, source)
@@ -182,12 +168,12 @@ def prepare(scenario: Scenario, seed: int, folder: Path) -> Background:
     write_routes(file, trips, routes, scenario.network, breakdowns)
     if rsus is None:
         rsus = place_rsus(scenario.network, routes.passages())
-    return Background((file,), rsus, trips, routes, breakdowns, additional)
+    return BackgroundTraffic((file,), rsus, trips, routes, breakdowns, additional)
 
 
 def day_spec(
     scenario: Scenario,
-    background: Background,
+    background: BackgroundTraffic,
     folder: Path,
     *,
     signals: SignalControl = "actuated",
@@ -241,9 +227,7 @@ def fleet_settings(
     name: str, file: Path | None, *, own_net: bool, own_routes: bool
 ) -> FleetSettings:
     """The fleet of `load_scenario`: a file's, a built-in scenario's, or one that is made up.
-
-    Raises:
-        InputError: the file is missing or faulty.
+    Raises InputError: the file is missing or faulty.
     """
     if file is None and not own_net:
         file = _folder(name) / "fleet.toml"

@@ -21,16 +21,7 @@ from slipstream_lab.simulation.scenarios.demand import DAY_S, Deliveries, fleet_
 
 @dataclass(frozen=True)
 class FleetSize:
-    """What a day of deliveries comes to.
-
-    Attributes:
-        orders: all of them.
-        served: of the orders.
-        rounds: tours from a depot and back.
-        distance_km: of all tours.
-        time_h: of all tours, service included.
-        departures: vehicles sent by each cycle that sent any.
-    """
+    """What a day of deliveries comes to."""
 
     orders: int
     served: int

@@ -12,7 +12,7 @@ from slipstream.messages import (
     SignalRequest,
     SignalStatus,
 )
-from slipstream_lab.simulation.signals.open_requests import OpenRequests, Request
+from slipstream_lab.simulation.signals.open_requests import OpenRequest, OpenRequests
 from slipstream_lab.simulation.signals.priority import Counts, Priority
 from slipstream_lab.simulation.signals.priority_rules import PrioritySettings
 from slipstream_lab.simulation.signals.timing import RunningSignals
@@ -31,7 +31,6 @@ class SignalController:
     Args:
         intersections: ids of the signals; requests to others are left out.
         grants: whether the city gives priority; if not, each request is rejected.
-        settings: how priority is given.
     """
 
     def __init__(
@@ -82,7 +81,7 @@ class SignalController:
             return ()
         self._next_s, self._has_heard = now_s + _INTERVAL_S, False
         heard = self._requests.at(now_s)
-        valid: dict[str, list[Request]] = {}
+        valid: dict[str, list[OpenRequest]] = {}
         if self._grants:
             for intersection, requests in heard.items():
                 lanes = self._priority.detectors(intersection).lanes
@@ -113,7 +112,7 @@ class SignalController:
         return tuple(answers)
 
 
-def _status(request: Request, valid: bool, paused: bool) -> RequestStatus:
+def _status(request: OpenRequest, valid: bool, paused: bool) -> RequestStatus:
     """Granted: the signal has changed its times for it. Locked: it pauses after a grant."""
     if not valid:
         return RequestStatus(vehicle=request.vehicle, request=request.number, status="rejected")

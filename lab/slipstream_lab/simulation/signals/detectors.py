@@ -9,11 +9,7 @@ import libsumo
 
 
 class Detectors:
-    """The lanes before one intersection of the running simulation.
-
-    Args:
-        intersection: SUMO's id of the signals.
-    """
+    """The lanes before one intersection of the running simulation."""
 
     def __init__(self, intersection: str) -> None:
         self._intersection = intersection

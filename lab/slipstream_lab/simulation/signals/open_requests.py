@@ -12,19 +12,8 @@ _LAPSED_S: Final = 2.5
 
 
 @dataclass
-class Request:
-    """A vehicle before a signal.
-
-    Attributes:
-        vehicle: that requests.
-        number: the vehicle's, of the request.
-        group: signal group of its movement.
-        first_s: when it was heard first.
-        heard_s: when it was heard last.
-        arrival_s: at the stop line, unhindered.
-        through_s: when the vehicle and its followers have passed the line.
-        served: whether the signal changed its times for it.
-    """
+class OpenRequest:
+    """A vehicle before a signal. `number`: the vehicle's, of the request."""
 
     vehicle: str
     number: int
@@ -40,7 +29,7 @@ class OpenRequests:
     """The open requests by intersection; a vehicle has one of a number at each at most."""
 
     def __init__(self) -> None:
-        self._open: dict[str, dict[tuple[str, int], Request]] = {}
+        self._open: dict[str, dict[tuple[str, int], OpenRequest]] = {}
 
     def receive(self, message: SignalRequest, now_s: float) -> bool:
         """Take in a request, an update or a cancellation; whether that opened a request.
@@ -55,14 +44,16 @@ class OpenRequests:
         known = requests.get(name)
         is_new = known is None
         if known is None:
-            known = requests[name] = Request(*name, message.signal_group, now_s, now_s, 0.0, 0.0)
+            known = requests[name] = OpenRequest(
+                *name, message.signal_group, now_s, now_s, 0.0, 0.0
+            )
         known.group, known.heard_s = message.signal_group, now_s
         known.arrival_s, known.through_s = message.arrival_ns / 1e9, message.through_ns / 1e9
         return is_new
 
-    def at(self, now_s: float) -> dict[str, list[Request]]:
+    def at(self, now_s: float) -> dict[str, list[OpenRequest]]:
         """The requests that hold, by intersection; at each, those that were first to ask first."""
-        found: dict[str, list[Request]] = {}
+        found: dict[str, list[OpenRequest]] = {}
         for intersection in [*self._open]:
             requests = self._open[intersection]
             for name in [n for n, r in requests.items() if now_s - r.heard_s > _LAPSED_S]:

@@ -20,26 +20,19 @@ from dataclasses import dataclass, field
 import libsumo
 
 from slipstream_lab.simulation.signals.detectors import Detectors
-from slipstream_lab.simulation.signals.open_requests import Request
+from slipstream_lab.simulation.signals.open_requests import OpenRequest
 from slipstream_lab.simulation.signals.priority_rules import (
     EndPhase,
     ExtendPhase,
     PrioritySettings,
     decide,
 )
-from slipstream_lab.simulation.signals.timing import Running, RunningSignals
+from slipstream_lab.simulation.signals.timing import RunningProgram, RunningSignals
 
 
 @dataclass
 class Counts:
-    """Counts of requests and grants.
-
-    Attributes:
-        requests: vehicles at signals that asked.
-        served: of them, those that something was done for.
-        extensions: grants that extended a green.
-        early_greens: grants that cut a phase.
-    """
+    """Counts of requests and grants."""
 
     requests: int = 0
     served: int = 0
@@ -49,17 +42,9 @@ class Counts:
 
 @dataclass
 class _Grant:
-    """What a signal does for a request.
+    """What a signal does for a request."""
 
-    Attributes:
-        request: the first one that it was given for.
-        base_s: by the begin of a phase, when it would have ended without the grant.
-        green: whether the movement has had green since.
-        held: whether a green was extended for it.
-        cut: whether a phase was cut for it.
-    """
-
-    request: Request
+    request: OpenRequest
     base_s: dict[float, float] = field(default_factory=dict)
     green: bool = False
     held: bool = False
@@ -68,10 +53,7 @@ class _Grant:
 
 class Priority:
     """What the signals of the running simulation do about the requests that they have heard.
-
-    Args:
-        signals: of the running simulation; changes of their times are reported to it.
-        settings: how.
+    `signals`: of the running simulation; changes of their times are reported to it.
     """
 
     def __init__(self, signals: RunningSignals, settings: PrioritySettings | None = None) -> None:
@@ -84,13 +66,8 @@ class Priority:
         self._settled_s: dict[str, float] = {}
         self.counts = Counts()
 
-    def step(self, now_s: float, requests: Mapping[str, Sequence[Request]]) -> None:
-        """Before a step: act at the signals.
-
-        Args:
-            now_s: simulated time.
-            requests: open ones by intersection, those that were first to ask first.
-        """
+    def step(self, now_s: float, requests: Mapping[str, Sequence[OpenRequest]]) -> None:
+        """Before a step: act at the signals."""
         for intersection in [*self._compensation_s]:
             self._settle(intersection, now_s)
         for intersection in sorted({*requests, *self._grants}):
@@ -107,7 +84,7 @@ class Priority:
             known = self._detectors[intersection] = Detectors(intersection)
         return known
 
-    def _serve(self, intersection: str, requests: Sequence[Request], now_s: float) -> None:
+    def _serve(self, intersection: str, requests: Sequence[OpenRequest], now_s: float) -> None:
         """Act for the requests at one signal."""
         grant = self._grants.get(intersection)
         running = self._signals.running(intersection, now_s)
@@ -124,8 +101,8 @@ class Priority:
         self._act(intersection, grant, requests, running, now_s)
 
     def _first(
-        self, intersection: str, running: Running, requests: Sequence[Request]
-    ) -> Request | None:
+        self, intersection: str, running: RunningProgram, requests: Sequence[OpenRequest]
+    ) -> OpenRequest | None:
         """The first request that something can be done for, at no earlier one's cost."""
         phase = running.program.phases[running.phase]
         relied = False
@@ -137,7 +114,7 @@ class Priority:
         return None
 
     def _decide(
-        self, intersection: str, running: Running, request: Request, base_s: float
+        self, intersection: str, running: RunningProgram, request: OpenRequest, base_s: float
     ) -> ExtendPhase | EndPhase | None:
         settings = self._settings
         queued_s = settings.queue_s * self.detectors(intersection).queue(request.group)
@@ -152,7 +129,9 @@ class Priority:
             base_s + settings.max_extension_s,
         )
 
-    def _is_over(self, grant: _Grant, requests: Sequence[Request], running: Running) -> bool:
+    def _is_over(
+        self, grant: _Grant, requests: Sequence[OpenRequest], running: RunningProgram
+    ) -> bool:
         """Whether a grant's request has passed, or its green is over."""
         phase = running.program.phases[running.phase]
         if phase.allows(grant.request.group):
@@ -164,8 +143,8 @@ class Priority:
         self,
         intersection: str,
         grant: _Grant,
-        requests: Sequence[Request],
-        running: Running,
+        requests: Sequence[OpenRequest],
+        running: RunningProgram,
         now_s: float,
     ) -> None:
         phase = running.program.phases[running.phase]
@@ -192,7 +171,7 @@ class Priority:
         if grant.held:
             self._end_at(intersection, running, end_s, now_s)
 
-    def _may_end_phase(self, intersection: str, grant: _Grant, running: Running) -> bool:
+    def _may_end_phase(self, intersection: str, grant: _Grant, running: RunningProgram) -> bool:
         """Whether the streets that lose green are not full."""
         if grant.cut:
             return True
@@ -202,12 +181,12 @@ class Priority:
         losing = [g for g in detectors.lanes if phase.allows(g) and not following.allows(g)]
         return detectors.count(losing) <= self._settings.max_losing
 
-    def _count(self, request: Request) -> None:
+    def _count(self, request: OpenRequest) -> None:
         self.counts.served += not request.served
         request.served = True
 
     def _end_phase(
-        self, intersection: str, running: Running, at_s: float, base_s: float, now_s: float
+        self, intersection: str, running: RunningProgram, at_s: float, base_s: float, now_s: float
     ) -> bool:
         """End a phase early, as a fixed time to come or, if it is actuated, when it is due."""
         if running.program.fixed:
@@ -222,7 +201,9 @@ class Priority:
         self._signals.changed(intersection, {})
         return True
 
-    def _end_at(self, intersection: str, running: Running, end_s: float, now_s: float) -> None:
+    def _end_at(
+        self, intersection: str, running: RunningProgram, end_s: float, now_s: float
+    ) -> None:
         """Set the end of the running phase; an actuated one can only be held."""
         end_s = max(end_s, now_s)
         if end_s == running.end_s or (end_s < running.end_s and not running.program.fixed):
@@ -253,7 +234,9 @@ class Priority:
         )
         self._end_at(intersection, running, running.begun_s + lasting_s, now_s)
 
-    def _finish(self, intersection: str, grant: _Grant, running: Running, now_s: float) -> None:
+    def _finish(
+        self, intersection: str, grant: _Grant, running: RunningProgram, now_s: float
+    ) -> None:
         """End a grant: what it has planned but not done is taken back, then the signal pauses."""
         base_s = grant.base_s.get(running.begun_s)
         if base_s is not None and running.program.fixed:

@@ -22,8 +22,6 @@ class PrioritySettings:
     Attributes:
         lead_s: how long before a vehicle's arrival the green should begin, so that it need not
             brake.
-        queue_s: what each vehicle that stands before the stop line adds to the lead.
-        max_extension_s: of a green beyond the end that it had.
         max_losing: vehicles before the signal on the lanes that would lose their green, at which
             it is still cut.
         pause_cycles: usual cycles from the end of a grant until the signal gives the next one.
@@ -63,16 +61,7 @@ def decide(
     latest_s: float,
 ) -> ExtendPhase | EndPhase | None:
     """What to do with the running phase for a vehicle; None: nothing helps or nothing is needed.
-
-    Args:
-        program: of the signal.
-        phase: that runs.
-        begun_s: when it began.
-        end_s: when it would end without priority; at the earliest, if it is actuated.
-        link: number of the vehicle's movement.
-        wanted_s: when its green should begin at the latest.
-        through_s: until when it should last.
-        latest_s: latest end of an extended green.
+    `end_s`: when it would end without priority; at the earliest, if it is actuated.
     """
     running = program.phases[phase]
     if running.clearing or len(running.next) != 1:

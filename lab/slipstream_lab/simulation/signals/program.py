@@ -38,10 +38,8 @@ class Phase:
     """A phase of a program.
 
     Attributes:
-        state: a letter for each movement, as SUMO writes them.
         nominal_s: what it lasts in a program of fixed times; in an actuated one its nominal time.
         min_s: what it lasts at least; in a program of fixed times, when it is shortened.
-        next: phases that can follow.
     """
 
     state: str
@@ -61,12 +59,7 @@ class Phase:
 
 @dataclass(frozen=True)
 class Program:
-    """The phases of a signal.
-
-    Attributes:
-        phases: in order.
-        fixed: whether each lasts its usual time, whatever traffic comes.
-    """
+    """The phases of a signal."""
 
     phases: tuple[Phase, ...]
     fixed: bool
@@ -101,7 +94,6 @@ class Program:
         or until it is open what follows.
 
         Args:
-            phase: that runs.
             end_s: its end; the earliest one if it is actuated.
             compensation_s: by phase, to be taken from its next turn: positive after an extension,
                 negative after an early end. Programs of fixed times only.

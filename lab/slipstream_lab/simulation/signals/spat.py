@@ -24,14 +24,8 @@ def movement_states(
     end_s: float,
     compensation_s: Mapping[int, float] = NO_COMPENSATION,
 ) -> tuple[MovementState, ...]:
-    """The phases to come of all movements, numbered as SUMO's links.
-
-    Args:
-        program: that runs.
-        phase: of it that runs.
-        begun_s: when that phase began, simulated time.
-        end_s: its end; the earliest one if it is actuated.
-        compensation_s: see `Program.course`.
+    """The phases to come of all movements, numbered as SUMO's links. `end_s`: its end; the
+    earliest one if it is actuated.
     """
     course = list(program.course(phase, end_s, compensation_s))
     ends_ns = [round(ends_s * 1e9) for _, ends_s in course]

@@ -20,16 +20,11 @@ _REPEAT_NS: Final = 1_000_000_000
 
 
 @dataclass
-class Running:
+class RunningProgram:
     """What a signal does now.
 
     Attributes:
-        program: that it runs.
-        phase: number of its phase.
-        begun_s: when that phase began.
         end_s: when it ends; at the earliest, if it is actuated.
-        read_s: when this was read.
-        name: of the program.
         message: what was told of it last; None: nothing since it changed.
     """
 
@@ -43,16 +38,14 @@ class Running:
 
 
 class RunningSignals:
-    """The signals of the running simulation.
-
-    Args:
-        min_green_s: what a green of fixed time keeps when it is shortened; less if it is shorter.
+    """The signals of the running simulation. `min_green_s`: what a green of fixed time keeps when
+    it is shortened; less if it is shorter.
     """
 
     def __init__(self, min_green_s: float = 8.0) -> None:
         self._min_green_s = min_green_s
         self._programs: dict[tuple[str, str], Program] = {}
-        self._running: dict[str, Running] = {}
+        self._running: dict[str, RunningProgram] = {}
         self._compensation_s: dict[str, Mapping[int, float]] = {}
         self._revisions: dict[str, int] = {}
 
@@ -83,7 +76,7 @@ class RunningSignals:
             known = running.message = known.model_copy(update={"time_ns": now_ns})
         return known
 
-    def running(self, intersection: str, now_s: float) -> Running:
+    def running(self, intersection: str, now_s: float) -> RunningProgram:
         """What a signal does at a time, which must be the simulation's."""
         known = self._running.get(intersection)
         if known is not None and known.read_s == now_s:
@@ -95,16 +88,15 @@ class RunningSignals:
             known.read_s = now_s
             return known
         begun_s = now_s - lights.getSpentDuration(intersection)
-        known = Running(self._program(intersection, name), phase, begun_s, end_s, now_s, name)
+        known = RunningProgram(
+            self._program(intersection, name), phase, begun_s, end_s, now_s, name
+        )
         self._running[intersection] = known
         return known
 
     def changed(self, intersection: str, compensation_s: Mapping[int, float]) -> None:
-        """Take in a change of a signal's times.
-
-        Args:
-            intersection: whose signals.
-            compensation_s: what its phases owe now; see `Program.course`.
+        """Take in a change of a signal's times. `compensation_s`: what its phases owe now; see
+        `Program.course`.
         """
         self._running.pop(intersection, None)
         self._compensation_s[intersection] = dict(compensation_s)

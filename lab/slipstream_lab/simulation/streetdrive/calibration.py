@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slipstream_lab.simulation.streetdrive.rendering import Camera
+from slipstream_lab.simulation.streetdrive.rendering import PinholeCamera
 from slipstream_lab.simulation.streetdrive.traffic import Road
 
 Point = tuple[float, float]
@@ -24,7 +24,7 @@ class MonitoredSegment:
     far_m: float
 
 
-def correspondences(camera: Camera, road: Road, far_m: float) -> list[tuple[Point, Point]]:
+def correspondences(camera: PinholeCamera, road: Road, far_m: float) -> list[tuple[Point, Point]]:
     """Pairs of (pixel, road point), 8 to 12 of them, spread over the part of the road in view."""
     left, right = road.strip_m(-1)[1], road.strip_m(1)[0]
     pairs: list[tuple[Point, Point]] = []
@@ -55,7 +55,9 @@ class SegmentText:
     lane_width_m: float
 
 
-def camera_toml(name: str, camera: Camera, road: Road, segments: Sequence[MonitoredSegment]) -> str:
+def camera_toml(
+    name: str, camera: PinholeCamera, road: Road, segments: Sequence[MonitoredSegment]
+) -> str:
     """The file's text; equal arguments give equal text."""
     return calibration_text(
         "a StreetDrive camera",
@@ -78,7 +80,7 @@ def camera_toml(name: str, camera: Camera, road: Road, segments: Sequence[Monito
 def calibration_text(
     what: str,
     name: str,
-    camera: Camera,
+    camera: PinholeCamera,
     points: Sequence[tuple[Point, Point]],
     segments: Sequence[SegmentText],
 ) -> str:

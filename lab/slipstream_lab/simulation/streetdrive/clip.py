@@ -10,14 +10,14 @@ import numpy as np
 
 from slipstream_lab.simulation.streetdrive.calibration import camera_toml
 from slipstream_lab.simulation.streetdrive.rendering import (
-    Camera,
     Codec,
     Density,
     Image,
     Lens,
     Mesh,
     Palette,
-    Placed,
+    PinholeCamera,
+    PlacedMesh,
     Seen,
     Sensor,
     SensorSettings,
@@ -25,7 +25,7 @@ from slipstream_lab.simulation.streetdrive.rendering import (
     draw_light,
 )
 from slipstream_lab.simulation.streetdrive.settings import ClipSettings
-from slipstream_lab.simulation.streetdrive.traffic import Road, Track, simulate
+from slipstream_lab.simulation.streetdrive.traffic import Road, VehicleTrack, simulate
 from slipstream_lab.simulation.streetdrive.vehicles import CLASS_OF_SHAPE, build_vehicle
 from slipstream_lab.simulation.streetdrive.writer import (
     TRUTH_COLUMNS,
@@ -37,10 +37,10 @@ from slipstream_lab.simulation.streetdrive.writer import (
 
 __all__ = [
     "TRUTH_COLUMNS",
+    "ClipFleet",
     "ClipRenderer",
     "ClipSettings",
     "ClipSummary",
-    "Fleet",
     "render_clip",
 ]
 
@@ -62,7 +62,7 @@ PALETTE = Palette(
 )
 
 
-class Fleet:
+class ClipFleet:
     """The meshes of a clip's vehicles, built when first asked for; number and seed decide each."""
 
     def __init__(self, seed: int) -> None:
@@ -91,12 +91,12 @@ class Fleet:
         return self._sway_m[vehicle_id]
 
 
-def draw_clip_camera(rng: np.random.Generator, road: Road) -> Camera:
+def draw_clip_camera(rng: np.random.Generator, road: Road) -> PinholeCamera:
     """A pole beside the incoming lanes that sees both directions from 13 m to the horizon."""
     height, focal = float(rng.uniform(9.5, 11.5)), float(rng.uniform(960, 1100))
     lateral = road.left_edge_m + float(rng.uniform(0.3, 1.6))
     horizon = float(rng.uniform(55, 95))
-    return Camera(
+    return PinholeCamera(
         height_m=height,
         lateral_m=lateral,
         pitch_rad=math.atan((360.0 - horizon) / focal),
@@ -106,7 +106,7 @@ def draw_clip_camera(rng: np.random.Generator, road: Road) -> Camera:
     )
 
 
-def _frames(tracks: list[Track], frames: int) -> Iterator[list[tuple[Track, int]]]:
+def _frames(tracks: list[VehicleTrack], frames: int) -> Iterator[list[tuple[VehicleTrack, int]]]:
     """For each frame the tracks that exist in it, with the index of their sample."""
     for frame in range(frames):
         yield [
@@ -117,7 +117,7 @@ def _frames(tracks: list[Track], frames: int) -> Iterator[list[tuple[Track, int]
 
 
 def _truth_row(
-    frame: int, fps: float, track: Track, sample: int, placed: Placed, seen: Seen
+    frame: int, fps: float, track: VehicleTrack, sample: int, placed: PlacedMesh, seen: Seen
 ) -> list[str]:
     box = (f"{value:.2f}" for value in seen.box_px)
     return [
@@ -144,7 +144,7 @@ class ClipRenderer:
         self.road = Road()
         rng = np.random.default_rng([settings.seed, 0])
         self.camera = draw_clip_camera(rng, self.road)
-        self._fleet = Fleet(settings.seed)
+        self._fleet = ClipFleet(settings.seed)
         light = draw_light(rng).exposed(float(rng.uniform(1.12, 1.25)))
         given = settings.conditions
         # A generator of its own: camera and traffic stay the same in any weather.
@@ -184,7 +184,7 @@ class ClipRenderer:
         settings = self.settings
         for frame, present in enumerate(_frames(self._tracks, settings.frames)):
             placed = [
-                Placed(
+                PlacedMesh(
                     self._fleet.mesh(track.vehicle_id),
                     float(track.x_m[sample]),
                     track.lane.y_m + self._fleet.sway_m(track.vehicle_id),

@@ -21,11 +21,6 @@ class ClipSettings:
     """What to render.
 
     Args:
-        seconds: length, up to an hour.
-        fps: frames per second, 5 to 60.
-        scenario: one of SCENARIOS.
-        seed: same settings and seed, same bytes.
-        segment_id: identity of the monitored incoming lanes.
         reverse_segment_id: identity of the outgoing lanes; monitored when it is given, and in the
             `mixed` scenario always (there it is "departure" unless given).
         conditions: weather, hour and the camera's state; the truth does not depend on them.

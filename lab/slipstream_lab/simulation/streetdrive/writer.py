@@ -47,11 +47,7 @@ class ClipSummary:
 
 
 def make_folder(out_dir: Path) -> None:
-    """Make the folder if it is missing.
-
-    Raises:
-        InputError: it cannot be made.
-    """
+    """Make the folder if it is missing. Raises InputError: it cannot be made."""
     try:
         out_dir.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -75,13 +71,7 @@ def write_clip(
     The files appear under their names only when complete.
 
     Args:
-        out_dir: an existing folder.
         pictures: each frame's picture with its truth rows in the order of TRUTH_COLUMNS.
-        camera_toml: the calibration's text.
-        frames: how many pictures come.
-        fps: frames per second.
-        size: width and height of the pictures.
-        progress: called after each frame.
 
     Raises:
         InputError: the folder cannot be written, or OpenCV has no MPEG-4 encoder.

@@ -40,10 +40,8 @@ _READS: Final = {
 
 
 def without_output(paths: Sequence[Path], folder: Path) -> tuple[Path, ...]:
-    """Files that do the same and write nothing: a copy in a folder for each that would.
-
-    Raises:
-        InputError: one cannot be read, is no XML, or includes another file.
+    """Files that do the same and write nothing: a copy in a folder for each that would. Raises
+    InputError: one cannot be read, is no XML, or includes another file.
     """
     made = []
     for number, path in enumerate(paths):

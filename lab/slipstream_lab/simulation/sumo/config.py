@@ -31,12 +31,8 @@ class SumoFiles:
     """A SUMO world of the user's.
 
     Attributes:
-        net: None: the scenario's own.
         routes: its traffic; none: the scenario's demand.
-        additional: signal programs, stops, vehicle types, detectors.
         begin_s: when its traffic begins; None: not said.
-        end_s: when it ends; likewise.
-        ignored: options of its configuration that are not taken.
     """
 
     net: Path | None = None

@@ -22,11 +22,10 @@ from slipstream.errors import InputError
 _QUIT: Final = "Quitting (on error)."
 
 
-class Session:
+class SumoSession:
     """A running simulation as a context manager: `with Session(options, files) as session`.
 
     Args:
-        options: of SUMO, the program's name left out.
         files: that they name, the net first; errors name one of them.
 
     Raises:
@@ -38,7 +37,7 @@ class Session:
         self._command = ["sumo", *options]
         self._files = tuple(files)
 
-    def __enter__(self) -> Session:
+    def __enter__(self) -> SumoSession:
         if libsumo.isLoaded():
             raise RuntimeError("a SUMO simulation already runs in this process")
         with ExitStack() as stack:
@@ -62,18 +61,14 @@ class Session:
         return float(libsumo.simulation.getTime())
 
     def advance(self, until_s: float | None = None) -> None:
-        """Move by one step, or by steps until a time.
-
-        Raises:
-            InputError: SUMO refuses a vehicle or a route.
+        """Move by one step, or by steps until a time. Raises InputError: SUMO refuses a vehicle or
+        a route.
         """
         self.run(lambda: libsumo.simulationStep(until_s or 0.0))
 
     def run(self, command: Callable[[], object]) -> None:
-        """Have SUMO do something that it may refuse, with or without an exception.
-
-        Raises:
-            InputError: it did.
+        """Have SUMO do something that it may refuse, with or without an exception. Raises
+        InputError: it did.
         """
         reasons: list[str] = []
         try:

@@ -30,9 +30,6 @@ def run_in_subprocess(
 
     Args:
         simulate: a module's function of the specification and a callback for the simulated time.
-        spec: what to simulate; sent to the process.
-        source: files that it is made of, named if SUMO dies of them.
-        end_s: simulated.
 
     Raises:
         InputError: what `simulate` raises, or SUMO died.

@@ -12,19 +12,8 @@ from xml.sax.saxutils import quoteattr
 
 
 @dataclass(frozen=True)
-class VehicleType:
-    """A type of vehicle.
-
-    Attributes:
-        id: its name in route files.
-        vclass: SUMO's class.
-        length_m: of the vehicle.
-        max_speed_mps: of the vehicle, whatever the limit.
-        acceleration_mps2: largest one of the IDM.
-        deceleration_mps2: comfortable one of the IDM.
-        time_gap_s: time gap of the IDM.
-        min_gap_m: standing gap.
-    """
+class SumoVehicleType:
+    """A type of vehicle."""
 
     id: str
     vclass: str
@@ -52,10 +41,10 @@ class VehicleType:
 TYPES: Final = {
     kind.id: kind
     for kind in (
-        VehicleType("car", "passenger", 4.6, 55.0, 1.8, 2.5, 1.2),
-        VehicleType("van", "delivery", 5.9, 40.0, 1.5, 2.5, 1.3),
-        VehicleType("truck", "truck", 10.0, 25.0, 0.9, 2.0, 1.6),
-        VehicleType("cav", "passenger", 4.6, 55.0, 1.8, 2.5, 1.2),
+        SumoVehicleType("car", "passenger", 4.6, 55.0, 1.8, 2.5, 1.2),
+        SumoVehicleType("van", "delivery", 5.9, 40.0, 1.5, 2.5, 1.3),
+        SumoVehicleType("truck", "truck", 10.0, 25.0, 0.9, 2.0, 1.6),
+        SumoVehicleType("cav", "passenger", 4.6, 55.0, 1.8, 2.5, 1.2),
     )
 }
 """The background's cars, vans and trucks, and the fleet's: a car like the others where it drives

@@ -11,7 +11,7 @@ from slipstream_lab.simulation.sumo_view.examples import (
     find_routes,
     find_rsu,
 )
-from slipstream_lab.simulation.sumo_view.lanes import Roads
+from slipstream_lab.simulation.sumo_view.lanes import LaneRoads
 from slipstream_lab.simulation.sumo_view.pose import Pose, camera_site, draw_pose
 from slipstream_lab.simulation.sumo_view.settings import SumoClipSettings
 from slipstream_lab.simulation.sumo_view.shapes import Kind, is_known
@@ -19,8 +19,8 @@ from slipstream_lab.simulation.sumo_view.traffic import ViewedVehicle
 
 __all__ = [
     "Kind",
+    "LaneRoads",
     "Pose",
-    "Roads",
     "SumoClipSettings",
     "SumoRenderer",
     "ViewedVehicle",

@@ -21,7 +21,7 @@ from slipstream_lab.simulation.streetdrive.rendering import (
     Image,
     Light,
     Mesh,
-    Placed,
+    PlacedMesh,
     Seen,
     Sensor,
     SensorSettings,
@@ -35,8 +35,8 @@ from slipstream_lab.simulation.streetdrive.rendering import (
 )
 from slipstream_lab.simulation.streetdrive.vehicles import CLASS_OF_SHAPE
 from slipstream_lab.simulation.sumo_view.ground import paint_roads
-from slipstream_lab.simulation.sumo_view.lanes import Roads
-from slipstream_lab.simulation.sumo_view.pose import Pose, Site, draw_pose, load_camera
+from slipstream_lab.simulation.sumo_view.lanes import LaneRoads
+from slipstream_lab.simulation.sumo_view.pose import CameraSite, Pose, draw_pose, load_camera
 from slipstream_lab.simulation.sumo_view.process import Simulation, ViewSpec
 from slipstream_lab.simulation.sumo_view.roadside import (
     RoadsidePlan,
@@ -47,7 +47,7 @@ from slipstream_lab.simulation.sumo_view.settings import SumoClipSettings
 from slipstream_lab.simulation.sumo_view.shapes import mesh_of
 from slipstream_lab.simulation.sumo_view.traffic import ViewedVehicle
 from slipstream_lab.simulation.sumo_view.watched_segments import (
-    Stretch,
+    SegmentStretch,
     View,
     camera_text,
     choose_stretches,
@@ -67,7 +67,7 @@ def _draw_light(sky: str, rng: np.random.Generator) -> Light:
 
 
 def _paint_backdrop(
-    view: View, roads: Roads, scene: SceneSettings, rng: np.random.Generator
+    view: View, roads: LaneRoads, scene: SceneSettings, rng: np.random.Generator
 ) -> Backdrop:
     """Everything that does not move."""
     camera, site = view.camera, view.site
@@ -87,7 +87,7 @@ def _paint_backdrop(
     return Backdrop(camera, light, background)
 
 
-def _axis_rad(stretches: tuple[Stretch, ...], heading_rad: float) -> float:
+def _axis_rad(stretches: tuple[SegmentStretch, ...], heading_rad: float) -> float:
     """Direction of the first watched road away from the camera; the camera's if it looks across.
 
     Buildings stand square to it.
@@ -100,18 +100,16 @@ def _axis_rad(stretches: tuple[Stretch, ...], heading_rad: float) -> float:
 
 
 class SumoRenderer:
-    """One clip's camera and backdrop.
+    """One clip's camera and backdrop. Raises InputError: an edge that cannot be watched."""
 
-    Raises:
-        InputError: an edge that cannot be watched.
-    """
-
-    def __init__(self, settings: SumoClipSettings, rsu: RsuSettings, pose: Pose, roads: Roads):
+    def __init__(self, settings: SumoClipSettings, rsu: RsuSettings, pose: Pose, roads: LaneRoads):
         self.settings = settings
-        straight = View(pose.camera(pose.heading_rad), Site(pose.x_m, pose.y_m, pose.heading_rad))
+        straight = View(
+            pose.camera(pose.heading_rad), CameraSite(pose.x_m, pose.y_m, pose.heading_rad)
+        )
         self.stretches = choose_stretches(rsu, roads, straight, settings.rsu)
         axis = _axis_rad(self.stretches, pose.heading_rad)
-        self.view = View(pose.camera(axis), Site(pose.x_m, pose.y_m, axis))
+        self.view = View(pose.camera(axis), CameraSite(pose.x_m, pose.y_m, axis))
         camera, scene = self.view.camera, rsu.scene
         rng = np.random.default_rng([settings.seed if scene.seed is None else scene.seed, 11])
         self._backdrop = _paint_backdrop(self.view, roads, scene, rng)
@@ -145,14 +143,14 @@ class SumoRenderer:
             ]
             yield self._sensor.expose(image), rows
 
-    def _place(self, vehicle: ViewedVehicle) -> Placed:
+    def _place(self, vehicle: ViewedVehicle) -> PlacedMesh:
         number = vehicle.number
         if number not in self._meshes:
             rng = np.random.default_rng([self.settings.seed, 12, number])
             self._meshes[number] = mesh_of(vehicle.kind, rng)
         x, y = self.view.site.to_local(np.array([vehicle.x_m, vehicle.y_m]))
         turn = vehicle.heading_rad - self.view.site.axis_rad
-        return Placed(self._meshes[number], float(x), float(y), 1, turn)
+        return PlacedMesh(self._meshes[number], float(x), float(y), 1, turn)
 
 
 def _truth_row(frame: int, fps: float, vehicle: ViewedVehicle, mesh: Mesh, seen: Seen) -> list[str]:

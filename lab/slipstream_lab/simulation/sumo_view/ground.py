@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slipstream_lab.simulation.streetdrive.rendering import (
-    Camera,
     Grid,
     GroundView,
     Palette,
+    PinholeCamera,
     band,
     blend,
     patches,
@@ -22,9 +22,9 @@ from slipstream_lab.simulation.streetdrive.rendering import (
     worn_asphalt,
     worn_paint,
 )
-from slipstream_lab.simulation.sumo_view.lanes import Carriageway, Roads
+from slipstream_lab.simulation.sumo_view.lanes import Carriageway, LaneRoads
 from slipstream_lab.simulation.sumo_view.polylines import Floats, distances
-from slipstream_lab.simulation.sumo_view.pose import Site
+from slipstream_lab.simulation.sumo_view.pose import CameraSite
 
 SHOULDER_M = 0.5
 PAVEMENT_M = 2.5
@@ -60,7 +60,7 @@ class _Strip:
         return band(self.along, from_m - 0.05, to_m + 0.05, np.minimum(self.along_px, 1.0))
 
 
-def _strip(way: Carriageway, site: Site, view: GroundView) -> _Strip | None:
+def _strip(way: Carriageway, site: CameraSite, view: GroundView) -> _Strip | None:
     line = site.to_local(way.left)
     reach = way.width_m + SHOULDER_M + max(PAVEMENT_M, way.walk_m) + _MARGIN_M
     (x1, y1), (x2, y2) = line.min(axis=0) - reach, line.max(axis=0) + reach
@@ -104,7 +104,7 @@ def _strip(way: Carriageway, site: Site, view: GroundView) -> _Strip | None:
     )
 
 
-def _outline_cover(camera: Camera, outlines: Sequence[Floats], margin_m: float) -> Grid:
+def _outline_cover(camera: PinholeCamera, outlines: Sequence[Floats], margin_m: float) -> Grid:
     """Share of each pixel (h, w) that outlines (n, 2) on the road plane and a margin cover."""
     height, width = camera.height_px, camera.width_px
     canvas = np.zeros((height * _FINER, width * _FINER), dtype=np.uint8)
@@ -169,7 +169,7 @@ def _markings(strip: _Strip) -> Grid:
 
 
 def paint_roads(
-    view: GroundView, camera: Camera, roads: Roads, site: Site, palette: Palette
+    view: GroundView, camera: PinholeCamera, roads: LaneRoads, site: CameraSite, palette: Palette
 ) -> Grid:
     """The unlit road plane, float BGR (h, w, 3): grass, pavements, asphalt, markings."""
     image = verge(view, palette)

@@ -12,12 +12,7 @@ class Carriageway:
     """The lanes of one edge, which lie side by side.
 
     Attributes:
-        edge: SUMO's id.
         left: left border of the leftmost lane in the direction of travel, m in the net, (n, 2).
-        widths_m: widths of the lanes from the left to the right.
-        walk_m: width of pavements for pedestrians beside the lanes at the kerb.
-        length_m: driven length, along which SUMO gives positions.
-        stop_line: whether vehicles may have to wait at its end.
         kerb_left: whether the kerb is to the left of the lanes: where the left side is driven on.
     """
 
@@ -50,7 +45,7 @@ class Carriageway:
 
 
 @dataclass(frozen=True)
-class Roads:
+class LaneRoads:
     """Carriageways and the outlines (n, 2) of junctions around the RSU, in the net's metres.
 
     `edges` are all edges of the net, near or far.

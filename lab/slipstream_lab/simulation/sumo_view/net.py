@@ -9,7 +9,7 @@ import libsumo
 import numpy as np
 
 from slipstream_lab.simulation.sumo import elements
-from slipstream_lab.simulation.sumo_view.lanes import Carriageway, Roads
+from slipstream_lab.simulation.sumo_view.lanes import Carriageway, LaneRoads
 from slipstream_lab.simulation.sumo_view.polylines import clean, nearest_m, shifted
 
 _WALKERS: Final = ("pedestrian",)
@@ -17,7 +17,7 @@ _MUST_STOP: Final = frozenset("rRyYgGoOmsZ")
 """States of a connection behind which vehicles may have to wait."""
 
 
-def read_roads(x_m: float, y_m: float, radius_m: float) -> Roads:
+def read_roads(x_m: float, y_m: float, radius_m: float) -> LaneRoads:
     """The roads within a distance of a point of the running simulation's net."""
     centre = np.array([x_m, y_m])
     root = next(elements(Path(libsumo.simulation.getOption("net-file")), "start"))
@@ -38,7 +38,7 @@ def read_roads(x_m: float, y_m: float, radius_m: float) -> Roads:
         near = len(outline) > 3 and np.linalg.norm(outline - centre, axis=1).min() <= radius_m
         if near and not name.startswith(":"):
             junctions.append(outline)
-    return Roads(tuple(ways), tuple(junctions), frozenset(libsumo.edge.getIDList()))
+    return LaneRoads(tuple(ways), tuple(junctions), frozenset(libsumo.edge.getIDList()))
 
 
 def _carriageway(edge: str, lanes: list[str], left_hand: bool) -> Carriageway | None:

@@ -17,13 +17,13 @@ from slipstream_lab.simulation.rsus import (
     MastSettings,
     Rsu,
     RsuSettings,
+    RsuWatchSettings,
     ViewSettings,
-    WatchSettings,
     is_one_camera,
     load_rsu,
     load_rsus,
 )
-from slipstream_lab.simulation.streetdrive.rendering import Camera
+from slipstream_lab.simulation.streetdrive.rendering import PinholeCamera
 from slipstream_lab.simulation.sumo_view.polylines import Floats, at, distances
 
 _VIEW_M: Final = 85.0
@@ -47,9 +47,9 @@ class Pose:
     width_px: int
     height_px: int
 
-    def camera(self, axis_rad: float) -> Camera:
+    def camera(self, axis_rad: float) -> PinholeCamera:
         """The camera in axes whose origin is its foot and whose x points to `axis_rad`."""
-        return Camera(
+        return PinholeCamera(
             height_m=self.height_m,
             lateral_m=0.0,
             pitch_rad=self.pitch_rad,
@@ -62,7 +62,7 @@ class Pose:
 
 
 @dataclass(frozen=True)
-class Site:
+class CameraSite:
     """Axes on the road plane: origin in the net's coordinates and where x points."""
 
     x_m: float
@@ -128,7 +128,7 @@ def camera_site(
     """
     if rsu.mast is not None and rsu.view is not None:
         own = tuple(
-            WatchSettings(edge=s.segment, from_m=s.from_m, to_m=s.to_m, from_lane=s.from_lane)
+            RsuWatchSettings(edge=s.segment, from_m=s.from_m, to_m=s.to_m, from_lane=s.from_lane)
             for s in rsu.watch
         )
         return RsuSettings(
@@ -152,7 +152,7 @@ def camera_site(
                 width_px=width_px,
                 height_px=height_px,
             ),
-            "watch": (WatchSettings(edge=segment.id, from_lane=stretch.from_lane),),
+            "watch": (RsuWatchSettings(edge=segment.id, from_lane=stretch.from_lane),),
             "scene": rsu.scene,
         }
     )
@@ -162,8 +162,6 @@ def load_camera(path: Path, net: Path, rsu_id: str | None) -> RsuSettings:
     """The camera of a file of RSUs, or of one camera.
 
     Args:
-        path: of the file.
-        net: of their roads.
         rsu_id: which RSU; None: the file has one only.
 
     Raises:

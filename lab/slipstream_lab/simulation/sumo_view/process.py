@@ -17,7 +17,7 @@ from types import TracebackType
 
 from slipstream.errors import InputError
 from slipstream_lab.simulation.sumo import check_files
-from slipstream_lab.simulation.sumo_view.lanes import Roads
+from slipstream_lab.simulation.sumo_view.lanes import LaneRoads
 from slipstream_lab.simulation.sumo_view.traffic import ViewedVehicle
 
 
@@ -41,15 +41,12 @@ class ViewSpec:
 class Simulation:
     """A simulation as a context manager: `with Simulation(order) as simulation`.
 
-    Attributes:
-        roads: those within the order's radius.
-
     Raises:
         InputError: a file is no SUMO file, SUMO refuses it or dies of it.
         ModuleNotFoundError: libsumo is not installed.
     """
 
-    roads: Roads
+    roads: LaneRoads
 
     def __init__(self, spec: ViewSpec) -> None:
         if find_spec("libsumo") is None:
@@ -68,7 +65,7 @@ class Simulation:
         except BaseException:
             self._stop()
             raise
-        assert isinstance(roads, Roads)
+        assert isinstance(roads, LaneRoads)
         self.roads = roads
         return self
 
@@ -81,11 +78,8 @@ class Simulation:
         self._stop()
 
     def frames(self) -> Iterator[list[ViewedVehicle]]:
-        """The vehicles of each frame.
-
-        Raises:
-            InputError: SUMO refuses a vehicle or a route or dies of it, no vehicle drives, or a
-                vehicle's class has no shape.
+        """The vehicles of each frame. Raises InputError: SUMO refuses a vehicle or a route or dies
+        of it, no vehicle drives, or a vehicle's class has no shape.
         """
         for _ in range(self._spec.frames):
             vehicles = self._receive()
@@ -119,10 +113,12 @@ def _serve(outbox: Connection, spec: ViewSpec) -> None:
     # An interrupt is the business of the process that asked.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     from slipstream_lab.simulation.sumo_view.net import read_roads
-    from slipstream_lab.simulation.sumo_view.world import World, drive
+    from slipstream_lab.simulation.sumo_view.world import SumoViewWorld, drive
 
     try:
-        with World(spec.net, spec.routes, spec.additional, spec.seed, spec.start_s) as world:
+        with SumoViewWorld(
+            spec.net, spec.routes, spec.additional, spec.seed, spec.start_s
+        ) as world:
             outbox.send(read_roads(spec.x_m, spec.y_m, spec.radius_m))
             world.subscribe_around(spec.x_m, spec.y_m, spec.radius_m)
             for vehicles in drive(world, spec.begin_s, spec.fps, spec.frames):

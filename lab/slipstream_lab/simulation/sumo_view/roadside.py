@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from slipstream_lab.simulation.rsus import SceneSettings
 from slipstream_lab.simulation.streetdrive.rendering import RoadsideObject
 from slipstream_lab.simulation.sumo_view.ground import PAVEMENT_M, SHOULDER_M
-from slipstream_lab.simulation.sumo_view.lanes import Carriageway, Roads
+from slipstream_lab.simulation.sumo_view.lanes import Carriageway, LaneRoads
 from slipstream_lab.simulation.sumo_view.polylines import Floats, at, distances, shifted
-from slipstream_lab.simulation.sumo_view.pose import Site
+from slipstream_lab.simulation.sumo_view.pose import CameraSite
 
 _CELL_M = 0.5
 _BACK_M, _AHEAD_M, _ASIDE_M = 80.0, 400.0, 200.0
@@ -26,7 +26,7 @@ _SEEN_M, _THIN_M = 240.0, 110.0
 class RoadsidePlan:
     """A map of the roads around the camera: what is free, and what would be hidden."""
 
-    def __init__(self, roads: Roads, site: Site) -> None:
+    def __init__(self, roads: LaneRoads, site: CameraSite) -> None:
         rows, columns = round(2 * _ASIDE_M / _CELL_M), round((_BACK_M + _AHEAD_M) / _CELL_M)
         taken = np.zeros((rows, columns), dtype=np.uint8)
         outlines = [site.to_local(outline) for outline in roads.junctions]
@@ -71,7 +71,11 @@ class RoadsidePlan:
 
 
 def choose_objects(
-    plan: RoadsidePlan, roads: Roads, site: Site, scene: SceneSettings, rng: np.random.Generator
+    plan: RoadsidePlan,
+    roads: LaneRoads,
+    site: CameraSite,
+    scene: SceneSettings,
+    rng: np.random.Generator,
 ) -> list[RoadsideObject]:
     """Things in the painter's form, in the site's axes."""
     things: list[RoadsideObject] = []
@@ -119,7 +123,9 @@ def _is_clear(plan: RoadsidePlan, kind: str, spot: Floats) -> bool:
     return float(clear.min()) > 3.0 and not plan.occludes_road(corners, _SEEN_M)
 
 
-def _lamp_spots(way: Carriageway, site: Site, spacing_m: float, rng: np.random.Generator) -> Floats:
+def _lamp_spots(
+    way: Carriageway, site: CameraSite, spacing_m: float, rng: np.random.Generator
+) -> Floats:
     lamp_m = SHOULDER_M + PAVEMENT_M + 0.3
     line = shifted(way.left, -way.beside_kerb(lamp_m, lamp_m)[0])
     length = float(distances(line)[-1])

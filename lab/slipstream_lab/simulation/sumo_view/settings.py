@@ -15,17 +15,8 @@ class SumoClipSettings:
     """What to render.
 
     Args:
-        net: a SUMO net.
-        routes: SUMO route files.
-        rsu: an RSU file.
-        additional: further SUMO files.
         rsu_id: which RSU of the file; None: it has one only.
-        camera: instead of the file.
-        start_s: simulated time that the traffic begins at.
-        seconds: length, up to an hour.
-        fps: frames per second, 5 to 60.
         begin_s: simulated time of the first frame; what comes before fills the road.
-        seed: of the traffic, the camera's drawn values, light and scenery.
 
     Raises:
         InputError: a value is out of range.

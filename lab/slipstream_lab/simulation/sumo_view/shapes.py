@@ -56,10 +56,8 @@ def is_known(vclass: str) -> bool:
 
 
 def mesh_of(kind: Kind, rng: np.random.Generator) -> Mesh:
-    """A vehicle of a class in SUMO's length and width, with drawn shape and paint.
-
-    Raises:
-        KeyError: there is no shape for the class.
+    """A vehicle of a class in SUMO's length and width, with drawn shape and paint. Raises
+    KeyError: there is no shape for the class.
     """
     shares = _SHAPES_OF[kind.vclass]
     fitting = {

@@ -17,11 +17,8 @@ class State:
     """A vehicle at one step.
 
     Attributes:
-        x_m: middle of the front bumper in the net, with y_m.
-        heading_rad: anticlockwise from +x.
         speed_mps: over ground: SUMO's speed along its lane times the lane's drawn length over its
             driven one, which is 1 on straight lanes and differs by percents in curves.
-        acceleration_mps2: over ground, in the step that ended here.
     """
 
     x_m: float

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slipstream.errors import InputError
-from slipstream_lab.simulation.rsus import RsuSettings, WatchSettings
+from slipstream_lab.simulation.rsus import RsuSettings, RsuWatchSettings
 from slipstream_lab.simulation.streetdrive import Point, SegmentText, calibration_text
-from slipstream_lab.simulation.streetdrive.rendering import Camera
-from slipstream_lab.simulation.sumo_view.lanes import Carriageway, Roads
+from slipstream_lab.simulation.streetdrive.rendering import PinholeCamera
+from slipstream_lab.simulation.sumo_view.lanes import Carriageway, LaneRoads
 from slipstream_lab.simulation.sumo_view.polylines import Floats, at, distances
-from slipstream_lab.simulation.sumo_view.pose import Site
+from slipstream_lab.simulation.sumo_view.pose import CameraSite
 
 NEAR_M, FAR_M = 20.0, 80.0
 _MIN_LENGTH_M = 10.0
@@ -24,7 +24,7 @@ _EDGE_PX = 2.0
 
 
 @dataclass(frozen=True)
-class Stretch:
+class SegmentStretch:
     """A watched stretch of an edge, between two distances along it, and how many of its lanes,
     without those at the kerb.
     """
@@ -71,8 +71,8 @@ class Stretch:
 class View:
     """A camera and its axes: which parts of the net it sees."""
 
-    camera: Camera
-    site: Site
+    camera: PinholeCamera
+    site: CameraSite
 
     def sees(self, points: Floats) -> NDArray[np.bool_]:
         """Which road points (n, 2) of the net lie in the picture."""
@@ -90,8 +90,8 @@ class View:
 
 
 def choose_stretches(
-    rsu: RsuSettings, roads: Roads, view: View, source: Path
-) -> tuple[Stretch, ...]:
+    rsu: RsuSettings, roads: LaneRoads, view: View, source: Path
+) -> tuple[SegmentStretch, ...]:
     """The stretches that the file names, or every edge along the view that is long in it.
 
     Raises:
@@ -105,7 +105,7 @@ def choose_stretches(
         inside = _in_view(way, view, NEAR_M, FAR_M)
         if inside is None or inside[1] - inside[0] < _WORTH_WATCHING_M:
             continue
-        stretch = Stretch(way.edge, way, *inside, len(way.widths_m))
+        stretch = SegmentStretch(way.edge, way, *inside, len(way.widths_m))
         heading = math.atan2(stretch.direction[1], stretch.direction[0])
         looks = view.site.axis_rad + view.camera.yaw_rad
         if abs(math.cos(heading - looks)) > 0.5:
@@ -117,7 +117,7 @@ def choose_stretches(
     return tuple(found)
 
 
-def _named(watch: WatchSettings, roads: Roads, view: View, source: Path) -> Stretch:
+def _named(watch: RsuWatchSettings, roads: LaneRoads, view: View, source: Path) -> SegmentStretch:
     key = f"watch.{watch.edge}"
     way = roads.find(watch.edge)
     if way is None:
@@ -148,7 +148,7 @@ def _named(watch: WatchSettings, roads: Roads, view: View, source: Path) -> Stre
             f"between {math.ceil(seen[0])} and {math.floor(seen[1])} m",
             key=key,
         )
-    return Stretch(watch.id or watch.edge, way, start, end, lanes)
+    return SegmentStretch(watch.id or watch.edge, way, start, end, lanes)
 
 
 def _in_view(
@@ -176,7 +176,9 @@ def _every(line: Floats, shares: Floats) -> Floats:
     return at(line, shares * float(distances(line)[-1]))
 
 
-def _correspondences(stretches: tuple[Stretch, ...], view: View) -> list[tuple[Point, Point]]:
+def _correspondences(
+    stretches: tuple[SegmentStretch, ...], view: View
+) -> list[tuple[Point, Point]]:
     """Pairs of (pixel, road point), on both borders of each stretch, denser where it is near."""
     pairs: dict[Point, Point] = {}
     for stretch in stretches:
@@ -194,7 +196,7 @@ def _correspondences(stretches: tuple[Stretch, ...], view: View) -> list[tuple[P
     return [(pixel, road) for road, pixel in pairs.items()]
 
 
-def camera_text(name: str, stretches: tuple[Stretch, ...], view: View) -> str:
+def camera_text(name: str, stretches: tuple[SegmentStretch, ...], view: View) -> str:
     """The content of camera.toml; the road plane has the net's coordinates."""
     segments = [
         SegmentText(

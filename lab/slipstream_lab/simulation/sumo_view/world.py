@@ -13,7 +13,7 @@ import numpy as np
 from libsumo import constants
 
 from slipstream.errors import InputError
-from slipstream_lab.simulation.sumo.session import Session
+from slipstream_lab.simulation.sumo.session import SumoSession
 from slipstream_lab.simulation.sumo_view.polylines import distances
 from slipstream_lab.simulation.sumo_view.shapes import Kind, is_known
 from slipstream_lab.simulation.sumo_view.traffic import STEP_S, State, ViewedVehicle, between
@@ -28,7 +28,7 @@ _VARIABLES: Final = (
 )
 
 
-class World:
+class SumoViewWorld:
     """A simulation as a context manager: `with World(...) as world`.
 
     Raises:
@@ -55,11 +55,11 @@ class World:
             *("--seed", str(seed), "--xml-validation", "never"),
             *("--no-step-log", "true", "--no-warnings", "true", "--duration-log.disable", "true"),
         ]
-        self._session = Session(options, (net, *routes, *additional))
+        self._session = SumoSession(options, (net, *routes, *additional))
         self._kinds: dict[str, Kind] = {}
         self._stretch: dict[str, float] = {}
 
-    def __enter__(self) -> World:
+    def __enter__(self) -> SumoViewWorld:
         self._session.__enter__()
         return self
 
@@ -77,18 +77,14 @@ class World:
         return self._session.time_s
 
     def advance(self, until_s: float | None = None) -> None:
-        """Move by one step, or by steps until a time.
-
-        Raises:
-            InputError: SUMO refuses a vehicle or a route.
+        """Move by one step, or by steps until a time. Raises InputError: SUMO refuses a vehicle or
+        a route.
         """
         self._session.advance(until_s)
 
     def require_vehicles(self) -> None:
-        """Make sure that there is something to see.
-
-        Raises:
-            InputError: no vehicle drives, and none is due.
+        """Make sure that there is something to see. Raises InputError: no vehicle drives, and none
+        is due.
         """
         if libsumo.simulation.getMinExpectedNumber() == 0:
             raise InputError(
@@ -124,10 +120,8 @@ class World:
         return states
 
     def kind(self, name: str) -> Kind:
-        """What kind of vehicle it is; it must be on the road.
-
-        Raises:
-            InputError: a vehicle class that has no shape.
+        """What kind of vehicle it is; it must be on the road. Raises InputError: a vehicle class
+        that has no shape.
         """
         if name not in self._kinds:
             vclass = libsumo.vehicle.getVehicleClass(name)
@@ -153,11 +147,11 @@ class World:
         return self._stretch[lane]
 
 
-def drive(world: World, begin_s: float, fps: float, frames: int) -> Iterator[list[ViewedVehicle]]:
-    """The vehicles around the world's point in each frame; the first frame is at `begin_s`.
-
-    Raises:
-        InputError: SUMO refuses a vehicle or a route, or a vehicle's class has no shape.
+def drive(
+    world: SumoViewWorld, begin_s: float, fps: float, frames: int
+) -> Iterator[list[ViewedVehicle]]:
+    """The vehicles around the world's point in each frame; the first frame is at `begin_s`. Raises
+    InputError: SUMO refuses a vehicle or a route, or a vehicle's class has no shape.
     """
     numbers: dict[str, int] = {}
     start_s = round(begin_s / STEP_S) * STEP_S

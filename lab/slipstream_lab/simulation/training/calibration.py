@@ -26,10 +26,8 @@ def calibration_inputs(
     Args:
         source: a video file, or a folder with pictures (also in folders below).
         shape: (height, width) at which the model was trained: it fixes the scale.
-        count: largest number, spread evenly over a clip or drawn from a folder.
         camera: the clip's calibration: only the road's part is taken, as the daemon would. Without
             it, a camera.toml beside the clip is used if there is one.
-        seed: of the draw.
 
     Raises:
         InputError: nothing in the source can be read, or it does not fit the camera.

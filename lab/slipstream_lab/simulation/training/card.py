@@ -10,7 +10,7 @@ from pathlib import Path
 from slipstream_cli.tables import markdown_table
 from slipstream_lab.simulation.streetdrive.vehicles import CLASSES
 from slipstream_lab.simulation.training.export import CALIBRATION_PICTURES
-from slipstream_lab.simulation.training.metrics import Figures
+from slipstream_lab.simulation.training.metrics import DetectionFigures
 from slipstream_lab.simulation.training.ranges import CONDITIONS, ROADSIDE, VARIED, WIDE
 from slipstream_lab.simulation.training.scenes import MIN_HEIGHT_PX, MIN_VISIBLE_FRACTION, TRAIN
 from slipstream_lab.simulation.training.train import WEIGHTS_NAME, TrainSettings
@@ -49,11 +49,11 @@ class Record:
     date: str
     stages: tuple[StageRecord, ...]
     held_out_pictures: int
-    shipped: dict[str, Figures]
-    in_reach: Figures
-    int8: dict[str, Figures]
-    int8_in_reach: Figures
-    by_condition: dict[str, Figures]
+    shipped: dict[str, DetectionFigures]
+    in_reach: DetectionFigures
+    int8: dict[str, DetectionFigures]
+    int8_in_reach: DetectionFigures
+    by_condition: dict[str, DetectionFigures]
     validator: tuple[float, float]
     minutes: float
     versions: dict[str, str]

@@ -17,12 +17,12 @@ from slipstream_lab.simulation.training.scenes import (
     IMAGE_HEIGHT,
     IMAGE_WIDTH,
     TRAIN,
-    Scene,
+    TrainingScene,
     render_shots,
 )
 
 
-def yolo_lines(scene: Scene) -> str:
+def yolo_lines(scene: TrainingScene) -> str:
     """The scene's labels as YOLO text: class, centre x, centre y, width, height, all relative."""
     lines = []
     for number, x1, y1, x2, y2 in scene.labels:

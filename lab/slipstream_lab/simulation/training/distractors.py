@@ -10,7 +10,7 @@ from slipstream_lab.simulation.streetdrive.rendering import (
     Material,
     Mesh,
     MeshBuilder,
-    Placed,
+    PlacedMesh,
 )
 from slipstream_lab.simulation.streetdrive.traffic import Road
 
@@ -73,18 +73,18 @@ def _distractor(rng: np.random.Generator) -> Mesh:
     return _sign(rng) if kind < 0.8 else _cabinet(rng)
 
 
-def draw_distractors(rng: np.random.Generator, road: Road, mean: float) -> list[Placed]:
+def draw_distractors(rng: np.random.Generator, road: Road, mean: float) -> list[PlacedMesh]:
     """Upright things beside the carriageway that are no vehicles."""
     placed = []
     for _ in range(int(rng.poisson(mean))):
         side = 1.0 if rng.random() < 0.5 else -1.0
         edge = road.left_edge_m if side > 0 else -road.right_edge_m
         y = side * (edge + rng.uniform(0.5, 4.0))
-        placed.append(Placed(_distractor(rng), float(rng.uniform(10, 90)), float(y), 1))
+        placed.append(PlacedMesh(_distractor(rng), float(rng.uniform(10, 90)), float(y), 1))
     return placed
 
 
-def draw_rails(rng: np.random.Generator, road: Road) -> list[Placed]:
+def draw_rails(rng: np.random.Generator, road: Road) -> list[PlacedMesh]:
     """Now and then guard rails along the edges or in the middle of the road."""
     placed = []
     for y in (road.left_edge_m + 0.7, 0.0, road.right_edge_m - 0.7):
@@ -92,6 +92,6 @@ def draw_rails(rng: np.random.Generator, road: Road) -> list[Placed]:
             mesh = _rail(rng)
             start = float(rng.uniform(8, 30))
             placed += [
-                Placed(mesh, start + _RAIL_M * i, y, 1) for i in range(int(rng.integers(4, 16)))
+                PlacedMesh(mesh, start + _RAIL_M * i, y, 1) for i in range(int(rng.integers(4, 16)))
             ]
     return placed

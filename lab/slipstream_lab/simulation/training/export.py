@@ -23,7 +23,7 @@ from edge_daemon.frame import Image
 from slipstream.errors import InputError
 from slipstream_lab.simulation.training.calibration import calibration_inputs
 from slipstream_lab.simulation.training.labelled import LabelledSet, read_labelled_set
-from slipstream_lab.simulation.training.metrics import Figures
+from slipstream_lab.simulation.training.metrics import DetectionFigures
 from slipstream_lab.simulation.training.validation import evaluate_model, to_planes
 
 CALIBRATION_PICTURES = 200
@@ -34,8 +34,6 @@ class ExportSettings:
     """What to export and how.
 
     Attributes:
-        weights: a YOLO11 detector, .pt.
-        out: folder that receives the model.
         shape: (height, width) that the weights were trained at; it fixes the scale at which an RSU
             looks, and the road's part of the picture is cut out at that scale.
         calibrate: clip or folder of pictures that INT8 is fitted to; None: float weights.
@@ -61,9 +59,6 @@ class ExportReport:
 
     Attributes:
         model: the .xml; its weights, a .bin, lie beside it.
-        classes: what it tells apart, in its own order.
-        left_out: classes of the weights that it has no more.
-        megabytes: of .xml and .bin.
         before: figures of the float model; None without a labelled set.
         after: figures of the INT8 model; None without one, or for a float export.
     """
@@ -72,8 +67,8 @@ class ExportReport:
     classes: tuple[str, ...]
     left_out: int
     megabytes: float
-    before: Figures | None
-    after: Figures | None
+    before: DetectionFigures | None
+    after: DetectionFigures | None
 
 
 def export_model(settings: ExportSettings) -> ExportReport:
@@ -115,10 +110,8 @@ def export_model(settings: ExportSettings) -> ExportReport:
 
 
 def load_yolo(weights: Path) -> Any:
-    """A YOLO11 detector, on the processor, with nothing sent or fetched by its library.
-
-    Raises:
-        InputError: no such file, or another kind of model.
+    """A YOLO11 detector, on the processor, with nothing sent or fetched by its library. Raises
+    InputError: no such file, or another kind of model.
     """
     if not weights.is_file():
         raise InputError(weights, "no such weights", "give a YOLO11 .pt file")
@@ -142,12 +135,7 @@ def load_yolo(weights: Path) -> Any:
 
 def keep_vehicles(yolo: Any, source: Path) -> tuple[tuple[str, ...], int]:
     """Cut the model's last layer down to the vehicle classes; what it says of these is unchanged.
-
-    Returns:
-        The classes kept, in the order of VEHICLE_CLASSES, and how many were left out.
-
-    Raises:
-        InputError: none of its classes is a vehicle.
+    Raises InputError: none of its classes is a vehicle.
     """
     import torch
 
@@ -250,5 +238,7 @@ def save(model: Any, metadata: str, out: Path, name: str) -> Path:
     return path
 
 
-def _evaluated(model: Any, labelled: LabelledSet | None, shape: tuple[int, int]) -> Figures | None:
+def _evaluated(
+    model: Any, labelled: LabelledSet | None, shape: tuple[int, int]
+) -> DetectionFigures | None:
     return evaluate_model(model, labelled, shape)[0] if labelled else None

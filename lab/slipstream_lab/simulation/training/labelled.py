@@ -20,13 +20,7 @@ _SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".webp"})
 
 @dataclass(frozen=True)
 class LabelledSet:
-    """One split of a labelled set.
-
-    Attributes:
-        data: the data.yaml that describes it.
-        names: its classes.
-        pictures: the picture files, sorted.
-    """
+    """One split of a labelled set."""
 
     data: Path
     names: tuple[str, ...]
@@ -34,9 +28,7 @@ class LabelledSet:
 
     def boxes(self, picture: Path, size: tuple[int, int]) -> Boxes:
         """True boxes of a picture of (width, height), px; other things than vehicles are left out.
-
-        Raises:
-            InputError: a line of its label file is no box.
+        Raises InputError: a line of its label file is no box.
         """
         path = label_of(picture)
         rows = []
@@ -63,10 +55,8 @@ def label_of(picture: Path) -> Path:
 
 
 def read_labelled_set(data: Path, split: str = "val") -> LabelledSet:
-    """Read a split of a data.yaml and find its pictures.
-
-    Raises:
-        InputError: the file, the split or its pictures are missing, or no class is a vehicle.
+    """Read a split of a data.yaml and find its pictures. Raises InputError: the file, the split or
+    its pictures are missing, or no class is a vehicle.
     """
     content = _read_yaml(data)
     names = content.get("names")

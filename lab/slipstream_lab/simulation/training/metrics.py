@@ -101,7 +101,7 @@ def average_precision(
 
 
 @dataclass(frozen=True)
-class Figures:
+class DetectionFigures:
     """Mean average precisions, the AP50 of each class, and how many true boxes each class has."""
 
     map50: float
@@ -112,7 +112,7 @@ class Figures:
 
 def evaluate(
     found: Sequence[Boxes], true: Sequence[Boxes], classes: int, min_height_px: float = 0.0
-) -> Figures:
+) -> DetectionFigures:
     """mAP50 and mAP50-95 over classes that occur, of boxes with at least this height."""
     table = np.array(
         [
@@ -124,7 +124,7 @@ def evaluate(
         sum(int((_heights(t.corners[t.classes == c]) >= min_height_px).sum()) for t in true)
         for c in range(classes)
     )
-    return Figures(
+    return DetectionFigures(
         map50=float(np.nanmean(table[:, 0])),
         map50_95=float(np.nanmean(table)),
         ap50=tuple(float(v) for v in table[:, 0]),

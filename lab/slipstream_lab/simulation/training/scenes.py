@@ -15,14 +15,14 @@ import numpy as np
 
 from slipstream_lab.simulation.streetdrive.rendering import (
     CLEAR,
-    Camera,
     Colour,
     Density,
     Image,
     Lens,
     Occluder,
     Palette,
-    Placed,
+    PinholeCamera,
+    PlacedMesh,
     Seen,
     Sensor,
     SensorSettings,
@@ -108,7 +108,7 @@ _HELD_OUT_SURFACES = (
 
 
 @dataclass(frozen=True)
-class Scene:
+class TrainingScene:
     """One rendered picture (360, 640, 3) BGR with boxes as (class, x1, y1, x2, y2) in pixels."""
 
     image: Image
@@ -116,12 +116,7 @@ class Scene:
 
 
 def keeps_label(seen: Seen, scale: float) -> bool:
-    """The label rule: visible fraction >= 0.4 and box height >= 8 px at 640 wide.
-
-    Args:
-        seen: the vehicle's box in the rendered picture.
-        scale: labelled picture's width over the rendered picture's width.
-    """
+    """The label rule: visible fraction >= 0.4 and box height >= 8 px at 640 wide."""
     height = (seen.box_px[3] - seen.box_px[1]) * scale
     return seen.visible_fraction >= MIN_VISIBLE_FRACTION and height >= MIN_HEIGHT_PX
 
@@ -142,7 +137,7 @@ def _uniform_in_split(
 
 def draw_camera(
     rng: np.random.Generator, road: Road, split: str, limits: SceneRange = WIDE
-) -> Camera:
+) -> PinholeCamera:
     """A camera pose of one split, beside or above the road, with the road in view."""
     held_out = split == HELD_OUT
     height = _uniform_in_split(rng, limits.height_m, 0.4, held_out)
@@ -151,7 +146,7 @@ def draw_camera(
     horizon = rng.uniform(*limits.horizon_px)
     target_x = rng.uniform(*limits.target_m)
     target_y = rng.uniform(road.right_edge_m * 0.6, road.left_edge_m * 0.8)
-    return Camera(
+    return PinholeCamera(
         height_m=height,
         lateral_m=float(lateral),
         pitch_rad=math.atan((360.0 - horizon) / focal),
@@ -175,10 +170,10 @@ def draw_road(rng: np.random.Generator) -> Road:
 def draw_vehicles(
     rng: np.random.Generator,
     road: Road,
-    camera: Camera,
+    camera: PinholeCamera,
     paints: Sequence[Colour],
     limits: SceneRange = WIDE,
-) -> list[Placed]:
+) -> list[PlacedMesh]:
     """Vehicles along all lanes with a drawn mix and density; none overlap."""
     shares = rng.dirichlet(limits.shape_weights)
     shapes = tuple(CLASS_OF_SHAPE)
@@ -186,7 +181,7 @@ def draw_vehicles(
     label_end = camera.focal_px / 2 * 1.5 / MIN_HEIGHT_PX
     near = rng.random() < 1 - limits.far_share
     end = float(label_end * rng.uniform(*limits.label_end) if near else rng.uniform(*limits.far_m))
-    placed: list[Placed] = []
+    placed: list[PlacedMesh] = []
     for lane in road.lanes:
         gap = float(rng.choice(limits.gaps_m, p=limits.gap_shares))
         x = float(rng.uniform(0.0, 10.0 + gap))
@@ -199,7 +194,7 @@ def draw_vehicles(
             sway = rng.normal(0.0, 0.6 if shape == "motorcycle" else 0.2)
             y = lane.y_m + float(np.clip(sway, -0.9, 0.9))
             speed = float(rng.uniform(0.0, 35.0)) if limits.conditions else 0.0
-            placed.append(Placed(mesh, x, y, lane.direction, speed_mps=speed))
+            placed.append(PlacedMesh(mesh, x, y, lane.direction, speed_mps=speed))
             x += mesh.length_m / 2 + 1.5 + float(rng.exponential(gap))
     return placed
 
@@ -234,7 +229,7 @@ def _degrade(image: Image, rng: np.random.Generator, limits: SceneRange) -> Imag
     return np.asarray(np.clip(tone * 255, 0, 255), dtype=np.uint8)
 
 
-def render_shots(split: str, index: int, seed: int, limits: SceneRange) -> list[Scene]:
+def render_shots(split: str, index: int, seed: int, limits: SceneRange) -> list[TrainingScene]:
     """Draw stage number `index` of a split and render its shots; same arguments, same scenes."""
     rng = np.random.default_rng([seed, SPLITS.index(split), index])
     surfaces = _HELD_OUT_SURFACES if split == HELD_OUT else _TRAIN_SURFACES
@@ -261,7 +256,7 @@ def render_shots(split: str, index: int, seed: int, limits: SceneRange) -> list[
 
 def _shoot(
     stage: Stage, lens: Lens, split: str, rng: np.random.Generator, limits: SceneRange
-) -> Scene:
+) -> TrainingScene:
     """Fill a stage with vehicles, take its picture and label it."""
     camera, road = stage.camera, stage.road
     paints = _HELD_OUT_PAINTS if split == HELD_OUT else PAINTS
@@ -295,4 +290,4 @@ def _shoot(
             number = CLASSES.index(CLASS_OF_SHAPE[vehicle.mesh.kind])
             x1, y1, x2, y2 = (value * scale for value in what.box_px)
             labels.append((number, x1, y1, x2, y2))
-    return Scene(small, tuple(labels))
+    return TrainingScene(small, tuple(labels))

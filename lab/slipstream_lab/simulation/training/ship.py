@@ -26,7 +26,6 @@ def ship(weights: Path, target: Path, work: Path, calibrate: Path) -> Shipped:
         weights: checkpoint of the training run; it is not changed.
         target: folder that receives `yolo11n-streetdrive.pt`, `.xml`, `.bin`, `-int8.xml`,
             `-int8.bin` and `.metadata.yaml`.
-        work: folder for intermediate files.
         calibrate: training pictures that INT8 is fitted to.
     """
     from ultralytics.utils.torch_utils import strip_optimizer

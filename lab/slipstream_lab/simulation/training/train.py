@@ -51,10 +51,6 @@ def train(
     nothing and their figures stay clean.
 
     Args:
-        data: data.yaml of a rendered set.
-        out: folder that receives the run under `name`.
-        settings: epochs, seed, rate.
-        name: the run's name.
         initial: weights to start from; random ones when None.
     """
     import torch

@@ -17,7 +17,7 @@ from edge_daemon.detection.region import Region
 from edge_daemon.frame import Image, read_image
 from slipstream.errors import InputError
 from slipstream_lab.simulation.training.labelled import LabelledSet
-from slipstream_lab.simulation.training.metrics import Boxes, Figures, evaluate
+from slipstream_lab.simulation.training.metrics import Boxes, DetectionFigures, evaluate
 
 _SCORE, _IOU, _MAX_DETECTIONS = 0.001, 0.7, 300
 _GREY = 114
@@ -87,12 +87,11 @@ def evaluate_model(
     labelled: LabelledSet,
     shape: tuple[int, int] | None = None,
     min_heights: Sequence[float] = (0.0,),
-) -> list[Figures]:
+) -> list[DetectionFigures]:
     """Figures of an OpenVINO model on labelled pictures, for each least box height.
 
     Args:
         model: an .xml, or a model read from one; it is not changed.
-        labelled: the pictures.
         shape: (height, width) that a dynamic input is given; None: it is static.
         min_heights: px of a picture scaled to a width of 640 px.
 

@@ -10,18 +10,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slipstream_lab.research.coordination.bound import upper_bound
-from slipstream_lab.research.coordination.case import Case, build_case
-from slipstream_lab.research.coordination.corridor import corridor_freight
-from slipstream_lab.research.coordination.freight import Freight, FreightSegment, Trip
+from slipstream_lab.research.coordination.case import CoordinationCase, build_case
 from slipstream_lab.research.coordination.plan import evaluate
-from slipstream_lab.research.coordination.region import region_freight
 from slipstream_lab.research.coordination.strategies import STRATEGIES
+from slipstream_lab.research.coordination.trips.corridor import corridor_freight
+from slipstream_lab.research.coordination.trips.freight import Freight, FreightSegment, Trip
+from slipstream_lab.research.coordination.trips.region import region_freight
 
 STEP_MS = 1000
 
 
 @st.composite
-def small_cases(draw: st.DrawFn) -> Case:
+def small_cases(draw: st.DrawFn) -> CoordinationCase:
     """Up to four trips on a road of up to three segments, two of which may have a hub."""
     count = draw(st.integers(1, 3))
     names = [f"s{k}" for k in range(count)]
@@ -47,7 +47,7 @@ def small_cases(draw: st.DrawFn) -> Case:
     return build_case(Freight("small", segments, tuple(trips)), price_kw, sync_window_s=2.0)
 
 
-def best_by_enumeration(case: Case) -> float:
+def best_by_enumeration(case: CoordinationCase) -> float:
     """Over all waits in whole seconds, at origins and hubs."""
     width = case.stop_kwh.shape[1]
     choices = []
@@ -67,9 +67,9 @@ def best_by_enumeration(case: Case) -> float:
 
 
 @pytest.mark.slow
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(small_cases())
-def test_no_plan_is_above_the_bound(case: Case) -> None:
+def test_no_plan_is_above_the_bound(case: CoordinationCase) -> None:
     """Enumerated, with hubs, prices and vehicles that can meet within the window."""
     assert upper_bound(case, 40).kwh >= best_by_enumeration(case) - 1e-9
 
@@ -90,7 +90,7 @@ def test_who_can_meet_nobody_is_worth_nothing() -> None:
     assert upper_bound(case).kwh == pytest.approx(0.0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("price_kw", [0.0, 10.0])
 @pytest.mark.parametrize(
     "freight",

@@ -11,11 +11,11 @@ import pytest
 
 from slipstream_lab.research.coordination import cells
 from slipstream_lab.research.coordination.bound import Bound
-from slipstream_lab.research.coordination.case import Case
-from slipstream_lab.research.coordination.cells import Cell, found, measured
+from slipstream_lab.research.coordination.case import CoordinationCase
+from slipstream_lab.research.coordination.cells import CoordinationCell, found, measured
 from slipstream_lab.research.coordination.plan import Plan, undelayed
 
-CELL = Cell("one", 3, 10, 0)
+CELL = CoordinationCell("one", 3, 10, 0)
 
 
 def silent(_: str) -> None:
@@ -27,7 +27,7 @@ def planned(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """What was planned; the plan and the bound take no time."""
     done: list[str] = []
 
-    def plan(case: Case) -> Plan:
+    def plan(case: CoordinationCase) -> Plan:
         done.append(case.freight.name)
         return undelayed(case)
 
@@ -51,7 +51,6 @@ def _set(key: str, value: object) -> Callable[[str], str]:
     return lambda text: json.dumps({**json.loads(text), key: value})
 
 
-@pytest.mark.parametrize("kind", ["plans", "bound"])
 @pytest.mark.parametrize(
     "change",
     [
@@ -64,24 +63,24 @@ def _set(key: str, value: object) -> Callable[[str], str]:
     ids=["format", "code", "half", "list", "field"],
 )
 def test_a_file_of_something_else_is_made_anew(
-    tmp_path: Path, planned: list[str], kind: str, change: Callable[[str], str]
+    tmp_path: Path, planned: list[str], change: Callable[[str], str]
 ) -> None:
-    """Another format or code, or damaged; the other file of the cell is kept."""
+    """Another format or code, or damaged."""
     first = measured(CELL, tmp_path, silent)
-    path = tmp_path / f"{CELL.name}.{kind}.json"
+    path = tmp_path / f"{CELL.name}.json"
     path.write_text(change(path.read_text()))
     assert found(CELL, tmp_path) is None
     again = measured(CELL, tmp_path, silent)
     assert found(CELL, tmp_path) == again
     assert again.plans.rows[0].outcome == first.plans.rows[0].outcome
-    assert len(planned) == (2 if kind == "plans" else 1)
+    assert len(planned) == 2
 
 
 def test_a_window_longer_than_any_wait_that_pays_is_planned_once(
     tmp_path: Path, planned: list[str]
 ) -> None:
     """At a price the shorter cell is taken for it; where waits are free each window is its own."""
-    priced = Cell("one", 20, 10, 27)
+    priced = CoordinationCell("one", 20, 10, 27)
     assert measured(priced, tmp_path, silent).cell == priced
     assert found(replace(priced, window_min=30), tmp_path) is not None
     assert found(replace(priced, window_min=1), tmp_path) is None

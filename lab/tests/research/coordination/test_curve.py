@@ -12,7 +12,7 @@ from lab.tests.research.coordination.fakes import result
 from lab.tests.simulation.evaluation.fakes import GROUND, make_arm
 from slipstream.errors import InputError
 from slipstream_lab.research.coordination import curve, picture
-from slipstream_lab.research.coordination.cells import Cell, Result
+from slipstream_lab.research.coordination.cells import CellResult, CoordinationCell
 from slipstream_lab.research.coordination.curve import (
     as_data,
     curve_cells,
@@ -23,13 +23,13 @@ from slipstream_lab.research.coordination.strategies import STRATEGIES
 from slipstream_lab.simulation.evaluation.arms import choose
 from slipstream_lab.simulation.evaluation.measures import Evaluation, collect
 from slipstream_lab.simulation.evaluation.report import pyplot
-from slipstream_lab.simulation.evaluation.runs import Store
+from slipstream_lab.simulation.evaluation.runs import ArmStore
 
 CELLS = curve_cells((20, 500), (1, 2))
 
 
 @pytest.fixture
-def results() -> list[Result]:
+def results() -> list[CellResult]:
     """The second seed saves 2 kWh of 10 more."""
     return [result(2.0 * c.seed, 1.0, 6.0, cell=c) for c in CELLS]
 
@@ -37,7 +37,7 @@ def results() -> list[Result]:
 @pytest.fixture
 def driven(tmp_path: Path) -> Mapping[int, Evaluation]:
     """One density."""
-    with Store(tmp_path / "arms", GROUND, "code") as store:
+    with ArmStore(tmp_path / "arms", GROUND, "code") as store:
         for policy in choose("B,C"):
             for seed in (1, 2):
                 store.put(policy, seed, make_arm(policy, seed))
@@ -53,7 +53,7 @@ def test_cells_are_all_prices_carriers_and_seeds() -> None:
     }
 
 
-def test_tables_have_means_spreads_and_who_loses(tmp_path: Path, results: list[Result]) -> None:
+def test_tables_have_means_spreads_and_who_loses(tmp_path: Path, results: list[CellResult]) -> None:
     """A row for each number of carriers and density; a loser's strategy has its mark."""
     results[0] = result(2.0, 1.0, 6.0, worst_kwh=-0.5, cell=CELLS[0])
     write_curve(tmp_path, results, {})
@@ -78,7 +78,7 @@ def test_tables_have_means_spreads_and_who_loses(tmp_path: Path, results: list[R
 
 
 def test_what_was_driven_stands_beside_with_its_differences(
-    tmp_path: Path, results: list[Result], driven: Mapping[int, Evaluation]
+    tmp_path: Path, results: list[CellResult], driven: Mapping[int, Evaluation]
 ) -> None:
     """Same input, same bytes, of the picture too."""
     assert write_curve(tmp_path, results, driven) is None
@@ -111,7 +111,7 @@ def _series(axes: Any) -> dict[str, list[float]]:
 
 
 def test_the_picture_has_every_series(
-    results: list[Result], driven: Mapping[int, Evaluation]
+    results: list[CellResult], driven: Mapping[int, Evaluation]
 ) -> None:
     """Each panel of planned ones has all strategies and the bound, the last one what was driven;
     the legend names all of them."""
@@ -147,10 +147,10 @@ def test_the_picture_has_every_series(
 
 def test_an_interrupted_plan_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Cells that are there are not planned again; progress ends at all of what was missing."""
-    done: list[Cell] = []
+    done: list[CoordinationCell] = []
     monkeypatch.setattr(curve, "found", lambda cell, _: cell if cell in done else None)
 
-    def measured(cell: Cell, *_: object) -> None:
+    def measured(cell: CoordinationCell, *_: object) -> None:
         if len(done) == 3 and not again:
             raise KeyboardInterrupt
         done.append(cell)

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from slipstream.energy.traction import ETA_FOLLOWER, drag_saving_kwh
-from slipstream.errors import InputError
-from slipstream_lab.research.coordination.corridor import DENSITIES, corridor_freight
-from slipstream_lab.research.coordination.freight import MS, Freight, FreightSegment, Trip
-from slipstream_lab.research.coordination.region import region_freight
+from slipstream_lab.research.coordination.trips.corridor import DENSITIES, corridor_freight
+from slipstream_lab.research.coordination.trips.freight import MS
+from slipstream_lab.research.coordination.trips.region import region_freight
 
 
 @pytest.mark.parametrize("carriers", ["one", "ten"])
@@ -69,20 +68,3 @@ def test_region() -> None:
     assert total_m == 800_000
     assert min(len(t.path) for t in freight.trips) >= 2
     assert {s.duration_ms for s in freight.segments.values()} == {400_000}
-
-
-def test_bad_trips_are_told() -> None:
-    """One line with trip and mend."""
-    segments = {
-        "a": FreightSegment(1000.0, 10_000, 1.0, 0.5),
-        "b": FreightSegment(1000.0, 10_000, 1.0, 0.5, is_open=False),
-    }
-    for trip, words in (
-        (Trip("t", "c", ("x",), 0, 90_000), "no segment 'x'"),
-        (Trip("t", "c", ("b",), 0, 90_000), "no open segment"),
-        (Trip("t", "c", ("a",), 0, 9_999), "too late"),
-    ):
-        with pytest.raises(InputError, match=words):
-            Freight("day", segments, (trip,))
-    with pytest.raises(InputError, match="no trip"):
-        Freight("day", segments, ())

@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slipstream_lab.research.coordination.case import Case, build_case
-from slipstream_lab.research.coordination.corridor import corridor_freight
-from slipstream_lab.research.coordination.freight import Freight, FreightSegment, Trip
+from slipstream_lab.research.coordination.case import CoordinationCase, build_case
 from slipstream_lab.research.coordination.local_search import local_search, nobody_worse_off
 from slipstream_lab.research.coordination.pairwise import pairwise_leaders
 from slipstream_lab.research.coordination.plan import check, evaluate, undelayed
 from slipstream_lab.research.coordination.schedule import Schedule, Worth
 from slipstream_lab.research.coordination.strategies import STRATEGIES, hub_waiting
 from slipstream_lab.research.coordination.threshold import best_threshold, release
+from slipstream_lab.research.coordination.trips.corridor import corridor_freight
+from slipstream_lab.research.coordination.trips.freight import Freight, FreightSegment, Trip
 
 
-def one_segment(ready_s: list[int], slack_s: int = 60, price_kw: float = 0.0) -> Case:
+def one_segment(ready_s: list[int], slack_s: int = 60, price_kw: float = 0.0) -> CoordinationCase:
     """Trips of a carrier each over one segment."""
     segments = {"s": FreightSegment(1000.0, 10_000, 4.0, 1.0)}
     trips = tuple(
@@ -26,8 +26,10 @@ def one_segment(ready_s: list[int], slack_s: int = 60, price_kw: float = 0.0) ->
     return build_case(Freight("day", segments, trips), price_kw, sync_window_s=3.0)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", STRATEGIES)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=pytest.mark.long if n == "local search" else ()) for n in STRATEGIES],
+)
 def test_plans_can_be_driven_and_are_the_same_again(name: str) -> None:
     """Nobody late; same case, same plan."""
     case = build_case(corridor_freight(40, 5, "ten"), 5.0, 3.0)

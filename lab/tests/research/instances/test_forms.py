@@ -131,16 +131,6 @@ def test_missed_windows_and_overloads_are_refused() -> None:
 
 
 @pytest.mark.long
-def test_route_form_evaluates_the_greedy_plan_as_it_is() -> None:
-    """First options are the greedy plan: their exact objective is its own, from nothing."""
-    _, form = options()
-    first = frozenset(group[0] for group in form.problem.options_of.values() if group)
-    plan = form.candidate("greedy", first)
-    assert isinstance(plan, Candidate)
-    assert plan.objective_kwh == pytest.approx(min(references_kwh(form).values()), abs=1e-9)
-
-
-@pytest.mark.slow
 def test_route_form_keeps_windows_and_serves_every_stop_once() -> None:
     """The optimum over the options breaks no rule on the road. By the model it costs no more than
     greedy; on the road it may, where three vehicles and more change at once, but hardly.

@@ -14,10 +14,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dispatcher_daemon.settings import SearchSettings
+from slipstream.config import read_data
 from slipstream.errors import InputError
 from slipstream_cli.main import main
 from slipstream_lab.research.instances.matrices import (
-    load_matrix_instance,
     matrix_instance_from,
     read_published,
     search_matrix_instance,
@@ -103,8 +103,9 @@ def test_what_is_minimised_is_what_the_file_says() -> None:
         assert (plan.unserved, plan.faults) == ((), ())
 
 
-@pytest.mark.parametrize("no", [None, 2.0**31 - 1, 2**32 - 1])
-@pytest.mark.parametrize("name", ["distances_m", "durations_s", "energy_kwh"])
+@pytest.mark.parametrize(
+    ("name", "no"), [("distances_m", None), ("durations_s", 2.0**31 - 1), ("energy_kwh", 2**32 - 1)]
+)
 def test_no_way_is_driven_where_a_matrix_has_none(name: str, no: float | None) -> None:
     """Whichever matrix it is missing in: the stop is not served, and the others are."""
     data = plain()
@@ -142,7 +143,12 @@ def test_the_sets_distances_are_rounded_as_they_say(tmp_path: Path) -> None:
     assert solomon.measures["duration"][0].tolist() == [0, 14.1, 14.8, 14.1, 14.8]
     assert solomon.fleet.vehicles[0].return_by_s == 200
     write_matrix_instance(solomon, tmp_path / "out" / "corners.json")
-    assert load_matrix_instance(tmp_path / "out" / "corners.json") == solomon
+    assert (
+        matrix_instance_from(
+            read_data(tmp_path / "out" / "corners.json"), tmp_path / "out" / "corners.json"
+        )
+        == solomon
+    )
 
 
 def test_an_explicit_matrix_is_read_from_its_lower_half(tmp_path: Path) -> None:
@@ -282,7 +288,7 @@ def test_a_gap_compares_the_same_distances(
         assert instance.gap(best.cost) == 0.0
         assert instance.gap(2 * best.cost) == 1.0
     write_matrix_instance(instance, tmp_path / "out.json")
-    assert load_matrix_instance(tmp_path / "out.json") == instance
+    assert matrix_instance_from(read_data(tmp_path / "out.json"), tmp_path / "out.json") == instance
 
 
 def test_qoblib_allows_no_more_vehicles_than_its_names_say(tmp_path: Path) -> None:
@@ -314,7 +320,7 @@ def test_thousand_stops_load(tmp_path: Path) -> None:
     explicit = made.measures["distance"].astype(int).tolist()
     data["matrix"] = {"places": places, "distances_m": explicit}
     (tmp_path / "large.json").write_text(json.dumps(data, separators=(",", ":")))
-    loaded = load_matrix_instance(tmp_path / "large.json")
+    loaded = matrix_instance_from(read_data(tmp_path / "large.json"), tmp_path / "large.json")
     assert (loaded.measures["distance"] == made.measures["distance"]).all()
 
 

@@ -18,8 +18,8 @@ from slipstream_lab.research.instances import open_instance
 from slipstream_lab.research.instances.catalogue import CATALOGUE
 from slipstream_lab.research.instances.check_vrpcp import (
     TOLERANCE,
-    Instance,
     Invalid,
+    VrpcpInstance,
     check_solution,
     main,
 )
@@ -84,7 +84,7 @@ def true_objective(problem: ArcProblem, routes: Routes) -> float | None:
 
 def agree(name: str) -> None:
     """Number of valid route sets and least objective are those of the enumerated QUBO."""
-    problem, instance = problem_of(name), Instance(text_of(name))
+    problem, instance = problem_of(name), VrpcpInstance(text_of(name))
     found = []
     for routes in all_routes(problem):
         try:
@@ -128,7 +128,7 @@ def mutated(routes: Routes, cost: float, customers: int, rng: np.random.Generato
 
 def reject(name: str, seed: int, least: int) -> None:
     """Of answers that break a rule or state another cost, none passes."""
-    problem, instance = problem_of(name), Instance(text_of(name))
+    problem, instance = problem_of(name), VrpcpInstance(text_of(name))
     known = open_instance(name).known
     assert known is not None
     best = {k: list(known.routes[v]) for k, v in enumerate(problem.vehicles, 1)}
@@ -192,7 +192,7 @@ def test_a_file_that_is_no_solution_is_invalid(change: object, problem: str) -> 
     assert known is not None
     text = solution_text(problem_of(name), known)
     with pytest.raises(Invalid, match=problem):
-        check_solution(Instance(text_of(name)), change(text))
+        check_solution(VrpcpInstance(text_of(name)), change(text))
 
 
 def test_a_damaged_instance_is_the_callers_mistake(

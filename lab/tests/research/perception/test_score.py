@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slipstream_lab.research.perception.score import ClassScore, Comparison, TrueBoxes, score
+from slipstream_lab.research.perception.score import ClassScore, TrackComparison, TrueBoxes, score
 
 CAR, MOTORCYCLE = 0, 3
 
 
-def clip(kinds: list[int], followed: list[bool], errors: list[float]) -> Comparison:
+def clip(kinds: list[int], followed: list[bool], errors: list[float]) -> TrackComparison:
     """A box for each of the vehicles 0, 1, ..., and a speed for those with an error."""
-    return Comparison(
+    return TrackComparison(
         frames=[],
         boxes=TrueBoxes(np.arange(len(kinds)), np.array(kinds), np.array(followed)),
         speed_errors_mps=np.array(errors),

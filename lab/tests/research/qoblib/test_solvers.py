@@ -27,7 +27,7 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize(
-    "solver", [pytest.param(s, marks=pytest.mark.slow if s == "pyvrp" else ()) for s in SOLVERS]
+    "solver", [pytest.param(s, marks=pytest.mark.long if s == "pyvrp" else ()) for s in SOLVERS]
 )
 def test_every_solver_finds_the_optimum_of_nine_routes(path: Path, solver: SolverName) -> None:
     """With the time of a tiny circuit; what it says of its samples fits together.

@@ -7,18 +7,17 @@ from dataclasses import replace
 
 import pytest
 
+from dispatcher_daemon.forms import routing_problem
 from dispatcher_daemon.planning.cycle.cycle import cycle_of, run_cycle
-from dispatcher_daemon.planning.plans.candidates import Cycle
 from slipstream_lab.research.cities.generator import CityShape, generate_city
 from slipstream_lab.simulation.closed_loop.dispatch_settings import (
     DEFAULT_TIME_WORTH_KW,
     evaluation_settings,
     evaluation_solve,
 )
-from slipstream_lab.simulation.closed_loop.dispatching import Dispatching
-from slipstream_lab.simulation.closed_loop.gates import Roadside
+from slipstream_lab.simulation.closed_loop.dispatching import settings_of
 from slipstream_lab.simulation.closed_loop.policy import AS_DRIVING, Policy, WaitingPrices
-from slipstream_lab.simulation.scenarios.demand import draw_deliveries
+from slipstream_lab.simulation.scenarios.demand import draw_deliveries, fleet_at
 from slipstream_lab.simulation.scenarios.scenario import load_scenario
 
 
@@ -57,57 +56,32 @@ def test_cycles_are_the_same_again_and_leave_at_once() -> None:
     assert all(1e-9 * plan.depart_ns - 1 <= latest[plan.vehicle] + 1e-3 for plan in one.plans)
 
 
-class _Asked(Exception):
-    """Ends a cycle that has been asked for."""
-
-
 @pytest.mark.parametrize(
-    ("prices", "waiting_kw", "standing_kw"),
+    ("waiting", "waiting_kw", "standing_kw"),
     [
-        (AS_DRIVING, DEFAULT_TIME_WORTH_KW, DEFAULT_TIME_WORTH_KW),
-        (WaitingPrices(waiting_kw=0.0), 0.0, 0.0),
+        (AS_DRIVING, 25.0, 25.0),
+        (WaitingPrices(waiting_kw=0.0), 0.0, 25.0),
         (WaitingPrices(waiting_kw=0.0, standing_kw=2.0), 0.0, 2.0),
-        (WaitingPrices(standing_kw=0.0), DEFAULT_TIME_WORTH_KW, 0.0),
+        (WaitingPrices(standing_kw=0.0), 25.0, 0.0),
     ],
 )
-def test_what_waiting_costs_reaches_the_dispatcher(
-    monkeypatch: pytest.MonkeyPatch, prices: WaitingPrices, waiting_kw: float, standing_kw: float
+def test_what_waiting_costs_reaches_the_problem(
+    waiting: WaitingPrices, waiting_kw: float, standing_kw: float
 ) -> None:
     """At the depot and at stops; the value of time by which agents choose a second to leave at is
-    another thing. Without a history driving time has no value, and waiting has that of a city.
+    another thing. By the paper's objective nothing but energy has a price, as in a dispatcher.
     """
-    asked: list[Cycle] = []
-
-    def ask(cycle: Cycle, *_: object) -> None:
-        asked.append(cycle)
-        raise _Asked
-
-    monkeypatch.setattr("dispatcher_daemon.service.dispatcher.runner.run_cycle", ask)
     scenario = load_scenario("corridor")
     deliveries = draw_deliveries(scenario.fleet, scenario.network, 1)
-    with ThreadPoolExecutor(1) as executor:
-        dispatcher = Dispatching(
-            deliveries,
-            scenario.network,
-            Policy("C"),
-            1,
-            executor,
-            lambda _: None,
-            Roadside((), 1, 0.0, "rsu"),
-            prices=prices,
-        )
-        with pytest.raises(_Asked):
-            dispatcher.cycle(12 * 3600.0, ())
-    (cycle,) = asked
-    assert cycle.problem.price_of_waiting_kw == waiting_kw
-    assert cycle.problem.price_of_standing_kw == standing_kw
-    assert cycle.settings.advice is not None
-    assert cycle.settings.advice.value_of_time_kw == DEFAULT_TIME_WORTH_KW
-
-
-@pytest.mark.parametrize("wrong", [-1.0, float("nan"), float("inf")])
-def test_a_price_of_waiting_is_a_number_from_0_on(wrong: float) -> None:
-    """Whatever made it."""
-    for prices in ({"waiting_kw": wrong}, {"standing_kw": wrong}):
-        with pytest.raises(ValueError, match="must be >= 0"):
-            WaitingPrices(**prices)
+    fleet = fleet_at(deliveries, 43_200.0, dict.fromkeys(deliveries.vehicles, 0.0), ())
+    assert fleet is not None
+    settings = settings_of(Policy("C", frozenset({"routes"})), 25.0, waiting, 1)
+    problem = routing_problem(scenario.network, fleet, settings)
+    assert problem.price_of_time_kw == 25.0
+    assert problem.price_of_waiting_kw == waiting_kw
+    assert problem.price_of_standing_kw == standing_kw
+    paper = settings_of(Policy("C"), 0.0, waiting, 1)
+    problem = routing_problem(scenario.network, fleet, paper)
+    assert (problem.objective, problem.price_of_waiting_kw) == ("paper", 0.0)
+    assert paper.advice is not None
+    assert paper.advice.value_of_time_kw == DEFAULT_TIME_WORTH_KW

@@ -16,10 +16,11 @@ from slipstream.roads.sumo_net import load_network
 from slipstream_lab.simulation.closed_loop import history_recording as recording
 from slipstream_lab.simulation.closed_loop.history_recording import history_of, record_history
 from slipstream_lab.simulation.scenarios.day import DaySpec
-from slipstream_lab.simulation.scenarios.scenario import Background, load_scenario
+from slipstream_lab.simulation.scenarios.scenario import BackgroundTraffic, load_scenario
 from slipstream_lab.simulation.sumo.vehicle_types import TYPES
 
 
+@pytest.mark.long
 @pytest.mark.process
 def test_a_day_is_recorded(tmp_path: Path) -> None:
     """A minute of cars and a truck on the built-in net gives the cars' whole passages."""
@@ -61,7 +62,9 @@ def test_a_recorded_history_is_not_recorded_again(
         return History((), *(np.zeros((0, HOURS)) for _ in range(4)))
 
     monkeypatch.setattr(recording, "record_history", record)
-    monkeypatch.setattr(recording, "prepare", lambda *_: Background((tmp_path / "r.xml",), ()))
+    monkeypatch.setattr(
+        recording, "prepare", lambda *_: BackgroundTraffic((tmp_path / "r.xml",), ())
+    )
     path = history_of(troy, 3, tmp_path, signals="fixed")
     assert history_of(troy, 3, tmp_path, signals="fixed") == path
     assert len(recorded) == 1

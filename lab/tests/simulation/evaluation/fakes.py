@@ -9,7 +9,12 @@ import numpy as np
 
 from slipstream.energy.consumption import Energy
 from slipstream_lab.simulation.closed_loop.policy import Policy
-from slipstream_lab.simulation.closed_loop.record import ArmResult, LoopCycleRecord, Others, Service
+from slipstream_lab.simulation.closed_loop.record import (
+    ArmResult,
+    LoopCycleRecord,
+    OrderService,
+    Others,
+)
 from slipstream_lab.simulation.evaluation.runs.provenance import Provenance
 from slipstream_lab.simulation.fleet.driven_leg import DrivenLeg
 from slipstream_lab.simulation.fleet.losses import Losses
@@ -76,7 +81,7 @@ def make_arm(policy: Policy, seed: int, legs: int = 24, **changes: Any) -> ArmRe
         end_s=GROUND.end_s,
         legs=tuple(driven),
         services=tuple(
-            Service(f"o{n}", leg.due_s + 1200.0, leg.arrived_s) for n, leg in enumerate(driven)
+            OrderService(f"o{n}", leg.due_s + 1200.0, leg.arrived_s) for n, leg in enumerate(driven)
         ),
         cycles=tuple(
             LoopCycleRecord(

@@ -23,13 +23,12 @@ from slipstream_lab.simulation.evaluation.arms import POLICIES
 from slipstream_lab.simulation.evaluation.measures.ceilings import (
     compute_ceilings,
     free_drive,
-    loss_shares,
     share_of_ceiling,
 )
 from slipstream_lab.simulation.evaluation.measures.evaluation import Evaluation, collect
 from slipstream_lab.simulation.evaluation.report.ceilings import ceiling_tables
 from slipstream_lab.simulation.evaluation.report.proximity import proximity_kwh
-from slipstream_lab.simulation.evaluation.runs.store import Store
+from slipstream_lab.simulation.evaluation.runs.store import ArmStore
 from slipstream_lab.simulation.fleet.driven_leg import DrivenLeg
 from slipstream_lab.simulation.fleet.losses import drive_losses, losses
 
@@ -176,18 +175,6 @@ def test_an_arm_slower_than_the_empty_road_is_not_hurried() -> None:
     assert found.free_in_time.alone_kwh == pytest.approx(found.free.alone_kwh, rel=1e-4)
 
 
-def test_where_energy_goes_adds_up() -> None:
-    """Rolling, drag, deliveries, turns, stands and traffic make the whole, and a stand shows."""
-    arm = an_arm(STOPPED)
-    parts = loss_shares(arm, ROADS)
-    assert sum(vars(parts).values()) == pytest.approx(arm.legs[0].alone.total_kwh)
-    assert parts.turns == pytest.approx(
-        drive_losses(free_drive(("a", "b", "c"), ROADS)).slowing_kwh
-    )
-    assert parts.stands == pytest.approx(arm.legs[0].losses.stands_kwh)
-    assert parts.stands > 0
-
-
 def test_an_arm_without_legs_has_no_ceilings() -> None:
     """There is nothing to be a share of."""
     with pytest.raises(ValueError, match="without legs"):
@@ -208,7 +195,7 @@ def evaluation(tmp_path_factory: pytest.TempPathFactory) -> Evaluation:
     """Made-up arms of two seeds."""
     folder = tmp_path_factory.mktemp("evaluation")
     names = ("B", "B-0.88", "C", "C+", "only-platoons", "only-coasting")
-    with Store(folder, GROUND, "code") as store:
+    with ArmStore(folder, GROUND, "code") as store:
         for name in names:
             for seed in (1, 2):
                 arm = make_arm(POLICIES[name], seed)
@@ -218,11 +205,10 @@ def evaluation(tmp_path_factory: pytest.TempPathFactory) -> Evaluation:
 
 
 def test_tables_hold_each_lever_against_its_ceiling(evaluation: Evaluation) -> None:
-    """Ceilings of the baseline, where its energy goes, and the share of each lever that is there:
+    """Ceilings of the baseline, and the share of each lever that is there:
     drafting by what drag it saved, over 20 % of the baseline's drag."""
-    best, goes, reached, together = ceiling_tables(evaluation, ROADS)
+    best, reached, together = ceiling_tables(evaluation, ROADS)
     assert len(best.rows) == 4
-    assert len(goes.rows) == 6
     assert [row[0] for row in reached.rows] == [
         "platoons alone, by drag",
         "C, by drag",

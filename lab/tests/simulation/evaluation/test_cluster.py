@@ -5,12 +5,10 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from slipstream.errors import InputError
 from slipstream_lab.simulation.closed_loop.arm import ArmSpec, run_arm
 from slipstream_lab.simulation.closed_loop.policy import Policy
 from slipstream_lab.simulation.evaluation.runs.cluster import arms_on, simulate_sent
@@ -65,18 +63,7 @@ def test_a_killed_worker_costs_time_and_changes_no_result(
         assert [future.result(300) for future in both] == [expected, expected]
 
 
-@pytest.mark.process
 @pytest.mark.long
-def test_a_file_that_sumo_refuses_is_bad_input(
-    order: ArmSpec, two_workers: Members, tmp_path: Path
-) -> None:
-    """The worker's refusal arrives as the same error as this machine's."""
-    net = tmp_path / "broken.net.xml"
-    net.write_text("<net><edge/></net>")
-    with arms_on(two_workers.settings) as arms, pytest.raises(InputError):
-        arms.run(replace(order, net=net), lambda *_: None)
-
-
 def test_a_worker_with_other_sources_refuses(order: ArmSpec) -> None:
     """Its results would be those of another program."""
     with pytest.raises(ValueError, match="other sources is asked for"):

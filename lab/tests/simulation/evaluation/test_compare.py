@@ -9,9 +9,9 @@ from dataclasses import replace
 import pytest
 
 from lab.tests.simulation.evaluation.fakes import GROUND, make_arm
-from slipstream_lab.simulation.closed_loop.record import ArmResult, Service
+from slipstream_lab.simulation.closed_loop.record import ArmResult, OrderService
 from slipstream_lab.simulation.evaluation.arms import POLICIES
-from slipstream_lab.simulation.evaluation.measures.compare import MIN_ORDERS, Spread, compare
+from slipstream_lab.simulation.evaluation.measures.compare import MIN_ORDERS, SeedSpread, compare
 from slipstream_lab.simulation.evaluation.measures.curves import BIN_S, HOUR_S, day_course
 from slipstream_lab.simulation.evaluation.measures.figures import Measures, measure
 
@@ -52,10 +52,10 @@ def test_waits_and_driving_are_the_travel_time() -> None:
 def test_an_order_is_late_once_its_time_is_over() -> None:
     """Begun too late, or not begun though the day went on; not one that is still in time."""
     services = (
-        Service("in-time", 25000.0, 24999.0),
-        Service("late", 25000.0, 25001.0),
-        Service("never", 25000.0, None),
-        Service("not-yet", GROUND.end_s + 60, None),
+        OrderService("in-time", 25000.0, 24999.0),
+        OrderService("late", 25000.0, 25001.0),
+        OrderService("never", 25000.0, None),
+        OrderService("not-yet", GROUND.end_s + 60, None),
     )
     found = measure(arm("B", services=services))
     assert (found.orders, found.served, found.late) == (4, 2, 2)
@@ -174,9 +174,9 @@ def test_a_pace_with_other_orders_is_no_point_of_the_curve() -> None:
 
 def test_spread_is_the_samples() -> None:
     """Mean and standard deviation over seeds; none of a single one."""
-    assert Spread.over([1.0, 2.0, 3.0]) == Spread(2.0, 1.0, 3)
-    assert Spread.over([4.0]) == Spread(4.0, None, 1)
-    assert Spread.over([]) is None
+    assert SeedSpread.over([1.0, 2.0, 3.0]) == SeedSpread(2.0, 1.0, 3)
+    assert SeedSpread.over([4.0]) == SeedSpread(4.0, None, 1)
+    assert SeedSpread.over([]) is None
 
 
 @pytest.mark.parametrize("bin_s", [BIN_S, HOUR_S])

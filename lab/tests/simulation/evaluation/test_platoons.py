@@ -13,7 +13,7 @@ from slipstream_lab.simulation.evaluation.arms import POLICIES
 from slipstream_lab.simulation.evaluation.measures.evaluation import collect
 from slipstream_lab.simulation.evaluation.measures.platoons import no_platoons, why_no_platoon
 from slipstream_lab.simulation.evaluation.report.markdown import headlines, report, terminal_summary
-from slipstream_lab.simulation.evaluation.runs.store import Store
+from slipstream_lab.simulation.evaluation.runs.store import ArmStore
 
 WATCHED = ("e0_main", "e1_mid", "elsewhere")
 
@@ -78,7 +78,7 @@ def test_the_report_says_so_first(tmp_path: Path, platoons: bool) -> None:
     """Above all headlines, and on the terminal; not of arms without the lever, nor of one that
     platooned.
     """
-    with Store(tmp_path, GROUND, "code") as store:
+    with ArmStore(tmp_path, GROUND, "code") as store:
         store.put(POLICIES["B"], 1, make_arm(POLICIES["B"], 1))
         store.put(POLICIES["C"], 1, make_arm(POLICIES["C"], 1) if platoons else lonely(watched=()))
         evaluation = collect(store, GROUND, (1,))

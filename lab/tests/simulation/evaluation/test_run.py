@@ -19,7 +19,7 @@ from slipstream_lab.simulation.evaluation.runs.run import (
     record_wall_time,
     run_missing,
 )
-from slipstream_lab.simulation.evaluation.runs.store import Store
+from slipstream_lab.simulation.evaluation.runs.store import ArmStore
 from slipstream_lab.simulation.sumo import Progress
 
 ARMS = (POLICIES["B"], POLICIES["C"])
@@ -29,7 +29,7 @@ SPAN_S = (GROUND.begin_s, GROUND.end_s)
 def run(folder: Path, simulate: Simulate, workers: int = 1) -> tuple[RunSummary, list[float]]:
     """Two arms of two seeds, and the shares that progress was told."""
     shares: list[float] = []
-    with Store(folder, GROUND, "code") as store:
+    with ArmStore(folder, GROUND, "code") as store:
         done = run_missing(
             ARMS, (1, 2), SPAN_S, store, simulate, workers, lambda a, b: shares.append(a / b)
         )

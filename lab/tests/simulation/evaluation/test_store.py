@@ -12,7 +12,7 @@ from lab.tests.simulation.evaluation.fakes import GROUND, make_arm
 from slipstream.errors import InputError
 from slipstream_lab.simulation.evaluation.arms import POLICIES
 from slipstream_lab.simulation.evaluation.runs.provenance import code_stamp
-from slipstream_lab.simulation.evaluation.runs.store import Store
+from slipstream_lab.simulation.evaluation.runs.store import ArmStore
 
 C = POLICIES["C"]
 
@@ -20,7 +20,7 @@ C = POLICIES["C"]
 def test_an_arm_comes_back_as_it_was(tmp_path: Path) -> None:
     """Every float to its last bit; the same arm is the same file."""
     arm = make_arm(C, 3)
-    with Store(tmp_path / "deep" / "out", GROUND, "code") as store:
+    with ArmStore(tmp_path / "deep" / "out", GROUND, "code") as store:
         assert store.get(C, 3) is None
         store.put(C, 3, arm)
         first = store.get(C, 3)
@@ -48,10 +48,10 @@ def test_arms_of_another_evaluation_are_not_taken_for_these(
     tmp_path: Path, change: dict[str, object], said: str
 ) -> None:
     """One line names the folder, what differs, and the mend."""
-    with Store(tmp_path, GROUND, "code") as store:
+    with ArmStore(tmp_path, GROUND, "code") as store:
         store.put(C, 1, make_arm(C, 1))
     with (
-        Store(tmp_path, replace(GROUND, **change), "code") as other,  # type: ignore[arg-type]
+        ArmStore(tmp_path, replace(GROUND, **change), "code") as other,  # type: ignore[arg-type]
         pytest.raises(InputError) as caught,
     ):
         other.get(C, 1)
@@ -63,7 +63,7 @@ def test_arms_of_another_evaluation_are_not_taken_for_these(
 
 def test_arms_of_before_there_were_prices_of_waiting_are_read(tmp_path: Path) -> None:
     """They waited at the value of driving time, which is what no price means."""
-    with Store(tmp_path, GROUND, "code") as store:
+    with ArmStore(tmp_path, GROUND, "code") as store:
         store.put(C, 1, make_arm(C, 1))
         path = tmp_path / "arms" / "C-1.json"
         document = json.loads(path.read_text())
@@ -74,7 +74,7 @@ def test_arms_of_before_there_were_prices_of_waiting_are_read(tmp_path: Path) ->
 
 def test_an_arm_whose_policy_has_changed_since_is_not_taken(tmp_path: Path) -> None:
     """A name alone does not make an arm."""
-    with Store(tmp_path, GROUND, "code") as store:
+    with ArmStore(tmp_path, GROUND, "code") as store:
         store.put(C, 1, make_arm(C, 1))
         with pytest.raises(InputError, match="another policy"):
             store.get(replace(C, coasting_budget=0.2), 1)
@@ -83,7 +83,7 @@ def test_an_arm_whose_policy_has_changed_since_is_not_taken(tmp_path: Path) -> N
 @pytest.mark.parametrize("damage", ["", "{}", "[1]", '{"ground": 7}', "cut"])
 def test_a_damaged_file_is_named(tmp_path: Path, damage: str) -> None:
     """The line says that deleting it is enough."""
-    with Store(tmp_path, GROUND, "code") as store:
+    with ArmStore(tmp_path, GROUND, "code") as store:
         store.put(C, 1, make_arm(C, 1))
         path = tmp_path / "arms" / "C-1.json"
         path.write_text(path.read_text()[:-200] if damage == "cut" else damage)
@@ -94,7 +94,7 @@ def test_a_damaged_file_is_named(tmp_path: Path, damage: str) -> None:
 
 def test_a_result_without_one_of_its_parts_is_damaged(tmp_path: Path) -> None:
     """What an older version has stored is not read as if it were whole."""
-    with Store(tmp_path, GROUND, "code") as store:
+    with ArmStore(tmp_path, GROUND, "code") as store:
         store.put(C, 1, make_arm(C, 1))
         path = tmp_path / "arms" / "C-1.json"
         document = json.loads(path.read_text())
@@ -106,9 +106,9 @@ def test_a_result_without_one_of_its_parts_is_damaged(tmp_path: Path) -> None:
 
 def test_two_runs_do_not_share_a_folder(tmp_path: Path) -> None:
     """The second one is told so; once the first has ended, it may."""
-    with Store(tmp_path, GROUND, "code"), pytest.raises(InputError, match="another run"):
-        Store(tmp_path, GROUND, "code")
-    with Store(tmp_path, GROUND, "code"):
+    with ArmStore(tmp_path, GROUND, "code"), pytest.raises(InputError, match="another run"):
+        ArmStore(tmp_path, GROUND, "code")
+    with ArmStore(tmp_path, GROUND, "code"):
         pass
 
 
@@ -116,7 +116,7 @@ def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     """A file where the folder should be."""
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="--out"):
-        Store(tmp_path / "file", GROUND, "code")
+        ArmStore(tmp_path / "file", GROUND, "code")
 
 
 def test_the_codes_stamp_is_the_same_every_time() -> None:

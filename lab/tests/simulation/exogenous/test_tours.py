@@ -10,7 +10,7 @@ from slipstream.energy.consumption import Energy
 from slipstream.messages import PlannedSegment, PlannedStop, VehiclePlan
 from slipstream.roads import RoadNetwork
 from slipstream.roads.sumo_net import load_network
-from slipstream_lab.simulation.closed_loop.record import Service
+from slipstream_lab.simulation.closed_loop.record import OrderService
 from slipstream_lab.simulation.exogenous.tours import LegOrder, Tours, free_s
 from slipstream_lab.simulation.fleet.driven_leg import DrivenLeg
 from slipstream_lab.simulation.fleet.losses import Losses
@@ -111,8 +111,8 @@ def test_a_round_is_driven_leg_by_leg_and_ends_at_the_depot(tours: Tours) -> Non
     assert not [*tours.arrived(driven(third, 555.0))]
     assert tours.idle == {"van": 555.0}
     assert tours.services(1000.0)[:2] == (
-        Service("o0", 900.0, 230.0),
-        Service("o1", 900.0, 400.0),
+        OrderService("o0", 900.0, 230.0),
+        OrderService("o1", 900.0, 400.0),
     )
     (again,) = tours.begin(plan(segment))
     assert again.round == 1
@@ -131,16 +131,7 @@ def test_two_stops_at_one_junction_need_no_drive_between_them(tours: Tours) -> N
     (first,) = tours.begin(plan(segment, second_leg=False))
     (last,) = tours.arrived(driven(first, 230.0))
     assert (last.leg, last.due_s) == (2, 350.0)
-    assert tours.services(1000.0)[1] == Service("o1", 900.0, 290.0)
-
-
-def test_slack_is_what_the_tightest_delivery_leaves(tours: Tours) -> None:
-    """Planned to begin at 400 s and due by 900 s, o1 leaves 500 s, and less to whoever is late."""
-    segment = next(iter(tours.network.segments))
-    (first,) = tours.begin(plan(segment))
-    assert tours.slack_s("van", first.due_s) == 500.0
-    assert tours.slack_s("van", first.due_s + 30.0) == 470.0
-    assert tours.slack_s("van", first.due_s + 1000.0) == 0.0
+    assert tours.services(1000.0)[1] == OrderService("o1", 900.0, 290.0)
 
 
 def test_a_day_that_begins_late_leaves_earlier_orders_out(tours: Tours) -> None:

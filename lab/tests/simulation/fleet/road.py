@@ -25,7 +25,7 @@ from slipstream_lab.simulation.fleet.driven_leg import DrivenLeg
 from slipstream_lab.simulation.fleet.exchange import Exchange
 from slipstream_lab.simulation.fleet.world import FleetWorld
 from slipstream_lab.simulation.signals import SignalController
-from slipstream_lab.simulation.sumo.session import Session
+from slipstream_lab.simulation.sumo.session import SumoSession
 from slipstream_lab.simulation.sumo.vehicle_types import TYPES
 from vehicle_agent.agent import AgentParameters
 
@@ -215,7 +215,7 @@ class Running:
         collisions: counted.
     """
 
-    session: Session
+    session: SumoSession
     exchange: Recorded
     world: FleetWorld
     flags: Flags
@@ -281,7 +281,7 @@ def running(
     parameters = AgentParameters(
         length_m=TYPES["cav"].length_m, interval_s=step_s, stale_after_s=10.0
     )
-    with Session(options, files) as session:
+    with SumoSession(options, files) as session:
         exchange = Recorded(
             dict.fromkeys(vehicles, parameters),
             SignalController(intersections, False),

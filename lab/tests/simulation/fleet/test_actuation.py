@@ -14,7 +14,7 @@ from slipstream.messages import VehicleAdvice, VehicleSensing
 from slipstream_lab.simulation.fleet.actuation import ALONE, FOLLOWER, SPEED_CHECKS, Driver
 from slipstream_lab.simulation.fleet.sensing import sense
 from slipstream_lab.simulation.scenarios.scenario import load_scenario
-from slipstream_lab.simulation.sumo.session import Session
+from slipstream_lab.simulation.sumo.session import SumoSession
 
 NAME = "cav/van/0/0"
 PARTNER = "cav/other/0/0"
@@ -28,7 +28,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 
 @pytest.fixture
-def session(files: tuple[Path, Path]) -> Iterator[Session]:
+def session(files: tuple[Path, Path]) -> Iterator[SumoSession]:
     """One vehicle at 20 m/s, on the right lane."""
     net, routes = files
     options = [
@@ -36,7 +36,7 @@ def session(files: tuple[Path, Path]) -> Iterator[Session]:
         *("--xml-validation", "never", "--no-warnings", "true", "--no-step-log", "true"),
         *("--default.speeddev", "0"),
     ]
-    with Session(options, files) as running:
+    with SumoSession(options, files) as running:
         libsumo.route.add(NAME, ["a", "b", "c"])
         libsumo.vehicle.add(NAME, NAME, ALONE, "now", "0", "100", "20")
         running.advance()
@@ -70,7 +70,7 @@ def advice(mode: str, speed_mps: float | None = None, **fields: Any) -> VehicleA
 
 
 def drive(
-    session: Session, driver: Driver, told: VehicleAdvice | None, seconds: float = 20.0
+    session: SumoSession, driver: Driver, told: VehicleAdvice | None, seconds: float = 20.0
 ) -> float:
     """Speed after a while of the same advice."""
     for _ in range(round(seconds / STEP_S)):
@@ -79,7 +79,7 @@ def drive(
     return float(libsumo.vehicle.getSpeed(NAME))
 
 
-def test_a_driver_begins_with_checks_and_its_pace(session: Session) -> None:
+def test_a_driver_begins_with_checks_and_its_pace(session: SumoSession) -> None:
     """All checks stay on whatever is advised; the pace is its desired speed over the limit."""
     driver = Driver(NAME, pace=0.8)
     driver.begin()
@@ -102,7 +102,7 @@ def test_a_driver_begins_with_checks_and_its_pace(session: Session) -> None:
     ],
 )
 def test_each_kind_of_advice_is_driven_and_ends(
-    session: Session, told: VehicleAdvice | None, mps: float
+    session: SumoSession, told: VehicleAdvice | None, mps: float
 ) -> None:
     """The speed is reached; without advice the driver is back at its own, with its own type."""
     driver = Driver(NAME)
@@ -120,7 +120,7 @@ def test_each_kind_of_advice_is_driven_and_ends(
     assert libsumo.vehicle.getSpeedFactor(NAME) == pytest.approx(1.0)
 
 
-def test_after_a_close_gap_a_driver_has_its_pace_again(session: Session) -> None:
+def test_after_a_close_gap_a_driver_has_its_pace_again(session: SumoSession) -> None:
     """SUMO resets the factor with the type; it is set anew, both ways."""
     driver = Driver(NAME, pace=0.8)
     driver.begin()
@@ -130,7 +130,7 @@ def test_after_a_close_gap_a_driver_has_its_pace_again(session: Session) -> None
     assert drive(session, driver, None) == pytest.approx(0.8 * LIMIT_MPS, abs=0.1)
 
 
-def test_who_follows_changes_no_lane_on_its_own(session: Session) -> None:
+def test_who_follows_changes_no_lane_on_its_own(session: SumoSession) -> None:
     """A close gap has its own lane-change mode; afterwards it is the driver's again."""
     driver = Driver(NAME)
     driver.begin()
@@ -141,7 +141,7 @@ def test_who_follows_changes_no_lane_on_its_own(session: Session) -> None:
     assert libsumo.vehicle.getLaneChangeMode(NAME) == before
 
 
-def test_a_wanted_lane_is_taken(session: Session) -> None:
+def test_a_wanted_lane_is_taken(session: SumoSession) -> None:
     """One that does not exist is not."""
     driver = Driver(NAME)
     driver.begin()
@@ -152,7 +152,7 @@ def test_a_wanted_lane_is_taken(session: Session) -> None:
     assert libsumo.vehicle.getLaneIndex(NAME) == 1
 
 
-def test_who_is_close_no_more_is_handed_over_after_a_while(session: Session) -> None:
+def test_who_is_close_no_more_is_handed_over_after_a_while(session: SumoSession) -> None:
     """Three seconds while the agent commands the speed; at once where it commands nothing."""
     driver = Driver(NAME)
     driver.begin()
@@ -177,7 +177,7 @@ def test_a_partner_that_leaves_by_the_other_lane_of_a_fork_stops_nobody(
         *("--net-file", str(net), "--route-files", str(files[1]), "--step-length", str(STEP_S)),
         *("--no-step-log", "true", "--default.speeddev", "0"),
     ]
-    with Session(options, (net, files[1])) as running:
+    with SumoSession(options, (net, files[1])) as running:
         for name, last, at_m in ((PARTNER, "s9-ts9", 180.0), (NAME, "s9-n9", 80.0)):
             libsumo.route.add(name, ["e9_leave", "e9_off", last])
             libsumo.vehicle.add(name, name, ALONE, "now", "0", str(at_m), "19")

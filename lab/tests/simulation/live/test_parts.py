@@ -16,11 +16,11 @@ import pytest
 
 from dispatcher_daemon.fleet import Depot
 from slipstream.roads import Segment, build_network
-from slipstream_lab.simulation.live.fleet_file import FleetFile
-from slipstream_lab.simulation.live.pace import SLIP_S, Pace
+from slipstream_lab.simulation.live.fleet_file import LiveFleetFile
+from slipstream_lab.simulation.live.pace import SLIP_S, WorldPace
 from slipstream_lab.simulation.live.stream import LatestPicture, MjpegServer
 from slipstream_lab.simulation.live.world_spec import WorldSpec
-from slipstream_lab.simulation.rsus import Rsu, Stretch
+from slipstream_lab.simulation.rsus import Rsu, WatchedStretch
 from slipstream_lab.simulation.scenarios.demand.deliveries import Deliveries, FleetSettings, Order
 from slipstream_lab.simulation.sumo_view import camera_site
 
@@ -38,7 +38,7 @@ class Clock:
 def test_steps_are_due_by_the_wall_clock() -> None:
     """A step of 0.1 s is due each 0.1 s, whatever the ones before took."""
     clock = Clock()
-    pace = Pace(0.1, clock)
+    pace = WorldPace(0.1, clock)
     assert pace.wait_s() == pytest.approx(0.1)
     clock.now_s += 0.1
     pace.stepped()
@@ -51,7 +51,7 @@ def test_steps_are_due_by_the_wall_clock() -> None:
 def test_a_short_delay_is_caught_up_with_a_long_one_is_not() -> None:
     """Late steps follow at once; a world far behind goes on from where it is, and tells so."""
     clock = Clock()
-    pace = Pace(0.1, clock)
+    pace = WorldPace(0.1, clock)
     clock.now_s += 0.35
     assert pace.wait_s() == 0.0
     pace.stepped()
@@ -156,7 +156,7 @@ def test_the_order_file_follows_the_day(tmp_path: Path, deliveries: Deliveries) 
     """
     path = tmp_path / "fleet.json"
     now_s = 7.5 * 3600
-    file = FleetFile(path, deliveries, now_s)
+    file = LiveFleetFile(path, deliveries, now_s)
     assert file.write(now_s, set()) == 1
     fleet = json.loads(path.read_text())
     assert [stop["id"] for stop in fleet["stops"]] == ["o7"]
@@ -176,7 +176,7 @@ def test_a_camera_stands_to_the_right_and_looks_along_the_traffic(length_m: floa
     road = Segment("ab", "a", "b", length_m, 13.9, 2, ((0.0, 0.0), end))
     network = build_network("n", [road], {"a": (0.0, 0.0), "b": end})
     to_m = length_m - 60.0 if length_m > 150 else length_m
-    stretch = Stretch(segment="ab", from_m=0.0, to_m=to_m, from_lane=1)
+    stretch = WatchedStretch(segment="ab", from_m=0.0, to_m=to_m, from_lane=1)
     rsu = Rsu(id="rsu-01", watch=(stretch,))
     site = camera_site(rsu, network, 1280, 720)
     ahead = np.array([math.cos(0.5), math.sin(0.5)])

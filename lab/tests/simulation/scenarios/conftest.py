@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from slipstream_lab.simulation.scenarios.day import run_day
-from slipstream_lab.simulation.scenarios.record import Day
+from slipstream_lab.simulation.scenarios.record import SimulatedDay
 from slipstream_lab.simulation.scenarios.scenario import (
-    Background,
+    BackgroundTraffic,
     Scenario,
     day_spec,
     load_scenario,
@@ -25,9 +25,9 @@ class Morning:
     """A part of a day and what it was made of."""
 
     scenario: Scenario
-    background: Background
+    background: BackgroundTraffic
     folder: Path
-    day: Day
+    day: SimulatedDay
 
 
 @pytest.fixture(scope="session")

@@ -9,13 +9,13 @@ import pytest
 from pydantic import ValidationError
 
 from slipstream.errors import InputError
-from slipstream_lab.simulation.rsus import Rsu, Stretch
+from slipstream_lab.simulation.rsus import Rsu, WatchedStretch
 from slipstream_lab.simulation.scenarios.day import run_day
 from slipstream_lab.simulation.scenarios.demand.breakdowns import Breakdown, draw_breakdowns
 from slipstream_lab.simulation.scenarios.demand.trips import DemandSettings, Flow, Zone
 from slipstream_lab.simulation.scenarios.networks.route_files import check_routes
 from slipstream_lab.simulation.scenarios.perception.observer import Observation
-from slipstream_lab.simulation.scenarios.record import Day
+from slipstream_lab.simulation.scenarios.record import SimulatedDay
 from slipstream_lab.simulation.scenarios.scenario import Scenario, day_spec, prepare
 
 BEGIN_S, END_S = 21600.0, 22800.0
@@ -93,7 +93,7 @@ def test_a_range_that_runs_backwards_is_told() -> None:
         Breakdown(name="x", segments=("s",), begin_s=(32400.0, 28800.0), duration_s=(60.0, 60.0))
 
 
-def _day(corridor: Scenario, kinds: tuple[Breakdown, ...], folder: Path) -> Day:
+def _day(corridor: Scenario, kinds: tuple[Breakdown, ...], folder: Path) -> SimulatedDay:
     """Twenty minutes with 3,200 vehicles an hour from end to end."""
     hours = tuple(1.0 if hour in (5, 6) else 0.0 for hour in range(24))
     flow = Flow(name="through", trips=6400, origin="west", destination="east", hours=hours)
@@ -102,7 +102,7 @@ def _day(corridor: Scenario, kinds: tuple[Breakdown, ...], folder: Path) -> Day:
         zones=zones, flows=(flow,), types={"car": 0.85, "truck": 0.15}, breakdowns=kinds
     )
     (stands,) = draw_breakdowns((STOPS,), corridor.network, 1, "x")
-    behind = Stretch(segment="e2_main", from_m=stands.at_m - 350.0, to_m=stands.at_m - 50.0)
+    behind = WatchedStretch(segment="e2_main", from_m=stands.at_m - 350.0, to_m=stands.at_m - 50.0)
     rsus = (Rsu(id="behind", watch=(behind,)),)
     scenario = replace(corridor, demand=demand, rsus=rsus)
     background = prepare(scenario, 1, folder)
@@ -110,6 +110,6 @@ def _day(corridor: Scenario, kinds: tuple[Breakdown, ...], folder: Path) -> Day:
     return run_day(replace(order, window_every_s=60.0, window_s=60.0))
 
 
-def _late(day: Day) -> list[Observation]:
+def _late(day: SimulatedDay) -> list[Observation]:
     """Windows of the last seven minutes."""
     return [o for o in day.observations if o.time_s > END_S - 420.0]

@@ -12,14 +12,14 @@ from edge_daemon.settings import StabilitySettings
 from lab.tests.simulation.scenarios.conftest import BEGIN_S, END_S, Morning
 from slipstream.errors import InputError
 from slipstream_lab.simulation.closed_loop.history_recording import record_history
-from slipstream_lab.simulation.rsus import Stretch, load_rsus
+from slipstream_lab.simulation.rsus import WatchedStretch, load_rsus
 from slipstream_lab.simulation.scenarios.__main__ import main
 from slipstream_lab.simulation.scenarios.acceptance import AcceptanceLimits
 from slipstream_lab.simulation.scenarios.day import DaySpec, run_day
 from slipstream_lab.simulation.scenarios.perception import place_rsus
 from slipstream_lab.simulation.scenarios.perception.observer import ObservedVehicle, window_of
 from slipstream_lab.simulation.scenarios.record import TripInfo, hours_of
-from slipstream_lab.simulation.scenarios.scenario import Scenario, day_spec, load_scenario
+from slipstream_lab.simulation.scenarios.scenario import Scenario, load_scenario
 
 RULE = StabilitySettings().bare()
 
@@ -44,19 +44,6 @@ def test_a_part_of_the_day_runs_and_is_counted(morning: Morning) -> None:
 
 
 @pytest.mark.long
-def test_same_day_twice_is_the_same(morning: Morning) -> None:
-    """Same files, same seed, same record, but for the time it took."""
-    order = day_spec(
-        morning.scenario, morning.background, morning.folder, begin_s=BEGIN_S, end_s=END_S
-    )
-    order = replace(order, window_every_s=60.0)
-    again = run_day(order)
-    one, other = (replace(day, wall_s=0.0) for day in (morning.day, again))
-    for name in ("present_s", "distance_m", "waiting_s", "entered"):
-        assert (getattr(one.traffic, name) == getattr(other.traffic, name)).all()
-    assert replace(one, traffic=other.traffic) == other
-
-
 def test_rsus_windows_come_every_minute_from_every_rsu(morning: Morning) -> None:
     """Each RSU gives a window a minute, and traffic on a busy morning shows in some."""
     observations = morning.day.observations
@@ -69,7 +56,7 @@ def test_rsus_windows_come_every_minute_from_every_rsu(morning: Morning) -> None
 
 def test_a_window_has_the_edges_features() -> None:
     """Two vehicles at even speeds, one behind the other: the features by hand."""
-    stretch = Stretch(segment="s", from_m=100.0, to_m=200.0)
+    stretch = WatchedStretch(segment="s", from_m=100.0, to_m=200.0)
     seen = [
         [
             ObservedVehicle("a", 152.0 + 10 * t, 0, 10.0, 0.0, 4.0),
@@ -91,7 +78,7 @@ def test_a_window_has_the_edges_features() -> None:
 
 def test_lanes_that_are_not_watched_leave_no_trace() -> None:
     """A vehicle that brakes beside the others is in no feature, and the lanes count from theirs."""
-    wide = Stretch(segment="s", from_m=100.0, to_m=200.0)
+    wide = WatchedStretch(segment="s", from_m=100.0, to_m=200.0)
     through = wide.model_copy(update={"from_lane": 1})
     passing = [ObservedVehicle(f"p{i}", 120.0 + 20 * i, 1, 10.0, 0.0, 4.0) for i in range(3)]
     leaving = ObservedVehicle("leaving", 150.0, 0, 4.0, -2.0, 4.0)
@@ -105,6 +92,7 @@ def test_lanes_that_are_not_watched_leave_no_trace() -> None:
     assert (seen.y_e, turbulent.y_e) == (1, 0)
 
 
+@pytest.mark.long
 def test_hours_are_those_of_the_clock(morning: Morning) -> None:
     """Intervals and trips fall into the hour that they begin in, windows into that they end in."""
     traffic = replace(morning.day.traffic, begin_s=3300.0)
@@ -126,6 +114,7 @@ def test_hours_are_those_of_the_clock(morning: Morning) -> None:
     assert hours_of(traffic, trips, 3900.0, windows, 99)[0].judged == 0
 
 
+@pytest.mark.long
 def test_gates_name_every_fault(morning: Morning) -> None:
     """A fit day passes; teleports, late departures, vehicles left and a gridlock do not."""
     gates = AcceptanceLimits()
@@ -162,7 +151,7 @@ def test_gridlock_ends_the_run(corridor: Scenario, tmp_path: Path) -> None:
         record_history(order, corridor.network)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_route_file_of_another_net_is_one_line(troy: Scenario, tmp_path: Path) -> None:
     """It is found before SUMO starts; what SUMO itself refuses is an error that names the file."""
     routes = tmp_path / "other.rou.xml"
@@ -227,7 +216,7 @@ def test_rsus_are_placed_on_busy_approaches_apart_from_each_other(
     assert other.to_m - other.from_m == pytest.approx(300.0, abs=0.1)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_command_writes_figures_and_tells_bad_input_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

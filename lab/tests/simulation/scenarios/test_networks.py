@@ -23,12 +23,10 @@ from slipstream_lab.simulation.scenarios.networks.build import build_net
 from slipstream_lab.simulation.scenarios.networks.corridor import (
     CorridorSettings,
     corridor_plan,
-    corridor_rsus,
-    mainline,
 )
 from slipstream_lab.simulation.scenarios.networks.fixed_time import write_fixed_time
 from slipstream_lab.simulation.scenarios.networks.network import scenario_network
-from slipstream_lab.simulation.scenarios.networks.plan import Junction, NetworkPlan, Road
+from slipstream_lab.simulation.scenarios.networks.plan import Junction, NetworkPlan, PlannedRoad
 from slipstream_lab.simulation.scenarios.networks.route_files import check_routes
 from slipstream_lab.simulation.scenarios.networks.troy import troy_plan
 from slipstream_lab.simulation.scenarios.scenario import Scenario
@@ -157,7 +155,7 @@ def test_bad_sources_name_file_and_line(tmp_path: Path) -> None:
 def test_plan_with_a_road_twice_is_refused() -> None:
     """A plan may be without signals, as a motorway is."""
     ends = (Junction("a", 0, 0, "priority"), Junction("b", 100, 0, "priority"))
-    plan = NetworkPlan("x", ends, (Road("ab", "a", "b", 1, 10.0, 1),))
+    plan = NetworkPlan("x", ends, (PlannedRoad("ab", "a", "b", 1, 10.0, 1),))
     plan.check("x")
     with pytest.raises(InputError, match="two roads with this id"):
         replace(plan, roads=plan.roads * 2).check("x")
@@ -172,7 +170,7 @@ def test_corridor_ramps_join_and_leave_by_a_lane_of_their_own(corridor: Scenario
     assert set(network.follows["e3_off"]) == {"s3-ts3", "s3-n3"}  # not the ramp back
     lanes = [network.segments[f"e3_{part}"].lanes for part in ("leave", "mid", "join", "main")]
     assert lanes == [3, 2, 3, 2]
-    driven = sum(network.segments[name].length_m for name in mainline(CorridorSettings()))
+    driven = sum(network.segments[name].length_m for name in motorway(network))
     assert driven == pytest.approx(2 * 40_000, rel=0.01)
 
 
@@ -192,11 +190,16 @@ def test_no_corridor_ramp_is_slowed_where_it_meets_the_motorway() -> None:
 
 
 def test_corridor_rsus_watch_every_segment_of_the_motorway(corridor: Scenario) -> None:
-    """The shipped RSUs are those of the rule, and no part of the motorway is without one."""
-    rsus = corridor_rsus(CorridorSettings(), corridor.network)
-    assert corridor.rsus == rsus
-    watched = {stretch.segment for rsu in rsus for stretch in rsu.watch}
-    assert watched == set(mainline(CorridorSettings()))
+    """No part of it is without one."""
+    assert corridor.rsus is not None
+    watched = {stretch.segment for rsu in corridor.rsus for stretch in rsu.watch}
+    assert watched == motorway(corridor.network)
+
+
+def motorway(network: RoadNetwork) -> set[str]:
+    """Its segments of both directions, without ramps and streets."""
+    ends = ("_leave", "_mid", "_join", "_main")
+    return {name for name in network.segments if name.endswith(ends)}
 
 
 def test_corridor_too_short_for_its_interchanges_is_refused() -> None:

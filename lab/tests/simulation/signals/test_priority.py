@@ -13,7 +13,7 @@ from slipstream.roads.sumo_net import load_network
 from slipstream_lab.simulation.scenarios.networks.fixed_time import write_fixed_time
 from slipstream_lab.simulation.scenarios.scenario import load_scenario
 from slipstream_lab.simulation.signals import PrioritySettings, SignalController
-from slipstream_lab.simulation.sumo.session import Session
+from slipstream_lab.simulation.sumo.session import SumoSession
 from slipstream_lab.simulation.sumo.vehicle_types import TYPES
 from vehicle_agent.leg import Leg
 from vehicle_agent.signals import SignalRequests, SignalTimings, intersections_ahead
@@ -26,7 +26,7 @@ PATH = (
 )
 
 
-def _troy(folder: Path, fixed: bool) -> Session:
+def _troy(folder: Path, fixed: bool) -> SumoSession:
     """Troy's roads at seven with nobody on them."""
     net = load_scenario("troy").net
     types = folder / "types.rou.xml"
@@ -36,7 +36,7 @@ def _troy(folder: Path, fixed: bool) -> Session:
     if fixed:
         write_fixed_time(net, folder / "fixed.add.xml")
         options += ["--additional-files", str(folder / "fixed.add.xml")]
-    return Session(options, (net, types))
+    return SumoSession(options, (net, types))
 
 
 @dataclass(frozen=True)

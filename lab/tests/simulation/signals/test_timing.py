@@ -11,12 +11,12 @@ import pytest
 from slipstream_lab.simulation.scenarios.networks.fixed_time import write_fixed_time
 from slipstream_lab.simulation.scenarios.scenario import load_scenario
 from slipstream_lab.simulation.signals import SignalController
-from slipstream_lab.simulation.sumo.session import Session
+from slipstream_lab.simulation.sumo.session import SumoSession
 from vehicle_agent.signals import Green, SignalTimings
 
 libsumo = pytest.importorskip("libsumo")
 
-World = Callable[[bool], AbstractContextManager[Session]]
+World = Callable[[bool], AbstractContextManager[SumoSession]]
 
 SIGNAL = "burden_cross"
 """Six phases; one left turn goes in two of them, first giving way, then alone."""
@@ -28,14 +28,14 @@ def world(tmp_path: Path) -> World:
     net = load_scenario("troy").net
 
     @contextmanager
-    def start(fixed: bool) -> Iterator[Session]:
+    def start(fixed: bool) -> Iterator[SumoSession]:
         options = ["--net-file", str(net), "--step-length", "0.5", "--begin", "25200"]
         options += ["--no-step-log", "true", "--no-warnings", "true"]
         if fixed:
             path = tmp_path / "fixed.add.xml"
             write_fixed_time(net, path)
             options += ["--additional-files", str(path)]
-        with Session(options, (net,)) as session:
+        with SumoSession(options, (net,)) as session:
             yield session
 
     return start

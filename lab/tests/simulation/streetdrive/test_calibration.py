@@ -11,21 +11,6 @@ from slipstream_lab.simulation.streetdrive.clip import ClipRenderer, ClipSetting
 from slipstream_lab.simulation.streetdrive.traffic.road import Road
 
 
-@pytest.mark.slow
-def test_points_fit_one_homography(mixed_clip):
-    """A homography fitted to the points reprojects each of them within half a pixel."""
-    points = mixed_clip.camera["points"]
-    assert 8 <= len(points) <= 12
-    image = np.array([p["image"] for p in points])
-    road = np.array([p["road"] for p in points])
-    homography, _ = cv2.findHomography(road, image)
-    back = cv2.perspectiveTransform(road[None], homography)[0]
-    assert np.abs(back - image).max() < 0.5
-    assert (image >= 0).all()
-    assert (image <= [1280, 720]).all()
-    assert np.ptp(road[:, 0]) > 40
-
-
 @pytest.mark.long
 def test_homography_from_the_file_finds_vehicles_on_the_road(mixed_clip):
     """The fitted homography maps truth's x and y to the renderer's own projection within 1 px."""

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slipstream_lab.simulation.streetdrive.rendering.camera import Camera
+from slipstream_lab.simulation.streetdrive.rendering.camera import PinholeCamera
 
-CAMERA = Camera(10.0, 8.0, math.radians(16), math.radians(-9), 1000.0, math.radians(1))
+CAMERA = PinholeCamera(10.0, 8.0, math.radians(16), math.radians(-9), 1000.0, math.radians(1))
 
 
 @given(st.floats(8, 300), st.floats(-30, 30))
@@ -59,4 +59,4 @@ def test_impossible_cameras_are_refused(change):
         "focal_px": 900.0,
     }
     with pytest.raises(ValueError, match=r"positive|pitch"):
-        Camera(**{**values, **change})
+        PinholeCamera(**{**values, **change})

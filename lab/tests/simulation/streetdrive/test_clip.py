@@ -42,14 +42,6 @@ def test_same_seed_gives_the_same_bytes_on_any_thread_count(tmp_path, mixed_clip
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted(FILES)
 
 
-@pytest.mark.long
-def test_another_seed_gives_another_clip(tmp_path, mixed_clip):
-    """All three files differ for another seed."""
-    render_clip(ClipSettings(seconds=0.2, fps=15.0, scenario="mixed", seed=8), tmp_path)
-    for name in FILES:
-        assert (tmp_path / name).read_bytes() != (mixed_clip.folder / name).read_bytes(), name
-
-
 def test_video_has_the_promised_frames(mixed_clip):
     """The video decodes to 30 pictures of 1280 x 720 at 15 frames per second."""
     capture = cv2.VideoCapture(str(mixed_clip.folder / "video.mp4"))
@@ -165,13 +157,3 @@ def test_unwritable_folder_is_refused(tmp_path: Path):
     blocker.write_text("")
     with pytest.raises(InputError):
         render_clip(ClipSettings(seconds=0.2), blocker / "clip")
-
-
-@pytest.mark.long
-def test_progress_reports_each_frame(tmp_path):
-    """The progress call counts up to the number of frames."""
-    calls: list[tuple[int, int]] = []
-    render_clip(
-        ClipSettings(seconds=0.2, fps=10.0), tmp_path, lambda done, of: calls.append((done, of))
-    )
-    assert calls == [(1, 2), (2, 2)]

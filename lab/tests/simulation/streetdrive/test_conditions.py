@@ -14,18 +14,18 @@ from slipstream_lab.simulation.streetdrive import ClipSettings, Conditions
 from slipstream_lab.simulation.streetdrive.clip import PALETTE, ClipRenderer
 from slipstream_lab.simulation.streetdrive.rendering import (
     CLEAR,
-    Camera,
     Codec,
     Density,
     Lens,
-    Placed,
+    PinholeCamera,
+    PlacedMesh,
     Stage,
     draw_light,
 )
 from slipstream_lab.simulation.streetdrive.traffic import Road
 from slipstream_lab.simulation.streetdrive.vehicles import build_vehicle
 
-CAMERA = Camera(10.0, 6.0, 0.28, -0.1, 520.0, width_px=640, height_px=360)
+CAMERA = PinholeCamera(10.0, 6.0, 0.28, -0.1, 520.0, width_px=640, height_px=360)
 LIGHT = replace(draw_light(np.random.default_rng(3)).exposed(1.2), haze_m=2000.0)
 RED = [(30.0, 24.0, 200.0)]
 
@@ -45,10 +45,10 @@ def stage(conditions: Conditions, density: Density | None = None) -> Stage:
     )
 
 
-def car(x_m: float, heading: int, speed_mps: float = 0.0) -> Placed:
+def car(x_m: float, heading: int, speed_mps: float = 0.0) -> PlacedMesh:
     """A red car in the inner lane of its direction."""
     mesh = build_vehicle("hatch", np.random.default_rng(1), RED)
-    return Placed(mesh, x_m, -2.05 * heading, heading, speed_mps=speed_mps)
+    return PlacedMesh(mesh, x_m, -2.05 * heading, heading, speed_mps=speed_mps)
 
 
 def grey(image: np.ndarray) -> np.ndarray:

@@ -8,25 +8,25 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from slipstream_lab.simulation.streetdrive.clip import Fleet
+from slipstream_lab.simulation.streetdrive.clip import ClipFleet
 from slipstream_lab.simulation.streetdrive.settings import SEGMENT_FAR_M, SEGMENT_NEAR_M
 from slipstream_lab.simulation.streetdrive.traffic.paper_law import PaperLaw
-from slipstream_lab.simulation.streetdrive.traffic.road import Road, Track
-from slipstream_lab.simulation.streetdrive.traffic.scenarios import Driver, simulate
+from slipstream_lab.simulation.streetdrive.traffic.road import Road, VehicleTrack
+from slipstream_lab.simulation.streetdrive.traffic.scenarios import TrafficDriver, simulate
 
 FPS, SECONDS = 10.0, 40.0
 ROAD = Road()
 
 
 @lru_cache
-def tracks_of(scenario: str, seed: int) -> tuple[list[Track], Fleet]:
+def tracks_of(scenario: str, seed: int) -> tuple[list[VehicleTrack], ClipFleet]:
     """Trajectories of a scenario with the lengths of its rendered vehicles."""
-    fleet = Fleet(seed)
+    fleet = ClipFleet(seed)
     tracks = simulate(scenario, ROAD, seconds=SECONDS, fps=FPS, seed=seed, length_of=fleet.length_m)
     return tracks, fleet
 
 
-def windows(tracks: list[Track], direction: int) -> list[tuple[float, float, float, int]]:
+def windows(tracks: list[VehicleTrack], direction: int) -> list[tuple[float, float, float, int]]:
     """Mean speed, CV of speed, variance of acceleration and vehicle count of each 10 s window."""
     found = []
     for first in range(0, round((SECONDS - 10) * FPS) + 1, round(FPS)):
@@ -113,7 +113,7 @@ def test_paper_law_is_the_papers_formula():
 
 def test_idm_rests_at_its_equilibrium():
     """At the equilibrium gap the acceleration is 0; closer it brakes and farther it speeds up."""
-    driver = Driver(desired_speed_mps=20.0, time_gap_s=1.2)
+    driver = TrafficDriver(desired_speed_mps=20.0, time_gap_s=1.2)
     gap = (2.0 + 15.0 * 1.2) / np.sqrt(1 - (15 / 20) ** 4)
     assert driver.acceleration(15.0, gap, 15.0) == pytest.approx(0.0, abs=1e-9)
     assert driver.acceleration(15.0, gap * 0.7, 15.0) < 0 < driver.acceleration(15.0, 2 * gap, 15.0)

@@ -12,11 +12,15 @@ from slipstream_cli.main import main
 from slipstream_lab.simulation.rsus import load_rsu
 from slipstream_lab.simulation.sumo_view import SumoClipSettings
 from slipstream_lab.simulation.sumo_view.examples import RSUS, find_net, find_routes, find_rsu
-from slipstream_lab.simulation.sumo_view.lanes import Roads
+from slipstream_lab.simulation.sumo_view.lanes import LaneRoads
 from slipstream_lab.simulation.sumo_view.net import read_roads
-from slipstream_lab.simulation.sumo_view.pose import Site, draw_pose
-from slipstream_lab.simulation.sumo_view.watched_segments import Stretch, View, choose_stretches
-from slipstream_lab.simulation.sumo_view.world import World
+from slipstream_lab.simulation.sumo_view.pose import CameraSite, draw_pose
+from slipstream_lab.simulation.sumo_view.watched_segments import (
+    SegmentStretch,
+    View,
+    choose_stretches,
+)
+from slipstream_lab.simulation.sumo_view.world import SumoViewWorld
 
 RSU = find_rsu("approach").read_text()
 ROUTES = "<routes>{}</routes>"
@@ -67,9 +71,9 @@ def test_bad_files_are_refused(tmp_path: Path, capfd, option, content, told):
 
 
 @pytest.fixture(scope="module")
-def roads() -> Roads:
+def roads() -> LaneRoads:
     """The built-in avenue around the RSU `approach`."""
-    with World(find_net("avenue"), (find_routes("calm"),), (), 1):
+    with SumoViewWorld(find_net("avenue"), (find_routes("calm"),), (), 1):
         return read_roads(95.0, 9.2, 320.0)
 
 
@@ -102,12 +106,12 @@ def test_edges_that_cannot_be_watched_are_refused(tmp_path: Path, roads, old, ne
     assert told in str(caught.value)
 
 
-def chosen(text: str, path: Path, roads: Roads) -> tuple[Stretch, ...]:
+def chosen(text: str, path: Path, roads: LaneRoads) -> tuple[SegmentStretch, ...]:
     """What an RSU file has its camera watch."""
     path.write_text(text)
     rsu = load_rsu(path)
     pose = draw_pose(rsu, 1, path)
-    view = View(pose.camera(pose.heading_rad), Site(pose.x_m, pose.y_m, pose.heading_rad))
+    view = View(pose.camera(pose.heading_rad), CameraSite(pose.x_m, pose.y_m, pose.heading_rad))
     return choose_stretches(rsu, roads, view, path)
 
 

@@ -10,19 +10,19 @@ import pytest
 
 from slipstream_lab.simulation.rsus import SceneSettings
 from slipstream_lab.simulation.streetdrive.clip import PALETTE
-from slipstream_lab.simulation.streetdrive.rendering.camera import Camera
+from slipstream_lab.simulation.streetdrive.rendering.camera import PinholeCamera
 from slipstream_lab.simulation.streetdrive.rendering.ground import view_ground
-from slipstream_lab.simulation.streetdrive.rendering.painter import Placed, measure
+from slipstream_lab.simulation.streetdrive.rendering.painter import PlacedMesh, measure
 from slipstream_lab.simulation.streetdrive.vehicles.catalogue import CLASS_OF_SHAPE, build_vehicle
 from slipstream_lab.simulation.sumo_view.examples import find_additional, find_net, find_routes
 from slipstream_lab.simulation.sumo_view.ground import paint_roads
-from slipstream_lab.simulation.sumo_view.lanes import Carriageway, Roads
+from slipstream_lab.simulation.sumo_view.lanes import Carriageway, LaneRoads
 from slipstream_lab.simulation.sumo_view.polylines import at, distances, shifted, stretch
-from slipstream_lab.simulation.sumo_view.pose import Site
+from slipstream_lab.simulation.sumo_view.pose import CameraSite
 from slipstream_lab.simulation.sumo_view.roadside import RoadsidePlan, choose_objects
 from slipstream_lab.simulation.sumo_view.shapes import Kind, is_known, mesh_of
 from slipstream_lab.simulation.sumo_view.traffic import STEP_S, State, between
-from slipstream_lab.simulation.sumo_view.world import World, drive
+from slipstream_lab.simulation.sumo_view.world import SumoViewWorld, drive
 
 MAX_SPEED_CV, MAX_ACCELERATION_VARIANCE = 0.12, 0.5
 """The paper's rule (section V-A)."""
@@ -35,7 +35,9 @@ MAX_SPEED_CV, MAX_ACCELERATION_VARIANCE = 0.12, 0.5
 def test_built_in_routes_are_what_their_names_say(routes, begin_s, stable):
     """By the paper's rule the calm example is stable in each 10 s window, the rough one in none."""
     seen: dict[int, list[tuple[float, ...]]] = defaultdict(list)
-    with World(find_net("avenue"), (find_routes(routes),), find_additional(routes, []), 3) as world:
+    with SumoViewWorld(
+        find_net("avenue"), (find_routes(routes),), find_additional(routes, []), 3
+    ) as world:
         world.subscribe_around(140.0, 0.0, 60.0)
         for frame, vehicles in enumerate(drive(world, begin_s, 5.0, 75)):
             for vehicle in vehicles:
@@ -99,14 +101,14 @@ def test_vehicles_without_a_shape_are_known_to_be_so():
     assert not any(is_known(vclass) for vclass in ("tram", "ship", "pedestrian", ""))
 
 
-CAMERA = Camera(10.0, 0.0, math.radians(16), 0.0, 500.0, width_px=640, height_px=360)
+CAMERA = PinholeCamera(10.0, 0.0, math.radians(16), 0.0, 500.0, width_px=640, height_px=360)
 
 
 def test_a_half_turn_is_the_other_heading():
     """A vehicle turned by π is seen as one with the opposite heading along x."""
     bus = build_vehicle("bus", np.random.default_rng(1))
-    ahead = measure(CAMERA, [Placed(bus, 40.0, -3.0, -1)])[0]
-    turned = measure(CAMERA, [Placed(bus, 40.0, -3.0, 1, math.pi)])[0]
+    ahead = measure(CAMERA, [PlacedMesh(bus, 40.0, -3.0, -1)])[0]
+    turned = measure(CAMERA, [PlacedMesh(bus, 40.0, -3.0, 1, math.pi)])[0]
     assert ahead is not None
     assert turned is not None
     assert turned.box_px == pytest.approx(ahead.box_px, abs=1e-3)
@@ -115,8 +117,8 @@ def test_a_half_turn_is_the_other_heading():
 def test_a_quarter_turn_shows_the_side():
     """A bus turned across the road is much wider in the picture than one along it."""
     bus = build_vehicle("bus", np.random.default_rng(1))
-    along = measure(CAMERA, [Placed(bus, 60.0, 0.0, 1)])[0]
-    across = measure(CAMERA, [Placed(bus, 60.0, 0.0, 1, math.pi / 2)])[0]
+    along = measure(CAMERA, [PlacedMesh(bus, 60.0, 0.0, 1)])[0]
+    across = measure(CAMERA, [PlacedMesh(bus, 60.0, 0.0, 1, math.pi / 2)])[0]
     assert along is not None
     assert across is not None
     widths = [box[2] - box[0] for box in (along.box_px, across.box_px)]
@@ -139,15 +141,15 @@ def test_lines_are_shifted_along_their_bend():
     assert part[0] == pytest.approx(at(ARC, np.array([20.0]))[0])
 
 
-def bent_roads() -> Roads:
+def bent_roads() -> LaneRoads:
     """Two lanes that bend to the left, the left border along ARC."""
     way = Carriageway("bend", ARC, (3.5, 3.5), 0.0, float(distances(ARC)[-1]), False)
-    return Roads((way,), (), frozenset({"bend"}))
+    return LaneRoads((way,), (), frozenset({"bend"}))
 
 
 def test_asphalt_and_markings_follow_the_bend():
     """Lane middles are asphalt, the lane line is dashed with paint, the land beside is grass."""
-    site = Site(0.0, 3.0, 0.0)
+    site = CameraSite(0.0, 3.0, 0.0)
     view = view_ground(CAMERA, np.random.default_rng(2))
     picture = paint_roads(view, CAMERA, bent_roads(), site, PALETTE)
 
@@ -169,7 +171,7 @@ def test_asphalt_and_markings_follow_the_bend():
 
 def test_nothing_stands_on_the_road_or_before_it():
     """Buildings, trees and lamp posts leave the road and the sight of it free."""
-    roads, site = bent_roads(), Site(-10.0, 8.0, 0.0)
+    roads, site = bent_roads(), CameraSite(-10.0, 8.0, 0.0)
     plan = RoadsidePlan(roads, site)
     scene = SceneSettings(buildings=8.0, trees=30.0)
     things = choose_objects(plan, roads, site, scene, np.random.default_rng(3))

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from slipstream_lab.simulation.streetdrive.rendering.painter import Placed, Seen, measure
+from slipstream_lab.simulation.streetdrive.rendering.painter import PlacedMesh, Seen, measure
 from slipstream_lab.simulation.streetdrive.traffic.road import Road
 from slipstream_lab.simulation.streetdrive.vehicles.catalogue import (
     CLASS_OF_SHAPE,
@@ -116,9 +116,9 @@ def test_visible_fraction_counts_what_nearer_vehicles_hide():
     rng = np.random.default_rng(0)
     car, lorry = build_vehicle("hatch", rng), build_vehicle("lorry", rng)
     y = camera.lateral_m
-    far_car = Placed(car, 60.0, y, -1)
+    far_car = PlacedMesh(car, 60.0, y, -1)
     assert measure(camera, [far_car])[0].visible_fraction == pytest.approx(1.0, abs=0.02)
-    near_lorry = Placed(lorry, 60.0 - 2.5 - lorry.length_m / 2 - 0.5, y, -1)
+    near_lorry = PlacedMesh(lorry, 60.0 - 2.5 - lorry.length_m / 2 - 0.5, y, -1)
     hidden, whole = measure(camera, [far_car, near_lorry])
     assert hidden.visible_fraction < 0.6
     assert whole.visible_fraction == pytest.approx(1.0, abs=0.02)

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from slipstream_lab.simulation.streetdrive.rendering import CLEAR
 from slipstream_lab.simulation.streetdrive.vehicles import CLASS_OF_SHAPE, build_vehicle
 from slipstream_lab.simulation.training.ranges import (
-    BY_CONDITION,
     CONDITIONS,
-    VARIED,
     draw_conditions,
 )
-from slipstream_lab.simulation.training.scenes import TRAIN, render_shots
 from slipstream_lab.simulation.training.variety import any_paint, uneven_light, varied_mesh
 
 
@@ -65,14 +60,3 @@ def test_paints_cover_the_hues_and_light_is_uneven():
     patched = uneven_light(image, rng)
     assert patched.std() > 2
     assert patched.mean() == pytest.approx(120, abs=15)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("limits", [BY_CONDITION[0], VARIED], ids=lambda limits: limits.name)
-def test_scenes_of_the_new_ranges_are_reproducible_and_labelled(limits):
-    """Same index, same picture; the boxes of a range are there whatever the weather."""
-    one_shot = replace(limits, shots=1)
-    (a,), (b,) = (render_shots(TRAIN, 4, 1, one_shot) for _ in range(2))
-    assert np.array_equal(a.image, b.image)
-    assert a.labels == b.labels
-    assert a.labels

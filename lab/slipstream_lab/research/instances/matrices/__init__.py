@@ -3,7 +3,6 @@
 from slipstream_lab.research.instances.matrices.instance import (
     MatrixInstance,
     has_matrices,
-    load_matrix_instance,
     matrix_instance_from,
     write_matrix_instance,
 )
@@ -14,7 +13,6 @@ __all__ = [
     "MatrixInstance",
     "MatrixPlan",
     "has_matrices",
-    "load_matrix_instance",
     "matrix_instance_from",
     "read_published",
     "search_matrix_instance",

@@ -57,10 +57,8 @@ FUNCTIONS: Final = (*_OF_DIFFERENCES, "GEO")
 
 
 def computed(name: str, at: Floats) -> Floats:
-    """Distances of one of `FUNCTIONS`, shape (n, n).
-
-    Args:
-        at: coordinates, shape (n, 2); with GEO latitude and longitude as degrees.minutes.
+    """Distances of one of `FUNCTIONS`, shape (n, n). `at`: coordinates, shape (n, 2); with GEO
+    latitude and longitude as degrees.minutes.
     """
     if name == "GEO":
         found = _geo(at)
@@ -104,10 +102,8 @@ FORMATS: Final = ("FULL_MATRIX", *_PARTS)
 
 
 def explicit(form: str, numbers: list[float], size: int, path: Path) -> Floats:
-    """The matrix of an EDGE_WEIGHT_SECTION, however its lines are broken, shape (n, n).
-
-    Raises:
-        InputError: another format, or not as many numbers as it has.
+    """The matrix of an EDGE_WEIGHT_SECTION, however its lines are broken, shape (n, n). Raises
+    InputError: another format, or not as many numbers as it has.
     """
     if form not in FORMATS:
         mend = f"take one of {', '.join(FORMATS)}"

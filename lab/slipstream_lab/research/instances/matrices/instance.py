@@ -11,7 +11,7 @@ import numpy as np
 
 from dispatcher_daemon.fleet import Fleet, check_fleet
 from dispatcher_daemon.planning.roads import Floats, given_matrices
-from slipstream.config import check, read_data
+from slipstream.config import check
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork
 from slipstream_lab.research.instances.matrices.schema import MatrixFile, MatrixTable, Measure
@@ -21,12 +21,7 @@ _UNITS: Mapping[Measure, str] = {"distance": "m", "duration": "s", "energy": "kW
 
 @dataclass(frozen=True)
 class MatrixInstance:
-    """A routing problem on given matrices.
-
-    Attributes:
-        file: what the file holds.
-        network: the places as junctions without roads.
-    """
+    """A routing problem on given matrices."""
 
     file: MatrixFile
     network: RoadNetwork
@@ -109,20 +104,9 @@ def has_matrices(data: object) -> bool:
     return isinstance(data, Mapping) and "matrix" in data
 
 
-def load_matrix_instance(path: str | Path) -> MatrixInstance:
-    """Read an instance with matrices from a JSON or TOML file.
-
-    Raises:
-        InputError: naming file, key and mend.
-    """
-    return matrix_instance_from(read_data(Path(path)), path)
-
-
 def matrix_instance_from(data: object, source: str | Path) -> MatrixInstance:
-    """Check plain data as an instance with matrices.
-
-    Raises:
-        InputError: as `load_matrix_instance`; also what only roads can express.
+    """Check plain data as an instance with matrices. Raises InputError: naming file, key
+    and mend; also what only roads can express.
     """
     file = check(data, MatrixFile, source)
     seen: set[str] = set()
@@ -146,10 +130,8 @@ def matrix_instance_from(data: object, source: str | Path) -> MatrixInstance:
 
 
 def write_matrix_instance(instance: MatrixInstance, path: Path) -> None:
-    """Write an instance as JSON; read back it is equal.
-
-    Raises:
-        InputError: the file cannot be written.
+    """Write an instance as JSON; read back it is equal. Raises InputError: the file cannot be
+    written.
     """
     text = instance.file.model_dump_json(exclude_none=True, exclude_defaults=True)
     try:

@@ -33,15 +33,8 @@ _TOLERANCE_S: Final = 1e-6
 
 @dataclass(frozen=True)
 class MatrixPlan:
-    """Routes of an instance with matrices.
-
-    Attributes:
-        routes: stops in order by vehicle; none for one that stays.
-        unserved: stops on no route.
-        faults: rules that the routes break, by a check of their own.
-        sums: of the matrices along the routes.
-        straight_m: of the straight lines along them, not rounded.
-        wall_s: of the search.
+    """Routes of an instance with matrices. `routes`: stops in order by vehicle; none for one that
+    stays.
     """
 
     routes: Mapping[str, tuple[str, ...]]

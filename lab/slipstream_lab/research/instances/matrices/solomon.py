@@ -20,11 +20,7 @@ _COLUMNS: Final = 7
 
 
 def solomon_data(text: str, path: Path) -> dict[str, Any]:
-    """Plain data of an instance file.
-
-    Raises:
-        InputError: a line is malformed or missing.
-    """
+    """Plain data of an instance file. Raises InputError: a line is malformed or missing."""
     lines = [(n, line.split()) for n, line in enumerate(text.splitlines(), 1) if line.strip()]
     heads = [" ".join(words).upper() for _, words in lines[:6]]
     if len(lines) < 7 or heads[1] != "VEHICLE" or heads[4] != "CUSTOMER":

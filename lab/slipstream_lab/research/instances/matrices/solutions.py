@@ -30,12 +30,8 @@ _LEAST: Final = 1e-6
 
 @dataclass(frozen=True)
 class Solution:
-    """A solution file.
-
-    Attributes:
-        cost: as it is written.
-        decimals: how many digits it has behind the point.
-        routes: customers in their order, the first after the depot being 1; none: not given.
+    """A solution file. `routes`: customers in their order, the first after the depot being 1;
+    none: not given.
     """
 
     cost: float
@@ -44,10 +40,8 @@ class Solution:
 
 
 def read_solution(path: Path) -> Solution:
-    """Read a solution in CVRPLIB's format.
-
-    Raises:
-        InputError: no cost, two, or something that is no number.
+    """Read a solution in CVRPLIB's format. Raises InputError: no cost, two, or something that is
+    no number.
     """
     cost: tuple[float, int] | None = None
     routes: list[list[int]] = []
@@ -75,11 +69,6 @@ def with_best_known(data: dict[str, Any], instance: MatrixInstance, path: Path) 
     """The instance with the cost of a solution file, by the distances that the solution counts.
 
     Where these are no distances of the instance, the cost is not comparable, and says why.
-
-    Args:
-        data: plain data of the instance.
-        instance: made of them.
-        path: of the solution.
     """
     solution = read_solution(path)
     rounding, comparable, note = _counted(data, instance, solution)

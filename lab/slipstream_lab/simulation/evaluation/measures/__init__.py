@@ -2,12 +2,10 @@
 
 from slipstream_lab.simulation.evaluation.measures.ceilings import (
     Ceilings,
-    LossShares,
     compute_ceilings,
-    loss_shares,
     share_of_ceiling,
 )
-from slipstream_lab.simulation.evaluation.measures.compare import Compared, Spread
+from slipstream_lab.simulation.evaluation.measures.compare import Compared, SeedSpread
 from slipstream_lab.simulation.evaluation.measures.curves import (
     BIN_S,
     HOUR_S,
@@ -28,13 +26,11 @@ __all__ = [
     "Course",
     "Evaluation",
     "Headline",
-    "LossShares",
     "Measures",
-    "Spread",
+    "SeedSpread",
     "collect",
     "compute_ceilings",
     "day_course",
-    "loss_shares",
     "no_platoons",
     "share_of_ceiling",
 ]

@@ -21,7 +21,6 @@ from slipstream.energy.drive import Drive, DrivingStyle, plan_drive
 from slipstream.roads import RoadNetwork
 from slipstream_lab.simulation.closed_loop.record import ArmResult
 from slipstream_lab.simulation.fleet.driven_leg import DrivenLeg
-from slipstream_lab.simulation.fleet.losses import drive_losses
 from slipstream_lab.simulation.sumo import TYPES
 
 _CAV: Final = TYPES["cav"]
@@ -32,13 +31,7 @@ _SLOWEST: Final = 0.3
 
 @dataclass(frozen=True)
 class Ideal:
-    """An ideal drive of an arm's legs.
-
-    Attributes:
-        alone_kwh: without drafting.
-        drafted_kwh: with 20 % less drag all the way.
-        travel_s: of all legs.
-    """
+    """An ideal drive of an arm's legs."""
 
     alone_kwh: float
     drafted_kwh: float
@@ -78,40 +71,10 @@ class Ceilings:
         return {name: 1 - kwh / base for name, kwh in found.items()}
 
 
-@dataclass(frozen=True)
-class LossShares:
-    """Where the energy of an arm's legs goes, each vehicle alone; kWh, the parts add up.
-
-    Attributes:
-        rolling: rolling resistance.
-        drag: air.
-        deliveries: braked away at the ends of legs.
-        turns: for turns and lower limits, as on an empty road.
-        stands: before standing on the road, at signals or in queues.
-        traffic: slowing without standing beyond what turns take: for others, and for signals that
-            turned green in time. Below zero where vehicles come to turns slower than on an empty
-            road.
-    """
-
-    rolling: float
-    drag: float
-    deliveries: float
-    turns: float
-    stands: float
-    traffic: float
-
-
 def compute_ceilings(
     arm: ArmResult, roads: RoadNetwork, vehicle: VehicleParameters = PAPER_CAR
 ) -> Ceilings:
-    """Ceilings of an arm.
-
-    Args:
-        roads: of the arm's net, with the ways through its junctions.
-
-    Raises:
-        ValueError: the arm drove nothing.
-    """
+    """Ceilings of an arm. Raises ValueError: the arm drove nothing."""
     legs = arm.legs
     if not legs:
         raise ValueError("an arm without legs has no ceilings")
@@ -126,36 +89,14 @@ def compute_ceilings(
     )
 
 
-def loss_shares(
-    arm: ArmResult, roads: RoadNetwork, vehicle: VehicleParameters = PAPER_CAR
-) -> LossShares:
-    """Split the energy of an arm's legs by what it was lost to."""
-    lost = [leg.losses for leg in arm.legs]
-    turns = sum(drive_losses(free_drive(leg.path, roads), vehicle).slowing_kwh for leg in arm.legs)
-    return LossShares(
-        rolling=sum(own.rolling_kwh for own in lost),
-        drag=sum(own.drag_kwh for own in lost),
-        deliveries=sum(own.arrival_kwh for own in lost),
-        turns=turns,
-        stands=sum(own.stands_kwh for own in lost),
-        traffic=sum(own.slowing_kwh for own in lost) - turns,
-    )
-
-
 def share_of_ceiling(saving: float, ceiling: float) -> float | None:
     """How much of what can be had a saving is; None where nothing can be had."""
     return saving / ceiling if ceiling > 0 else None
 
 
 def free_drive(path: Sequence[str], roads: RoadNetwork, pace: float = 1.0) -> Drive:
-    """A leg on empty roads without signals: limits, and the speeds that turns allow.
-
-    Args:
-        path: segments, at least one.
-        pace: desired speed over the limit.
-
-    Raises:
-        KeyError: a segment that the net has not, or two that no lane joins.
+    """A leg on empty roads without signals: limits, and the speeds that turns allow. Raises
+    KeyError: a segment that the net has not, or two that no lane joins.
     """
     lengths, speeds = [], []
     for number, segment in enumerate(path):

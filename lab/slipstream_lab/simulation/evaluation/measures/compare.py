@@ -29,13 +29,8 @@ class Compared:
     """One arm of one seed against the baseline of that seed, on the same orders.
 
     Attributes:
-        saving: share of the baseline's energy, at each arm's own travel time.
-        at_equal_time: share of what the baseline would have needed in the same travel time.
         unequal: why there is no `at_equal_time`; "" where there is.
         parts: the saving by its causes, kWh.
-        shares: the same as shares of the baseline's energy.
-        travel: longer travel time than the baseline, share.
-        others_s: longer trips of the background, s each.
     """
 
     saving: float
@@ -48,26 +43,17 @@ class Compared:
 
 
 @dataclass(frozen=True)
-class Comparison:
-    """All arms against the baseline.
-
-    Attributes:
-        compared: by arm and seed, where they compare.
-        apart: elsewhere, why not; of sound arms.
-    """
+class ArmComparison:
+    """All arms against the baseline."""
 
     compared: Mapping[str, Mapping[int, Compared]]
     apart: Mapping[str, Mapping[int, str]]
 
 
 @dataclass(frozen=True)
-class Spread:
-    """Of one figure over the seeds.
-
-    Attributes:
-        mean: of all.
-        deviation: the sample's standard deviation; None of a single seed.
-        count: seeds.
+class SeedSpread:
+    """Of one figure over the seeds. `deviation`: the sample's standard deviation; None of a single
+    seed.
     """
 
     mean: float
@@ -75,7 +61,7 @@ class Spread:
     count: int
 
     @classmethod
-    def over(cls, values: Sequence[float]) -> Spread | None:
+    def over(cls, values: Sequence[float]) -> SeedSpread | None:
         """Of these values; None of nothing."""
         if not values:
             return None
@@ -90,7 +76,7 @@ def sound(runs: Runs) -> dict[str, dict[int, Measures]]:
     }
 
 
-def compare(runs: Runs) -> Comparison:
+def compare(runs: Runs) -> ArmComparison:
     """Every sound arm against the baseline of its seed."""
     fit = sound(runs)
     bases = fit.get(BASELINE, {})
@@ -114,7 +100,7 @@ def compare(runs: Runs) -> Comparison:
             for seed in equal:
                 found = compared[name][seed]
                 compared[name][seed] = replace(found, at_equal_time=None, unequal=few)
-    return Comparison(compared, apart)
+    return ArmComparison(compared, apart)
 
 
 def _too_few(arms: Mapping[int, Measures], seeds: Collection[int]) -> str:

@@ -22,11 +22,6 @@ HOUR_S: Final = 3600.0
 class Course:
     """One arm of one seed over its time; arrays of shape (bins,), each for a bin that ends at its
     time.
-
-    Attributes:
-        ends_s: since midnight.
-        energy_kwh: needed in the bin.
-        platooned_km: driven in platoons in it.
     """
 
     ends_s: Array
@@ -37,9 +32,6 @@ class Course:
 def day_course(result: ArmResult, bin_s: float) -> Course:
     """Energy and platooned distance by time, those of a leg spread evenly over its time on the
     road; what a leg needs after the last bin counts in the last one.
-
-    Args:
-        bin_s: bins end at its multiples, and at the end.
     """
     first = np.floor(result.begin_s / bin_s) + 1
     last = np.ceil(result.end_s / bin_s)

@@ -16,14 +16,6 @@ class TimeCurve:
     squares under that order), then interpolated by a monotone cubic. Beyond its ends there is no
     curve: what the baseline would need there was not simulated.
 
-    Args:
-        times: travel time of each pace, any order.
-        energies: in the same order.
-
-    Attributes:
-        fastest: travel time of the fastest pace.
-        slowest: of the slowest one.
-
     Raises:
         ValueError: fewer than two different travel times.
     """

@@ -7,23 +7,23 @@ from dataclasses import dataclass
 
 from slipstream_lab.simulation.closed_loop.record import ArmResult
 from slipstream_lab.simulation.evaluation.arms import POLICIES
-from slipstream_lab.simulation.evaluation.measures.compare import Compared, Spread, compare, sound
+from slipstream_lab.simulation.evaluation.measures.compare import (
+    Compared,
+    SeedSpread,
+    compare,
+    sound,
+)
 from slipstream_lab.simulation.evaluation.measures.figures import Measures, measure
-from slipstream_lab.simulation.evaluation.runs import Provenance, Store, StoredArm
+from slipstream_lab.simulation.evaluation.runs import ArmStore, Provenance, StoredArm
 
 
 @dataclass(frozen=True)
 class Headline:
-    """What an arm saves for each order, at equal travel time, on the same orders.
-
-    Attributes:
-        saving: share of what the baseline needs; None: nothing may be quoted.
-        orders: served, in all seeds that are in it.
-        seeds: that are in it.
-        missing: of the others, why not.
+    """What an arm saves for each order, at equal travel time, on the same orders. `saving`: share
+    of what the baseline needs; None: nothing may be quoted.
     """
 
-    saving: Spread | None
+    saving: SeedSpread | None
     orders: int
     seeds: tuple[int, ...]
     missing: Mapping[int, str]
@@ -31,16 +31,7 @@ class Headline:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """The arms that are there, in the order of the tables.
-
-    Attributes:
-        provenance: what they depend on.
-        seeds: that were asked for, rising.
-        arms: as stored, by name and seed.
-        runs: in figures, refused ones included.
-        compared: sound ones against the baseline, where they compare.
-        apart: elsewhere, why not.
-    """
+    """The arms that are there, in the order of the tables."""
 
     provenance: Provenance
     seeds: tuple[int, ...]
@@ -58,11 +49,11 @@ class Evaluation:
         stored = self.arms.get(name, {})
         return {seed: stored[seed].result for seed in sound(self.runs).get(name, {})}
 
-    def figure(self, name: str, of: Callable[[Measures], float | None]) -> Spread | None:
+    def figure(self, name: str, of: Callable[[Measures], float | None]) -> SeedSpread | None:
         """A figure of an arm over the seeds in which it is sound."""
         return _spread(of(found) for found in sound(self.runs).get(name, {}).values())
 
-    def against(self, name: str, of: Callable[[Compared], float | None]) -> Spread | None:
+    def against(self, name: str, of: Callable[[Compared], float | None]) -> SeedSpread | None:
         """A figure of an arm against the baseline over the seeds in which both are sound."""
         return _spread(of(found) for found in self.compared.get(name, {}).values())
 
@@ -91,11 +82,9 @@ class Evaluation:
         )
 
 
-def collect(store: Store, provenance: Provenance, seeds: Iterable[int]) -> Evaluation:
+def collect(store: ArmStore, provenance: Provenance, seeds: Iterable[int]) -> Evaluation:
     """Everything in the store of these seeds, whether it was asked for this time or earlier.
-
-    Raises:
-        InputError: a file is damaged, or of another evaluation.
+    Raises InputError: a file is damaged, or of another evaluation.
     """
     ordered = tuple(sorted(seeds))
     arms = {
@@ -111,5 +100,5 @@ def collect(store: Store, provenance: Provenance, seeds: Iterable[int]) -> Evalu
     return Evaluation(provenance, ordered, arms, runs, found.compared, found.apart)
 
 
-def _spread(values: Iterable[float | None]) -> Spread | None:
-    return Spread.over([value for value in values if value is not None])
+def _spread(values: Iterable[float | None]) -> SeedSpread | None:
+    return SeedSpread.over([value for value in values if value is not None])

@@ -17,35 +17,7 @@ class Measures:
     """What an arm came to; energies in kWh.
 
     Attributes:
-        driven: energy with the drag reductions that vehicles had.
-        alone: of the same speeds without any.
-        losses: what `alone` went into.
-        legs: driven to their end.
-        distance_km: of all of them.
-        travel_h: from when legs could begin to their arrivals, service left out.
-        driving_h: of it, on the road; the rest is waiting.
-        depot_waits_s: of each tour, from when it could begin until it came onto the road.
-        stop_waits_s: of each later leg, likewise.
-        led_km: at the front of platoons.
-        followed_km: as a follower.
-        planned_platooned_km: in platoons by the plans, what later ones replaced left out.
-        planned_drafting_kwh: what drafting saves there.
-        missed_km: driven outside a platoon where the plan in force had one, by cause.
-        stops: on the road.
-        waited_h: standing on the road.
-        orders: released.
-        served_orders: those whose service began.
         late: orders served after their latest time, or not at all though it is over.
-        cycles: dispatch cycles that had something to plan.
-        planned_kwh: what their plans expected to need.
-        watched: segments that RSUs watch, summed over cycles, as the next three.
-        judged: those whose y_e was known.
-        open: judged ones whose gate was open.
-        open_turbulent: open gates on segments whose true traffic was turbulent.
-        disengagements: of platoons, because of truly turbulent traffic.
-        turbulent_s: time in a close gap in such traffic, leaving included.
-        others: the background's trips.
-        unfinished: tours under way at the end.
         faults: why no figure of this arm counts; nothing if it is sound.
     """
 

@@ -5,7 +5,7 @@ from slipstream_lab.simulation.evaluation.report.density import density_shares, 
 from slipstream_lab.simulation.evaluation.report.exogenous import exogenous_tables
 from slipstream_lab.simulation.evaluation.report.files import as_json, whole_summary, write_results
 from slipstream_lab.simulation.evaluation.report.formatting import (
-    Table,
+    ReportTable,
     as_markdown,
     number,
     percent,
@@ -14,7 +14,7 @@ from slipstream_lab.simulation.evaluation.report.markdown import terminal_summar
 from slipstream_lab.simulation.evaluation.report.plots import pyplot, tidy
 
 __all__ = [
-    "Table",
+    "ReportTable",
     "as_json",
     "as_markdown",
     "ceiling_tables",

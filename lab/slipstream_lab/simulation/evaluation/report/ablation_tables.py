@@ -21,11 +21,16 @@ from slipstream_lab.simulation.evaluation.report.cells import (
     saving,
     saving_lost,
 )
-from slipstream_lab.simulation.evaluation.report.formatting import Table, count, number, percent
+from slipstream_lab.simulation.evaluation.report.formatting import (
+    ReportTable,
+    count,
+    number,
+    percent,
+)
 from slipstream_lab.simulation.evaluation.report.paper import PAPER_NOISE
 
 
-def lever_table(evaluation: Evaluation) -> Table | None:
+def lever_table(evaluation: Evaluation) -> ReportTable | None:
     """What each lever earns alone, and what is lost without it; None where no such arm is."""
     rows = []
     for lever in LEVERS:
@@ -47,7 +52,7 @@ def lever_table(evaluation: Evaluation) -> Table | None:
         *(BASELINE, EVERY_LEVER),
         *(name for lever in LEVERS for name in (only(lever), without(lever))),
     ]
-    return Table(
+    return ReportTable(
         "Levers",
         (
             *("lever", f"saving of B with it alone{AT_OWN_TIME}", "at equal travel time"),
@@ -59,7 +64,7 @@ def lever_table(evaluation: Evaluation) -> Table | None:
     )
 
 
-def gating_table(evaluation: Evaluation) -> Table | None:
+def gating_table(evaluation: Evaluation) -> ReportTable | None:
     """The cooperative arm with RSUs' gates, without, and with random ones."""
     kinds: tuple[tuple[Gating, str], ...] = (
         ("rsu", "as RSUs report"),
@@ -84,7 +89,7 @@ def gating_table(evaluation: Evaluation) -> Table | None:
         for name, (_, words) in zip(names, kinds, strict=True)
         if name in evaluation
     )
-    return Table(
+    return ReportTable(
         "Gating",
         (
             *("gates", "arm", "kWh", f"saving{AT_OWN_TIME}", "saving at equal travel time"),
@@ -96,7 +101,7 @@ def gating_table(evaluation: Evaluation) -> Table | None:
     )
 
 
-def noise_table(evaluation: Evaluation) -> Table | None:
+def noise_table(evaluation: Evaluation) -> ReportTable | None:
     """The paper's noise table, its columns beside ours; None without a noisy arm."""
     levels = [level for level in (0.0, *NOISES) if noisy(level) in evaluation]
     if not any(levels):
@@ -126,7 +131,7 @@ def noise_table(evaluation: Evaluation) -> Table | None:
         for what in ("stable segments", "platooned km", "kWh", f"saving{AT_OWN_TIME}")
         for whose in (", paper", "")
     ]
-    return Table(
+    return ReportTable(
         "Noise on the features",
         (
             *("noise", *columns, "saving at equal travel time", "saving kept, paper"),

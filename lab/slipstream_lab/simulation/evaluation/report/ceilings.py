@@ -12,14 +12,12 @@ from slipstream_lab.simulation.evaluation.measures import (
     Ceilings,
     Compared,
     Evaluation,
-    LossShares,
-    Spread,
+    SeedSpread,
     compute_ceilings,
-    loss_shares,
     share_of_ceiling,
 )
 from slipstream_lab.simulation.evaluation.report.cells import MEANS, arm_files
-from slipstream_lab.simulation.evaluation.report.formatting import NOTHING, Table, number, percent
+from slipstream_lab.simulation.evaluation.report.formatting import NOTHING, ReportTable, percent
 from slipstream_lab.simulation.evaluation.report.proximity import proximity_table
 
 _CEILINGS: Final = (
@@ -70,35 +68,34 @@ _REACHES: Final = (
 )
 
 
-def ceiling_tables(evaluation: Evaluation, roads: RoadNetwork) -> tuple[Table, ...]:
+def ceiling_tables(evaluation: Evaluation, roads: RoadNetwork) -> tuple[ReportTable, ...]:
     """What the baseline's legs would cost at best, where their energy goes, and the levers' shares
     of it; nothing where there is no sound baseline.
-
-    Args:
-        roads: of the evaluation's net.
     """
     fit = evaluation.results(BASELINE)
     if not fit:
         return ()
     best = {seed: compute_ceilings(result, roads) for seed, result in fit.items()}
-    goes = {seed: loss_shares(result, roads) for seed, result in fit.items()}
     lengths_m = {name: segment.length_m for name, segment in roads.segments.items()}
     together = proximity_table(evaluation, lengths_m)
     return (
         _ceiling_table(evaluation, best),
-        _where_table(evaluation, goes),
         *_reach_table(evaluation, best),
         *(() if together is None else (together,)),
     )
 
 
-def _ceiling_table(evaluation: Evaluation, best: Mapping[int, Ceilings]) -> Table:
+def _ceiling_table(evaluation: Evaluation, best: Mapping[int, Ceilings]) -> ReportTable:
     saved = {seed: found.savings() for seed, found in best.items()}
 
     def over(key: str | None) -> str:
-        return NOTHING if key is None else percent(Spread.over([s[key] for s in saved.values()]), 1)
+        return (
+            NOTHING
+            if key is None
+            else percent(SeedSpread.over([s[key] for s in saved.values()]), 1)
+        )
 
-    slower = Spread.over([f.free.travel_s / f.driven.travel_s - 1 for f in best.values()])
+    slower = SeedSpread.over([f.free.travel_s / f.driven.travel_s - 1 for f in best.values()])
     time = {"no signals or traffic": percent(slower, 1, sign=True)}
     rows = tuple(
         (
@@ -109,7 +106,7 @@ def _ceiling_table(evaluation: Evaluation, best: Mapping[int, Ceilings]) -> Tabl
         )
         for words, alone, drafted in _CEILINGS
     )
-    return Table(
+    return ReportTable(
         "Ceilings: what B's legs could save at best",
         ("", "alone", "every kilometre drafted", "travel time"),
         rows,
@@ -124,33 +121,7 @@ def _ceiling_table(evaluation: Evaluation, best: Mapping[int, Ceilings]) -> Tabl
     )
 
 
-def _where_table(evaluation: Evaluation, goes: Mapping[int, LossShares]) -> Table:
-    words = {
-        "rolling": "rolling",
-        "drag": "drag",
-        "deliveries": "braked at deliveries",
-        "turns": "braked for turns and lower limits, as on empty roads",
-        "stands": "braked to a stand on the road: signals and queues",
-        "traffic": "braked else: traffic, and signals that turned green in time",
-    }
-    rows = tuple(
-        (
-            said,
-            number(Spread.over([getattr(found, part) for found in goes.values()]), 2),
-            percent(Spread.over([getattr(f, part) / sum(vars(f).values()) for f in goes.values()])),
-        )
-        for part, said in words.items()
-    )
-    return Table(
-        "Where the baseline's energy goes",
-        ("", "kWh", "share"),
-        rows,
-        f"{arm_files(evaluation, [BASELINE])}, by `simulation.evaluation.measures.loss_shares`",
-        (MEANS,),
-    )
-
-
-def _reach_table(evaluation: Evaluation, best: Mapping[int, Ceilings]) -> tuple[Table, ...]:
+def _reach_table(evaluation: Evaluation, best: Mapping[int, Ceilings]) -> tuple[ReportTable, ...]:
     rows, names = [], [BASELINE]
     for reach in _REACHES:
         found = {
@@ -170,16 +141,16 @@ def _reach_table(evaluation: Evaluation, best: Mapping[int, Ceilings]) -> tuple[
         rows.append(
             (
                 reach.words,
-                percent(Spread.over(list(found.values())), 2, sign=True),
+                percent(SeedSpread.over(list(found.values())), 2, sign=True),
                 reach.ceiling,
-                percent(Spread.over(list(limits.values()))),
-                percent(Spread.over(shares)),
+                percent(SeedSpread.over(list(limits.values()))),
+                percent(SeedSpread.over(shares)),
             )
         )
     if not rows:
         return ()
     return (
-        Table(
+        ReportTable(
             "Levers as shares of their ceilings",
             ("lever", "saving", "ceiling", "at most", "reached"),
             tuple(rows),

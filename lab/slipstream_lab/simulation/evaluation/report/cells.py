@@ -12,7 +12,7 @@ from slipstream_lab.simulation.evaluation.measures import (
     Evaluation,
     Headline,
     Measures,
-    Spread,
+    SeedSpread,
 )
 from slipstream_lab.simulation.evaluation.report.formatting import (
     NOTHING,
@@ -77,7 +77,7 @@ def saving_lost(evaluation: Evaluation, name: str, of: Callable[[Compared], floa
         and (mine := of(every[seed])) is not None
         and (other := of(rest[seed])) is not None
     ]
-    found = Spread.over(points)
+    found = SeedSpread.over(points)
     return NOTHING if found is None else f"{number(found, 2, sign=True)} points"
 
 

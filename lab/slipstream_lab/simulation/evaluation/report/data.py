@@ -15,7 +15,7 @@ from slipstream_lab.simulation.evaluation.measures import (
     Course,
     Evaluation,
     Measures,
-    Spread,
+    SeedSpread,
     day_course,
     no_platoons,
 )
@@ -178,7 +178,7 @@ def _why_none(evaluation: Evaluation, name: str) -> Mapping[int, str]:
     return {} if name == BASELINE else evaluation.headline(name).missing
 
 
-def _spreads(found: Mapping[str, Spread | None]) -> dict[str, Any]:
+def _spreads(found: Mapping[str, SeedSpread | None]) -> dict[str, Any]:
     return {
         key: None if of is None else {"mean": of.mean, "deviation": of.deviation}
         for key, of in found.items()

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 
 from slipstream_lab.simulation.evaluation.arms import BASELINE, COOPERATIVE
-from slipstream_lab.simulation.evaluation.measures import Evaluation, Measures, Spread
+from slipstream_lab.simulation.evaluation.measures import Evaluation, Measures, SeedSpread
 from slipstream_lab.simulation.evaluation.report.cells import (
     AT_OWN_TIME,
     EQUAL_TIME,
@@ -17,7 +17,12 @@ from slipstream_lab.simulation.evaluation.report.cells import (
     missing_notes,
     prices,
 )
-from slipstream_lab.simulation.evaluation.report.formatting import Table, count, number, percent
+from slipstream_lab.simulation.evaluation.report.formatting import (
+    ReportTable,
+    count,
+    number,
+    percent,
+)
 from slipstream_lab.simulation.fleet.drafting import CAUSES
 
 _Figure = Callable[[Measures], float | None]
@@ -36,15 +41,11 @@ def _kept(found: Measures) -> float | None:
     return found.drafted_kwh / planned if planned > 0 else None
 
 
-_Spreads = dict[int, Spread | None]
+_Spreads = dict[int, SeedSpread | None]
 
 
 def density_shares(evaluations: Mapping[int, Evaluation]) -> tuple[_Spreads, _Spreads]:
-    """(Planned, driven) share of the drafting ceiling of the cooperative arm.
-
-    Args:
-        evaluations: by vehicles a day.
-    """
+    """(Planned, driven) share of the drafting ceiling of the cooperative arm."""
     shown = _with_cooperative(evaluations)
     return (
         {n: e.figure(COOPERATIVE, _planned_share) for n, e in shown.items()},
@@ -52,12 +53,8 @@ def density_shares(evaluations: Mapping[int, Evaluation]) -> tuple[_Spreads, _Sp
     )
 
 
-def density_tables(evaluations: Mapping[int, Evaluation]) -> tuple[Table, ...]:
-    """What the cooperative arm planned and drove, and why not all of it.
-
-    Args:
-        evaluations: by vehicles a day.
-    """
+def density_tables(evaluations: Mapping[int, Evaluation]) -> tuple[ReportTable, ...]:
+    """What the cooperative arm planned and drove, and why not all of it."""
     shown = _with_cooperative(evaluations)
     source = f"arm {COOPERATIVE} of `density-N/arms.csv`"
 
@@ -67,10 +64,10 @@ def density_tables(evaluations: Mapping[int, Evaluation]) -> tuple[Table, ...]:
             for n, e in shown.items()
         )
 
-    def km(found: Spread | None) -> str:
+    def km(found: SeedSpread | None) -> str:
         return number(found, 1)
 
-    def kwh(found: Spread | None) -> str:
+    def kwh(found: SeedSpread | None) -> str:
         return number(found, 2)
 
     reached = rows(
@@ -100,7 +97,7 @@ def density_tables(evaluations: Mapping[int, Evaluation]) -> tuple[Table, ...]:
         "saved at equal travel time",
     )
     return (
-        Table(
+        ReportTable(
             "Driven: share of the drafting ceiling by density",
             heads,
             tuple((*row, *more) for row, more in zip(reached, saved, strict=True)),
@@ -116,7 +113,7 @@ def density_tables(evaluations: Mapping[int, Evaluation]) -> tuple[Table, ...]:
                 ),
             ),
         ),
-        Table(
+        ReportTable(
             "Driven: waits",
             ("vehicles a day", *WAIT_HEADS, "late"),
             rows(
@@ -126,7 +123,7 @@ def density_tables(evaluations: Mapping[int, Evaluation]) -> tuple[Table, ...]:
             source,
             (WAITS_NOTE, *_priced(shown)),
         ),
-        Table(
+        ReportTable(
             "Planned in a platoon and not driven in one, km",
             ("vehicles a day", *CAUSES),
             rows(*((km, lambda m, cause=cause: m.missed_km[cause]) for cause in CAUSES)),

@@ -17,7 +17,7 @@ from slipstream_lab.simulation.evaluation.report.cells import (
 )
 from slipstream_lab.simulation.evaluation.report.formatting import (
     NOTHING,
-    Table,
+    ReportTable,
     count,
     number,
     percent,
@@ -31,7 +31,7 @@ from slipstream_lab.simulation.evaluation.report.paper import (
 
 def exogenous_tables(
     closed: Evaluation | None, rsus: Evaluation, everywhere: Evaluation
-) -> tuple[Table, ...]:
+) -> tuple[ReportTable, ...]:
     """The paper's tables by the paper's way of evaluating, beside the closed loop."""
     tables = [_day_table(closed, rsus, everywhere)]
     noise = noise_table(rsus)
@@ -46,7 +46,7 @@ def exogenous_tables(
     return tuple(tables)
 
 
-def _day_table(closed: Evaluation | None, rsus: Evaluation, everywhere: Evaluation) -> Table:
+def _day_table(closed: Evaluation | None, rsus: Evaluation, everywhere: Evaluation) -> ReportTable:
     columns = [
         (f"{where}: {name}", study, name)
         for where, study, names in (
@@ -110,7 +110,7 @@ def _day_table(closed: Evaluation | None, rsus: Evaluation, everywhere: Evaluati
         )
         if study is not None
     ]
-    return Table(
+    return ReportTable(
         "The paper's way: on traffic that the fleet does not change",
         ("", "paper: baseline", "paper: cooperative", *(head for head, _, _ in columns)),
         rows,

@@ -11,7 +11,7 @@ from typing import Any
 from slipstream_lab.simulation.evaluation.arms import SHORTEST
 from slipstream_lab.simulation.evaluation.measures import BIN_S, HOUR_S, Evaluation
 from slipstream_lab.simulation.evaluation.report.data import arms_csv, course_csv, summary
-from slipstream_lab.simulation.evaluation.report.formatting import Table
+from slipstream_lab.simulation.evaluation.report.formatting import ReportTable
 from slipstream_lab.simulation.evaluation.report.markdown import report
 from slipstream_lab.simulation.evaluation.report.plots import SHOWN, draw
 from slipstream_lab.simulation.evaluation.runs import not_writable, write_atomically
@@ -23,16 +23,12 @@ _NO_PICTURES = "matplotlib is not installed, so no figure is drawn; pip install 
 def write_results(
     folder: Path,
     evaluation: Evaluation,
-    more: Sequence[Table] = (),
+    more: Sequence[ReportTable] = (),
     exogenous: Mapping[Watched, Evaluation] | None = None,
 ) -> str | None:
     """Write tables, figures, their data and the report; returns why there are no pictures, if so.
 
     The same arms give the same bytes.
-
-    Args:
-        more: further tables for the report.
-        exogenous: evaluations whose figures are written in their own folders.
 
     Raises:
         InputError: a file cannot be written.
@@ -64,7 +60,7 @@ def write_results(
 
 def whole_summary(
     evaluation: Evaluation,
-    more: Sequence[Table] = (),
+    more: Sequence[ReportTable] = (),
     exogenous: Mapping[Watched, Evaluation] | None = None,
 ) -> dict[str, Any]:
     """Means and spreads of all arms, and further tables as the report has them."""

@@ -7,22 +7,14 @@ from dataclasses import dataclass
 from typing import Final
 
 from slipstream_cli.tables import markdown_table
-from slipstream_lab.simulation.evaluation.measures import Spread
+from slipstream_lab.simulation.evaluation.measures import SeedSpread
 
 NOTHING: Final = "–"
 
 
 @dataclass(frozen=True)
-class Table:
-    """A table of the report.
-
-    Attributes:
-        title: its heading.
-        columns: their heads; the first one names the rows.
-        rows: as long as the columns.
-        source: where its numbers come from.
-        notes: how to read it.
-    """
+class ReportTable:
+    """A table of the report. `columns`: their heads; the first one names the rows."""
 
     title: str
     columns: tuple[str, ...]
@@ -31,7 +23,7 @@ class Table:
     notes: tuple[str, ...] = ()
 
 
-def as_markdown(table: Table) -> str:
+def as_markdown(table: ReportTable) -> str:
     """A table with its heading, source and notes."""
     lines = [
         f"## {table.title}",
@@ -44,32 +36,32 @@ def as_markdown(table: Table) -> str:
     return "\n".join(lines) + "\n"
 
 
-def number(found: Spread | float | None, digits: int, *, sign: bool = False) -> str:
+def number(found: SeedSpread | float | None, digits: int, *, sign: bool = False) -> str:
     """A value, or a mean with its standard deviation where there is one."""
     if found is None:
         return NOTHING
     form = f"{'+' if sign else ''},.{digits}f"
-    if not isinstance(found, Spread):
+    if not isinstance(found, SeedSpread):
         return format(_no_minus_zero(found, digits), form)
     mean = format(_no_minus_zero(found.mean, digits), form)
     return f"{mean} ± {found.deviation:,.{digits}f}" if found.deviation else mean
 
 
-def percent(found: Spread | float | None, digits: int = 1, *, sign: bool = False) -> str:
+def percent(found: SeedSpread | float | None, digits: int = 1, *, sign: bool = False) -> str:
     """A share as a percentage."""
     if found is None:
         return NOTHING
-    if isinstance(found, Spread):
+    if isinstance(found, SeedSpread):
         deviation = None if found.deviation is None else 100 * found.deviation
-        hundredfold: Spread | float = Spread(100 * found.mean, deviation, found.count)
+        hundredfold: SeedSpread | float = SeedSpread(100 * found.mean, deviation, found.count)
     else:
         hundredfold = 100 * found
     return f"{number(hundredfold, digits, sign=sign)} %"
 
 
-def count(found: Spread | float | None) -> str:
+def count(found: SeedSpread | float | None) -> str:
     """A number of things; with a decimal where seeds differ."""
-    differ = isinstance(found, Spread) and bool(found.deviation)
+    differ = isinstance(found, SeedSpread) and bool(found.deviation)
     return number(found, 1 if differ else 0)
 
 

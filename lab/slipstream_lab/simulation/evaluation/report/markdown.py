@@ -19,20 +19,18 @@ from slipstream_lab.simulation.evaluation.report.cells import (
     why_missing,
 )
 from slipstream_lab.simulation.evaluation.report.formatting import (
-    Table,
+    ReportTable,
     as_markdown,
     join_names,
     number,
     percent,
 )
 from slipstream_lab.simulation.evaluation.report.tables import (
-    curve_table,
     day_table,
     driving_table,
     energy_table,
     losses_table,
     parts_table,
-    seed_table,
     waits_table,
 )
 from slipstream_lab.simulation.scenarios.acceptance import clock
@@ -41,15 +39,12 @@ _NO_PLATOON: Final = "Nobody drove in a platoon"
 
 
 def report(
-    evaluation: Evaluation, pictures: Sequence[str], missing: str | None, more: Sequence[Table] = ()
+    evaluation: Evaluation,
+    pictures: Sequence[str],
+    missing: str | None,
+    more: Sequence[ReportTable] = (),
 ) -> str:
-    """The whole report.
-
-    Args:
-        pictures: files of the figures, beside the report.
-        missing: why there are no pictures.
-        more: further tables, as of ceilings or of an exogenous evaluation.
-    """
+    """The whole report."""
     tables = (
         day_table(evaluation),
         energy_table(evaluation),
@@ -61,8 +56,6 @@ def report(
         gating_table(evaluation),
         noise_table(evaluation),
         *more,
-        curve_table(evaluation),
-        seed_table(evaluation),
     )
     parts = [
         _head(evaluation),

@@ -13,21 +13,18 @@ from typing import Final
 
 from slipstream.energy.consumption import ETA_FOLLOWER, ETA_LEADER
 from slipstream_lab.simulation.evaluation.arms import COOPERATIVE, EVERY_LEVER, only
-from slipstream_lab.simulation.evaluation.measures import Evaluation, Spread
+from slipstream_lab.simulation.evaluation.measures import Evaluation, SeedSpread
 from slipstream_lab.simulation.evaluation.report.cells import MEANS, arm_files
-from slipstream_lab.simulation.evaluation.report.formatting import Table, percent
+from slipstream_lab.simulation.evaluation.report.formatting import ReportTable, percent
 from slipstream_lab.simulation.fleet.driven_leg import DrivenLeg
 
 _ARMS: Final = (only("platoons"), COOPERATIVE, EVERY_LEVER)
 _WITHIN_MIN: Final = (1, 10, 30)
 
 
-def proximity_table(evaluation: Evaluation, lengths_m: Mapping[str, float]) -> Table | None:
+def proximity_table(evaluation: Evaluation, lengths_m: Mapping[str, float]) -> ReportTable | None:
     """What arms with platoons drafted, beside what those near each other could have; None where
     there is no such arm.
-
-    Args:
-        lengths_m: of segments.
     """
     rows, names = [], []
     for name in _ARMS:
@@ -45,14 +42,14 @@ def proximity_table(evaluation: Evaluation, lengths_m: Mapping[str, float]) -> T
             (
                 name,
                 *(
-                    percent(Spread.over([k / m for k, m in zip(kwh, bound, strict=True)]))
+                    percent(SeedSpread.over([k / m for k, m in zip(kwh, bound, strict=True)]))
                     for kwh in (saved, *near)
                 ),
             )
         )
     if not rows:
         return None
-    return Table(
+    return ReportTable(
         "Drafting, as a share of every kilometre drafted",
         ("arm", "driven", *(f"all within {minutes} min together" for minutes in _WITHIN_MIN)),
         tuple(rows),
@@ -70,11 +67,6 @@ def proximity_kwh(
     """Energy that drafting saves if all who are near each other on a segment are one platoon, kWh.
 
     A leg's drag and time are taken as even along its way.
-
-    Args:
-        legs: as driven.
-        lengths_m: of segments.
-        within_s: between the first one and the last one of a platoon.
     """
     passages: dict[str, list[tuple[float, float]]] = defaultdict(list)
     for leg in legs:

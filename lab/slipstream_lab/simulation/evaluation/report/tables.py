@@ -9,9 +9,7 @@ from slipstream_lab.simulation.evaluation.arms import (
     BASELINE,
     COOPERATIVE,
     EVERY_LEVER,
-    PACES,
     SHORTEST,
-    paced,
 )
 from slipstream_lab.simulation.evaluation.measures import Compared, Evaluation, Measures
 from slipstream_lab.simulation.evaluation.report.cells import (
@@ -30,7 +28,7 @@ from slipstream_lab.simulation.evaluation.report.cells import (
 )
 from slipstream_lab.simulation.evaluation.report.formatting import (
     NOTHING,
-    Table,
+    ReportTable,
     count,
     join_names,
     number,
@@ -63,7 +61,7 @@ LOSSES: Final[tuple[Callable[[Measures], float], ...]] = (
 )
 
 
-def day_table(evaluation: Evaluation) -> Table:
+def day_table(evaluation: Evaluation) -> ReportTable:
     """The paper's summary of its day, its columns beside ours."""
     names = [n for n in (SHORTEST, BASELINE, COOPERATIVE, EVERY_LEVER) if n in evaluation]
     papers = (PAPER_BASELINE, PAPER_COOPERATIVE)
@@ -97,7 +95,7 @@ def day_table(evaluation: Evaluation) -> Table:
             lambda name: equal_time(evaluation, name),
         ),
     )
-    return Table(
+    return ReportTable(
         "The day, beside the paper's",
         ("", "paper: baseline", "paper: cooperative", *(f"ours: {name}" for name in names)),
         rows,
@@ -111,7 +109,7 @@ def day_table(evaluation: Evaluation) -> Table:
     )
 
 
-def energy_table(evaluation: Evaluation) -> Table:
+def energy_table(evaluation: Evaluation) -> ReportTable:
     """Every arm: energy, time, what was delivered, and the saving by each measure."""
     names = [name for name in evaluation.runs if name in evaluation]
     rows = tuple(
@@ -130,7 +128,7 @@ def energy_table(evaluation: Evaluation) -> Table:
         )
         for name in names
     )
-    return Table(
+    return ReportTable(
         "Arms",
         (
             *("arm", "seeds", "kWh", "km", "travel h", "orders served", "late", "Wh/order"),
@@ -146,7 +144,7 @@ def energy_table(evaluation: Evaluation) -> Table:
     )
 
 
-def parts_table(evaluation: Evaluation) -> Table:
+def parts_table(evaluation: Evaluation) -> ReportTable:
     """The saving by its causes."""
     names = [name for name in evaluation.compared if evaluation.compared[name] and name != BASELINE]
     rows = tuple(
@@ -157,7 +155,7 @@ def parts_table(evaluation: Evaluation) -> Table:
         )
         for name in names
     )
-    return Table(
+    return ReportTable(
         "Where the saving comes from",
         (
             *("arm", "distance, kWh", "drag, kWh", "acceleration, kWh", "sum, kWh"),
@@ -173,7 +171,7 @@ def parts_table(evaluation: Evaluation) -> Table:
     )
 
 
-def losses_table(evaluation: Evaluation) -> Table:
+def losses_table(evaluation: Evaluation) -> ReportTable:
     """Every arm: what its energy went into."""
     names = [name for name in evaluation.runs if name in evaluation]
     rows = tuple(
@@ -185,7 +183,7 @@ def losses_table(evaluation: Evaluation) -> Table:
         )
         for name in names
     )
-    return Table(
+    return ReportTable(
         "What the energy went into",
         (
             *("arm", "Wh/km", "rolling, kWh", "drag, kWh", "braked to deliver, kWh"),
@@ -197,7 +195,7 @@ def losses_table(evaluation: Evaluation) -> Table:
     )
 
 
-def driving_table(evaluation: Evaluation) -> Table:
+def driving_table(evaluation: Evaluation) -> ReportTable:
     """Every arm: how it drove, and what others had of it."""
     names = [name for name in evaluation.runs if name in evaluation]
     rows = tuple(
@@ -217,7 +215,7 @@ def driving_table(evaluation: Evaluation) -> Table:
         )
         for name in names
     )
-    return Table(
+    return ReportTable(
         "How they drove",
         (
             *("arm", "stops", "stops/km", "standing, h", "platooned km", "planned", "share"),
@@ -237,7 +235,7 @@ def driving_table(evaluation: Evaluation) -> Table:
     )
 
 
-def waits_table(evaluation: Evaluation) -> Table:
+def waits_table(evaluation: Evaluation) -> ReportTable:
     """Every arm: how long its vehicles waited, and for how long they drove."""
     names = [name for name in evaluation.runs if name in evaluation]
     rows = tuple(
@@ -248,72 +246,10 @@ def waits_table(evaluation: Evaluation) -> Table:
         )
         for name in names
     )
-    return Table(
+    return ReportTable(
         "Waits",
         ("arm", *WAIT_HEADS, "late"),
         rows,
         arm_rows_source(evaluation),
         (WAITS_NOTE, f"An hour of waiting for others costs {prices(evaluation.provenance)}."),
-    )
-
-
-def curve_table(evaluation: Evaluation) -> Table | None:
-    """Energy over travel time of the baseline, which savings at equal time rest on."""
-    names = [name for name in (*map(paced, PACES), BASELINE) if name in evaluation]
-    if len(names) < 2:
-        return None
-    pace = {BASELINE: 1.0, **{paced(p): p for p in PACES}}
-    rows = tuple(
-        (
-            name,
-            f"{pace[name]:.2f}",
-            number(evaluation.figure(name, lambda m: m.per_order_s), 1),
-            number(evaluation.figure(name, lambda m: 1000 * m.per_order_kwh), 1),
-            percent(evaluation.against(name, lambda c: c.travel), sign=True),
-            percent(evaluation.against(name, lambda c: c.saving), sign=True),
-        )
-        for name in sorted(names, key=pace.__getitem__)
-    )
-    return Table(
-        "The baseline at other paces",
-        ("arm", "pace", "s/order", "Wh/order", "travel time", f"saving{AT_OWN_TIME}"),
-        rows,
-        arm_files(evaluation, names),
-        (
-            "Of each seed: made to fall with the time where it does not, then interpolated by a "
-            "monotone cubic. Beyond the slowest and the fastest pace nothing is compared.",
-        ),
-    )
-
-
-def seed_table(evaluation: Evaluation) -> Table:
-    """Every arm of every seed with its file, refused ones included."""
-    rows = []
-    for name, of_seed in evaluation.runs.items():
-        for seed, found in of_seed.items():
-            against = evaluation.compared.get(name, {}).get(seed)
-            stored = evaluation.arms[name][seed]
-            rows.append(
-                (
-                    name,
-                    str(seed),
-                    number(found.energy_kwh, 2),
-                    number(found.distance_km, 1),
-                    number(found.travel_h, 2),
-                    f"{found.served} of {found.orders}",
-                    str(found.late),
-                    percent(None if against is None else against.at_equal_time, 2),
-                    f"refused: {join_names(found.faults)}" if found.faults else "sound",
-                    f"`{stored.file}`",
-                    f"`{stored.digest}`",
-                )
-            )
-    return Table(
-        "Arm by arm, seed by seed",
-        (
-            *("arm", "seed", "kWh", "km", "travel h", "served", "late"),
-            *("saving at equal travel time", "", "file", "SHA-256"),
-        ),
-        tuple(rows),
-        "the file of each row; `arms.csv` has all their figures in full",
     )

@@ -3,7 +3,7 @@
 from slipstream_lab.simulation.evaluation.runs.provenance import Provenance, code_stamp
 from slipstream_lab.simulation.evaluation.runs.run import Simulate, run_missing
 from slipstream_lab.simulation.evaluation.runs.store import (
-    Store,
+    ArmStore,
     StoredArm,
     not_writable,
     write_atomically,
@@ -11,9 +11,9 @@ from slipstream_lab.simulation.evaluation.runs.store import (
 from slipstream_lab.simulation.evaluation.runs.world import World, WorldFiles
 
 __all__ = [
+    "ArmStore",
     "Provenance",
     "Simulate",
-    "Store",
     "StoredArm",
     "World",
     "WorldFiles",

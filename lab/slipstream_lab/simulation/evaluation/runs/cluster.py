@@ -37,13 +37,8 @@ _LOOK_S: Final = 0.5
 
 @contextmanager
 def arms_on(settings: ClusterSettings) -> Iterator[ArmsOnCluster]:
-    """A connection for a with statement.
-
-    Args:
-        settings: with a scheduler's address.
-
-    Raises:
-        InputError: a TLS file cannot be used, the extra is not installed, or no worker is ready.
+    """A connection for a with statement. Raises InputError: a TLS file cannot be used, the extra
+    is not installed, or no worker is ready.
     """
     cluster = Cluster(settings, processes=0, functions=(simulate_sent,))
     try:
@@ -59,11 +54,7 @@ def arms_on(settings: ClusterSettings) -> Iterator[ArmsOnCluster]:
 
 
 class ArmsOnCluster:
-    """Simulates arms as `run_arm` does, with the same result.
-
-    Args:
-        cluster: with a worker that is ready.
-    """
+    """Simulates arms as `run_arm` does, with the same result."""
 
     def __init__(self, cluster: Cluster) -> None:
         self._cluster = cluster
@@ -74,10 +65,8 @@ class ArmsOnCluster:
         return max(1, self._cluster.slots)
 
     def run(self, order: ArmSpec, progress: Progress) -> ArmResult:
-        """Simulate an arm; its progress is told when it ends.
-
-        Raises:
-            InputError: as `run_arm`, or a worker cannot simulate.
+        """Simulate an arm; its progress is told when it ends. Raises InputError: as `run_arm`, or
+        a worker cannot simulate.
         """
         sent, contents = _with_contents(order)
         for _ in range(_TRIES):
@@ -119,9 +108,7 @@ def simulate_sent(
     """Simulate an arm in this process, a worker's.
 
     Args:
-        stamp: the sender's `code_stamp`.
         order: its paths are names of what is in `contents`, in the order of `_paths`.
-        contents: bytes of its files.
 
     Returns:
         the result; or what `simulate_arm` refused the files for.

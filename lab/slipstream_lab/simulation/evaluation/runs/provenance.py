@@ -15,7 +15,7 @@ from slipstream_lab.simulation.rsus import Rsu
 from slipstream_lab.simulation.scenarios.perception import measured_errors
 from slipstream_lab.simulation.scenarios.scenario import Scenario, SignalControl
 
-FORMAT: Final = 4
+FORMAT: Final = 5
 """Of stored arms. Raise it when the same order gives another result, or means another thing."""
 
 _PACKAGES: Final = (
@@ -34,21 +34,11 @@ class Provenance:
     """Inputs that all arms of a folder share; results depend on every one.
 
     Attributes:
-        scenario: its name.
-        net: SHA-256 of the net's file.
         demand: of the settings of the background; of its route files where these are the user's,
             and of the user's additional files.
         rsus: of the RSUs; empty where they are found by the traffic.
-        fleet: of the delivery business.
-        perception: of the errors that RSUs make.
-        signals: how signals are run.
-        begin_s: simulated, s since midnight.
-        end_s: simulated.
-        step_s: of the simulation.
-        format: of the results.
         waiting_kw: price of waiting at the depot; None: that of driving time, as in arms that were
             stored before it could be given.
-        standing_kw: price of waiting at a stop, likewise.
     """
 
     scenario: str
@@ -73,12 +63,7 @@ def provenance_of(
     step_s: float,
     prices: WaitingPrices = AS_DRIVING,
 ) -> Provenance:
-    """The provenance of a scenario's arms.
-
-    Args:
-        span_s: begin and end of the simulated time.
-        prices: of waiting for other vehicles.
-    """
+    """The provenance of a scenario's arms."""
     rsus = scenario.rsus
     background = [path.read_bytes() for path in scenario.routes]
     background = background or [scenario.demand.digest_text().encode()]

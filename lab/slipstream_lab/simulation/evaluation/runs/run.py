@@ -12,7 +12,7 @@ from pathlib import Path
 
 from slipstream_lab.simulation.closed_loop.policy import Policy
 from slipstream_lab.simulation.closed_loop.record import ArmResult
-from slipstream_lab.simulation.evaluation.runs.store import Store, write_atomically
+from slipstream_lab.simulation.evaluation.runs.store import ArmStore, write_atomically
 from slipstream_lab.simulation.sumo import Progress
 
 Simulate = Callable[[Policy, int, Progress], ArmResult]
@@ -24,12 +24,7 @@ What the progress callback raises ends the arm.
 
 @dataclass(frozen=True)
 class RunSummary:
-    """Summary of a run.
-
-    Attributes:
-        kept: arms that were in the folder already.
-        wall_s: what each newly simulated arm took, by its name and seed.
-    """
+    """Summary of a run."""
 
     kept: int
     wall_s: dict[tuple[str, int], float]
@@ -43,7 +38,7 @@ def run_missing(
     policies: Sequence[Policy],
     seeds: Sequence[int],
     span_s: tuple[float, float],
-    store: Store,
+    store: ArmStore,
     simulate: Simulate,
     workers: int,
     progress: Callable[[float, float], None],
@@ -51,8 +46,6 @@ def run_missing(
     """Simulate what is not in the store, seed by seed, so that an interrupted run has whole seeds.
 
     Args:
-        span_s: begin and end of the simulated time.
-        workers: arms at once.
         progress: called with the simulated time done and the total, s; never concurrently.
 
     Raises:
@@ -102,10 +95,8 @@ def run_missing(
 
 
 def record_wall_time(folder: Path, name: str, seed: int, wall_s: float) -> None:
-    """Add an arm's wall time to `run.json`, which is not part of the results.
-
-    Raises:
-        OSError: the disk is full.
+    """Add an arm's wall time to `run.json`, which is not part of the results. Raises OSError: the
+    disk is full.
     """
     path = folder / "run.json"
     try:

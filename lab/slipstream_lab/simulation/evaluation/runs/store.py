@@ -24,14 +24,7 @@ _NEW_FOLDER: Final = "give another folder, or empty this one to simulate all ane
 
 @dataclass(frozen=True)
 class StoredArm:
-    """One stored arm of one seed.
-
-    Attributes:
-        file: its path in the evaluation's folder.
-        digest: SHA-256 of the file, 12 digits.
-        code: what simulated it: versions, and a digest of the sources.
-        result: what it left.
-    """
+    """One stored arm of one seed."""
 
     file: str
     digest: str
@@ -39,13 +32,11 @@ class StoredArm:
     result: ArmResult
 
 
-class Store:
+class ArmStore:
     """The arms of one folder; another run must not write to it until this is left.
 
     Args:
         folder: of the evaluation; made with its parents.
-        provenance: what its arms must have been simulated on.
-        code: what simulates new ones.
 
     Raises:
         InputError: the folder cannot be written, or another run is at it.
@@ -77,10 +68,8 @@ class Store:
         os.close(self._lock)
 
     def put(self, policy: Policy, seed: int, result: ArmResult) -> None:
-        """Keep an arm; its file is there as a whole or not at all.
-
-        Raises:
-            OSError: the disk is full.
+        """Keep an arm; its file is there as a whole or not at all. Raises OSError: the disk is
+        full.
         """
         document = {
             "ground": self._provenance,
@@ -93,10 +82,8 @@ class Store:
         write_atomically(path, json.dumps(document, allow_nan=False) + "\n")
 
     def get(self, policy: Policy, seed: int) -> StoredArm | None:
-        """An arm, if it is there.
-
-        Raises:
-            InputError: its file is damaged, or of another evaluation.
+        """An arm, if it is there. Raises InputError: its file is damaged, or of another
+        evaluation.
         """
         path = self._path(policy.name, seed)
         if not path.exists():

@@ -20,7 +20,7 @@ from slipstream_lab.simulation.evaluation.runs.provenance import Provenance, pro
 from slipstream_lab.simulation.scenarios.demand import DAY_S
 from slipstream_lab.simulation.scenarios.record import HOUR_S
 from slipstream_lab.simulation.scenarios.scenario import (
-    Background,
+    BackgroundTraffic,
     Scenario,
     SignalControl,
     day_spec,
@@ -34,17 +34,7 @@ RunArm = Callable[[ArmSpec, Progress], ArmResult]
 
 @dataclass(frozen=True)
 class WorldFiles:
-    """A scenario as a user names it.
-
-    Attributes:
-        name: of a built-in one, or any with a net.
-        net: a SUMO net of the user's.
-        demand: settings of the background.
-        routes: route files instead of any demand, the same in all seeds.
-        rsus: where they stand.
-        fleet: settings of the deliveries.
-        additional: further SUMO files.
-    """
+    """A scenario as a user names it. `net`: a SUMO net of the user's."""
 
     name: str
     net: Path | None = None
@@ -55,10 +45,8 @@ class WorldFiles:
     additional: tuple[Path, ...] = ()
 
     def load(self) -> Scenario:
-        """The scenario.
-
-        Raises:
-            InputError: no such scenario, or a file that is malformed or does not fit the net.
+        """The scenario. Raises InputError: no such scenario, or a file that is malformed or does
+        not fit the net.
         """
         return load_scenario(
             self.name,
@@ -75,11 +63,7 @@ class World:
     """Simulates arms; several threads may ask at once.
 
     Args:
-        files: of the scenario.
-        folder: for the route files of the seeds.
-        signals: how signals are run.
         span_s: begin and end of the time in which orders are released; the begin a multiple of 300.
-        prices: of waiting for other vehicles.
 
     Raises:
         InputError: the scenario's files are missing or faulty.
@@ -101,7 +85,7 @@ class World:
         self._scenario = files.load()
         self._lock = threading.Lock()
         self._recording: dict[int, threading.Lock] = {}
-        self._backgrounds: dict[int, tuple[Background, tuple[Path, ...]]] = {}
+        self._backgrounds: dict[int, tuple[BackgroundTraffic, tuple[Path, ...]]] = {}
 
     @property
     def provenance(self) -> Provenance:
@@ -123,12 +107,8 @@ class World:
         """The world itself."""
         return self._scenario
 
-    def background(self, seed: int) -> Background:
-        """A seed's background, made when it is first needed.
-
-        Raises:
-            InputError: it cannot be made.
-        """
+    def background(self, seed: int) -> BackgroundTraffic:
+        """A seed's background, made when first needed. Raises InputError: it cannot be made."""
         return self._background(seed)[0]
 
     def simulate(
@@ -142,7 +122,6 @@ class World:
         """Simulate an arm.
 
         Args:
-            run: other than `run_arm`, which starts a subprocess.
             databases: folder for a database of the arm; None: it gets none.
 
         Raises:
@@ -214,7 +193,7 @@ class World:
                 save_history(record_history(day, self._scenario.network, at_begin), path)
             return path
 
-    def _background(self, seed: int) -> tuple[Background, tuple[Path, ...]]:
+    def _background(self, seed: int) -> tuple[BackgroundTraffic, tuple[Path, ...]]:
         """A seed's background and further files, made when the first arm of it needs them."""
         with self._lock:
             if seed not in self._backgrounds:

@@ -50,15 +50,7 @@ class Breakdown(Settings):
 
 @dataclass(frozen=True)
 class DrawnBreakdown:
-    """One that was drawn.
-
-    Attributes:
-        name: of its kind.
-        segment: on which it stands, in the rightmost lane.
-        at_m: its front, from the segment's beginning.
-        begin_s: when it drives onto the segment, s since midnight, to a tenth.
-        end_s: when it drives on.
-    """
+    """One that was drawn."""
 
     name: str
     segment: str
@@ -70,10 +62,8 @@ class DrawnBreakdown:
 def draw_breakdowns(
     breakdowns: Sequence[Breakdown], network: RoadNetwork, seed: int, source: str | Path
 ) -> tuple[DrawnBreakdown, ...]:
-    """Draw a day's breakdowns in the order of time; each has a random stream of its own.
-
-    Raises:
-        InputError: a name twice, a segment that the network has not, or one too short to stop on.
+    """Draw a day's breakdowns in the order of time; each has a random stream of its own. Raises
+    InputError: a name twice, a segment that the network has not, or one too short to stop on.
     """
     names = Counter(breakdown.name for breakdown in breakdowns)
     twice = next((name for name, count in names.items() if count > 1), None)

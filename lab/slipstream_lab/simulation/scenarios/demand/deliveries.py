@@ -113,16 +113,7 @@ def busiest_begin_s(settings: FleetSettings, hours: float) -> float:
 
 @dataclass(frozen=True)
 class Order:
-    """One delivery.
-
-    Attributes:
-        id: its name.
-        node: junction of the customer.
-        release_s: since midnight: its parcels are ready at the depots.
-        latest_s: since midnight: service begins no later.
-        service_s: time at the customer.
-        parcels: how many.
-    """
+    """One delivery."""
 
     id: str
     node: str
@@ -134,13 +125,7 @@ class Order:
 
 @dataclass(frozen=True)
 class Deliveries:
-    """What a fleet has to do in a day.
-
-    Attributes:
-        settings: of the business, its depots filled in.
-        vehicles: id of each vehicle's depot, by the vehicle's id.
-        orders: in the order of release.
-    """
+    """What a fleet has to do in a day."""
 
     settings: FleetSettings
     vehicles: Mapping[str, str]
@@ -154,11 +139,8 @@ class Deliveries:
 def draw_deliveries(
     settings: FleetSettings, network: RoadNetwork, seed: int, source: str | Path = "fleet"
 ) -> Deliveries:
-    """Draw a day's orders; same arguments, same orders.
-
-    Raises:
-        InputError: a depot or a customer's place that the network has not, or more parcels in an
-            order than a vehicle can carry.
+    """Draw a day's orders; same arguments, same orders. Raises InputError: a depot or a customer's
+    place that the network has not, or more parcels in an order than a vehicle can carry.
     """
     rng = np.random.default_rng([seed, _STREAM])
     check_zone("stops", settings.stops, network, source)
@@ -194,10 +176,8 @@ def fleet_at(
     """What the dispatcher is asked in the cycle of a moment; all its times count from then.
 
     Args:
-        now_s: since midnight.
         idle: when each vehicle is ready at its depot, s since midnight; those on a tour are left
             out.
-        taken: orders that are served or on their way.
 
     Returns:
         None without open orders or free vehicles.

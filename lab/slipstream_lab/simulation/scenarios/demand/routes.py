@@ -30,13 +30,7 @@ _HOUR_S: Final = 3600.0
 
 @dataclass(frozen=True)
 class Routes:
-    """Routes of trips.
-
-    Attributes:
-        segments: ids; `ways` has their indices.
-        ways: the distinct routes, each a tuple of segment indices.
-        of_trip: index of each trip's route, shape (n,).
-    """
+    """Routes of trips. `of_trip`: index of each trip's route, shape (n,)."""
 
     segments: tuple[str, ...]
     ways: tuple[tuple[int, ...], ...]

@@ -88,19 +88,8 @@ class DemandSettings(Settings):
 
 @dataclass(frozen=True)
 class Trips:
-    """Trips in the order of departure; arrays of shape (n,).
-
-    Attributes:
-        depart_s: since midnight, to a tenth of a second.
-        origin: index of the junction in `junctions`.
-        destination: likewise.
-        flow: index of the purpose.
-        kind: index in `types`.
-        speed_factor: the driver's own.
-        place: how far along its first and its last segment it starts and ends, shape (n, 2), in
-            [0.1, 0.9].
-        junctions: ids.
-        types: ids.
+    """Trips in the order of departure; arrays of shape (n,). `place`: how far along its first and
+    its last segment it starts and ends, shape (n, 2), in [0.1, 0.9].
     """
 
     depart_s: Array
@@ -120,11 +109,8 @@ class Trips:
 def draw_trips(
     settings: DemandSettings, network: RoadNetwork, seed: int, source: str | Path = "demand"
 ) -> Trips:
-    """Draw a day's trips; each purpose has a random stream of its own.
-
-    Raises:
-        InputError: a zone, a junction or a type that does not exist, or a purpose without a pair
-            of places.
+    """Draw a day's trips; each purpose has a random stream of its own. Raises InputError: a zone,
+    a junction or a type that does not exist, or a purpose without a pair of places.
     """
     _check(settings, network, source)
     junctions = tuple(network.junctions)
@@ -219,11 +205,7 @@ def _check(settings: DemandSettings, network: RoadNetwork, source: str | Path) -
 
 
 def check_zone(key: str, zone: Zone, network: RoadNetwork, source: str | Path) -> None:
-    """Check that a zone's places are in the network.
-
-    Raises:
-        InputError: one is not.
-    """
+    """Check that a zone's places are in the network. Raises InputError: one is not."""
     for junction in (*(centre.junction for centre in zone.centres), *zone.junctions):
         if junction not in network.junctions:
             problem = f"no junction {junction!r} in net {network.name!r}"

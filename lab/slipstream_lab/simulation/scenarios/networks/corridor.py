@@ -9,9 +9,12 @@ from pydantic import Field
 
 from slipstream.config import Settings
 from slipstream.errors import InputError
-from slipstream.roads import RoadNetwork
-from slipstream_lab.simulation.rsus import Rsu, Stretch
-from slipstream_lab.simulation.scenarios.networks.plan import Junction, NetworkPlan, Road, Turn
+from slipstream_lab.simulation.scenarios.networks.plan import (
+    Junction,
+    NetworkPlan,
+    PlannedRoad,
+    Turn,
+)
 
 _MEDIAN_M: Final = 12.0
 """From the middle of the motorway to a carriageway's."""
@@ -59,13 +62,13 @@ def corridor_plan(settings: CorridorSettings) -> NetworkPlan:
         Junction("west", 0.0, 0.0, "gateway"),
         Junction("east", settings.length_m, 0.0, "gateway"),
     ]
-    roads: list[Road] = []
+    roads: list[PlannedRoad] = []
     turns: list[Turn] = []
     for way in ("e", "w"):
         for part in _carriageway(settings, way, centres):
             if isinstance(part, Junction):
                 junctions.append(part)
-            elif isinstance(part, Road):
+            elif isinstance(part, PlannedRoad):
                 roads.append(part)
             else:
                 turns.append(part)
@@ -78,53 +81,12 @@ def corridor_plan(settings: CorridorSettings) -> NetworkPlan:
         ]
         for a, b in ((f"s{k}", f"n{k}"), (f"s{k}", f"ts{k}"), (f"n{k}", f"tn{k}")):
             roads += [
-                Road(f"{i}-{j}", i, j, 2, settings.street_speed_mps, 2, f"Road {k}")
+                PlannedRoad(f"{i}-{j}", i, j, 2, settings.street_speed_mps, 2, f"Road {k}")
                 for i, j in ((a, b), (b, a))
             ]
     plan = NetworkPlan("corridor", tuple(junctions), tuple(roads), tuple(turns))
     plan.check("corridor")
     return plan
-
-
-def mainline(settings: CorridorSettings) -> tuple[str, ...]:
-    """Ids of the motorway's own segments, in the order of driving, eastbound first."""
-    count = len(_centres(settings))
-    return tuple(
-        f"{way}{k}_{part}"
-        for way in ("e", "w")
-        for k in range(count + 1)
-        for part in (("leave", "mid", "join", "main") if k else ("main",))
-    )
-
-
-def corridor_rsus(
-    settings: CorridorSettings,
-    network: RoadNetwork,
-    view_m: float = 300.0,
-    keep_s: float = 300.0,
-) -> tuple[Rsu, ...]:
-    """RSUs along the whole motorway: one at each interchange and direction, for its three segments,
-    and one between interchanges; each watches the middle of its segments, lanes for leaving and
-    joining left out.
-
-    By day less than three vehicles come by in a quarter of the minutes, so flags are kept for a
-    while.
-    """
-    watched: dict[str, list[Stretch]] = {}
-    for name in mainline(settings):
-        length = network.segments[name].length_m
-        half = min(view_m, length) / 2
-        stretch = Stretch(
-            segment=name,
-            from_m=round(length / 2 - half, 1),
-            to_m=round(length / 2 + half, 1),
-            from_lane=1 if name.endswith(("_leave", "_join")) else 0,
-        )
-        part = "between" if name.endswith("_main") else "at"
-        watched.setdefault(f"{name.partition('_')[0]}-{part}", []).append(stretch)
-    return tuple(
-        Rsu(id=name, watch=tuple(stretches), keep_s=keep_s) for name, stretches in watched.items()
-    )
 
 
 def _centres(settings: CorridorSettings) -> list[float]:
@@ -148,7 +110,7 @@ def _centres(settings: CorridorSettings) -> list[float]:
 
 def _carriageway(
     settings: CorridorSettings, way: str, centres: list[float]
-) -> Iterator[Junction | Road | Turn]:
+) -> Iterator[Junction | PlannedRoad | Turn]:
     """One direction: everything is laid out along its own driving direction, then mirrored."""
     east = way == "e"
     side = -1.0 if east else 1.0
@@ -160,8 +122,8 @@ def _carriageway(
         x = at if east else settings.length_m - at
         return Junction(name, x, side * _MEDIAN_M, "priority")
 
-    def motorway(name: str, start: str, end: str, count: int) -> Road:
-        return Road(name, start, end, count, settings.speed_mps, 5, f"Motorway {label}")
+    def motorway(name: str, start: str, end: str, count: int) -> PlannedRoad:
+        return PlannedRoad(name, start, end, count, settings.speed_mps, 5, f"Motorway {label}")
 
     before, gate = ("west", "east") if east else ("east", "west")
     previous = f"{way}0_main"
@@ -183,7 +145,7 @@ def _carriageway(
         # Two lanes in front of the signals let an off-ramp's queue through.
         for name, start, end, count in ((off, b, terminal, 2), (on, terminal, c, 1)):
             street = f"Ramp {number} {label}"
-            yield Road(name, start, end, count, settings.ramp_speed_mps, 3, street)
+            yield PlannedRoad(name, start, end, count, settings.ramp_speed_mps, 3, street)
         # The extra lane is the right one: it begins beside the others, and ends without a way on.
         yield Turn(previous, leave, 0, 0)
         for lane in range(lanes):

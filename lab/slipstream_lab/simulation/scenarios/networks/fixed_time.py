@@ -16,13 +16,7 @@ PROGRAM = "fixed"
 
 def write_fixed_time(net: Path, path: Path) -> int:
     """Write an additional file that puts a net's signals on fixed times; an empty one where it has
-    none, as on a motorway.
-
-    Returns:
-        How many signals there are.
-
-    Raises:
-        InputError: the net cannot be read.
+    none, as on a motorway. Raises InputError: the net cannot be read.
     """
     lines = []
     for element in elements(net):

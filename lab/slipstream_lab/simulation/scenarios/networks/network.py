@@ -19,11 +19,7 @@ _CAR: Final = RoutingProfile()
 @dataclass(frozen=True)
 class LeftOut:
     """Segments of a net that a scenario does not use: the fleet neither drives nor delivers there.
-
-    Attributes:
-        closed: that a car may not use.
-        unconnected: that cannot be reached from the largest part, or from which it cannot be.
-        of: segments of the whole net.
+    `unconnected`: that cannot be reached from the largest part, or from which it cannot be.
     """
 
     closed: int
@@ -39,19 +35,15 @@ class LeftOut:
 
 
 def scenario_network(path: Path) -> RoadNetwork:
-    """Read a net and keep its largest part; see `cut_network`.
-
-    Raises:
-        InputError: no SUMO net, or no two segments lead to each other.
+    """Read a net and keep its largest part; see `cut_network`. Raises InputError: no SUMO net, or
+    no two segments lead to each other.
     """
     return cut_network(path)[0]
 
 
 def cut_network(path: Path) -> tuple[RoadNetwork, LeftOut | None]:
-    """Read a net and keep its largest part; and what that leaves out, None: nothing.
-
-    Raises:
-        InputError: no SUMO net, or no two segments lead to each other.
+    """Read a net and keep its largest part; and what that leaves out, None: nothing. Raises
+    InputError: no SUMO net, or no two segments lead to each other.
     """
     check_files(path, ())
     whole = load_network(path)

@@ -26,10 +26,8 @@ class Junction:
     """A junction.
 
     Attributes:
-        id: its name in the net.
         x: longitude in degrees, or m; as the plan says.
         y: latitude in degrees, or m.
-        control: who goes first.
     """
 
     id: str
@@ -39,18 +37,9 @@ class Junction:
 
 
 @dataclass(frozen=True)
-class Road:
-    """One direction of a road.
-
-    Attributes:
-        id: its name in the net.
-        start: junction that it leaves.
-        end: junction that it enters.
-        lanes: number of lanes, > 0.
-        speed_mps: the limit, > 0.
-        priority: the higher one goes first where no signals stand.
-        street: for people.
-        shape: points between its ends, as the plan counts them; straight if there are none.
+class PlannedRoad:
+    """One direction of a road. `shape`: points between its ends, as the plan counts them; straight
+    if there are none.
     """
 
     id: str
@@ -65,14 +54,8 @@ class Road:
 
 @dataclass(frozen=True)
 class Turn:
-    """An allowed turn from one lane onto another.
-
-    Attributes:
-        before: road that it leaves.
-        after: road that it leads to.
-        from_lane: counts from the right, from 0.
-        change_lane: of the road behind it, likewise.
-        speed_mps: limit on it; None: what netconvert derives from how narrow it is.
+    """An allowed turn from one lane onto another. `speed_mps`: limit on it; None: what netconvert
+    derives from how narrow it is.
     """
 
     before: str
@@ -87,25 +70,19 @@ class NetworkPlan:
     """What a net is built from.
 
     Attributes:
-        name: of the scenario.
-        junctions: all of them.
-        roads: all of them.
         turns: those of the roads that have any here; the others' are SUMO's choice.
         geographic: whether positions are degrees of WGS 84, to be projected, or m.
     """
 
     name: str
     junctions: tuple[Junction, ...]
-    roads: tuple[Road, ...]
+    roads: tuple[PlannedRoad, ...]
     turns: tuple[Turn, ...] = ()
     geographic: bool = False
 
     def check(self, source: str | Path) -> None:
-        """Check that the parts fit each other.
-
-        Raises:
-            InputError: an id twice, a road to nowhere or from a junction to itself, a number of
-                lanes or a speed that is not positive.
+        """Check that the parts fit each other. Raises InputError: an id twice, a road to nowhere
+        or from a junction to itself, a number of lanes or a speed that is not positive.
         """
         for what, ids in (
             ("junction", [j.id for j in self.junctions]),
@@ -127,11 +104,7 @@ class NetworkPlan:
 
 
 def write_plain(plan: NetworkPlan, folder: Path) -> list[str]:
-    """Write SUMO's plain files of a plan into a folder.
-
-    Returns:
-        netconvert's options that name them.
-    """
+    """Write SUMO's plain files of a plan into a folder."""
     nodes = (
         f"<node id={quoteattr(j.id)} x={_number(j.x)} y={_number(j.y)} "
         f'type="{_NODE_TYPES[j.control]}"/>'
@@ -160,7 +133,7 @@ def write_plain(plan: NetworkPlan, folder: Path) -> list[str]:
     return options
 
 
-def _shape(plan: NetworkPlan, road: Road) -> str:
+def _shape(plan: NetworkPlan, road: PlannedRoad) -> str:
     if not road.shape:
         return ""
     places = {junction.id: (junction.x, junction.y) for junction in plan.junctions}

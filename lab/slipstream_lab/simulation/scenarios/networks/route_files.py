@@ -65,10 +65,7 @@ def check_routes(paths: Sequence[Path], segments: Iterable[str]) -> None:
 
 def check_additional(paths: Sequence[Path]) -> None:
     """Check that additional files are XML and no nets, include no others, and name nothing as the
-    fleet is named.
-
-    Raises:
-        InputError: one is not, or does.
+    fleet is named. Raises InputError: one is not, or does.
     """
     check_vehicle_files(tuple(paths))
     for path in paths:

@@ -12,12 +12,17 @@ from pydantic import Field
 from slipstream.config import Settings, check
 from slipstream.errors import InputError
 from slipstream.messages import Identifier
-from slipstream_lab.simulation.scenarios.networks.plan import Control, Junction, NetworkPlan, Road
+from slipstream_lab.simulation.scenarios.networks.plan import (
+    Control,
+    Junction,
+    NetworkPlan,
+    PlannedRoad,
+)
 
 _PRIORITIES = {"freeway": 4, "bridge": 3, "arterial": 3, "collector": 2}
 
 
-class JunctionRow(Settings):
+class TroyJunction(Settings):
     """A line of ``junctions.csv``; positions in degrees of WGS 84."""
 
     id: Identifier
@@ -41,17 +46,15 @@ class RoadRow(Settings):
 
 
 def troy_plan(folder: Path | None = None) -> NetworkPlan:
-    """Troy as the project ships it, or another place whose tables have the same form.
-
-    Raises:
-        InputError: a table is missing, malformed or does not fit the other one.
+    """Troy as the project ships it, or another place whose tables have the same form. Raises
+    InputError: a table is missing, malformed or does not fit the other one.
     """
     if folder is None:
         folder = Path(str(resources.files("slipstream_lab.simulation.scenarios") / "data" / "troy"))
     places, roads_csv = folder / "junctions.csv", folder / "roads.csv"
     junctions = tuple(
         Junction(row.id, row.lon_deg, row.lat_deg, row.control)
-        for row in (check(_numbers(cells), JunctionRow, where) for where, cells in _rows(places))
+        for row in (check(_numbers(cells), TroyJunction, where) for where, cells in _rows(places))
     )
     roads = tuple(
         road
@@ -65,10 +68,10 @@ def troy_plan(folder: Path | None = None) -> NetworkPlan:
     return plan
 
 
-def _directions(row: RoadRow) -> list[Road]:
+def _directions(row: RoadRow) -> list[PlannedRoad]:
     ends = [(row.start, row.end)] + ([] if row.one_way else [(row.end, row.start)])
     return [
-        Road(
+        PlannedRoad(
             f"{start}-{end}",
             start,
             end,

@@ -12,7 +12,7 @@ import numpy as np
 from edge_daemon.camera import WatchedSegment
 from edge_daemon.settings import StabilitySettings
 from slipstream_lab.simulation.ground_truth import TrueWindow, Truth, true_window
-from slipstream_lab.simulation.rsus import Rsu, Stretch
+from slipstream_lab.simulation.rsus import Rsu, WatchedStretch
 
 _LANE_M: Final = 3.2
 _NOBODY: Final = -1e6
@@ -22,13 +22,8 @@ _MAX_VEHICLE_M: Final = 100.0
 
 @dataclass(frozen=True)
 class Observation:
-    """One window of one watched segment as a perfect observer would report it.
-
-    Attributes:
-        time_s: the window's end, simulated.
-        rsu: which unit.
-        segment: of the road network.
-        truth: features over the window; None where no vehicle came by.
+    """One window of one watched segment as a perfect observer would report it. `truth`: features
+    over the window; None where no vehicle came by.
     """
 
     time_s: float
@@ -79,11 +74,7 @@ class Observer:
             seen.clear()
 
     def observe(self, time_s: float) -> tuple[Observation, ...]:
-        """The windows that end now.
-
-        Raises:
-            ValueError: fewer looks than a window has steps.
-        """
+        """The windows that end now. Raises ValueError: fewer looks than a window has steps."""
         if any(len(seen) < self._frames for seen in self._seen):
             raise ValueError("a window needs a look at each of its steps")
         return tuple(
@@ -91,11 +82,13 @@ class Observer:
             for (rsu, stretch), seen in zip(self._watched, self._seen, strict=True)
         )
 
-    def _window(self, stretch: Stretch, seen: list[list[ObservedVehicle]]) -> TrueWindow | None:
+    def _window(
+        self, stretch: WatchedStretch, seen: list[list[ObservedVehicle]]
+    ) -> TrueWindow | None:
         return window_of(stretch, seen, self._step_s, self._rule)
 
 
-def observed_vehicles(stretch: Stretch) -> list[ObservedVehicle]:
+def observed_vehicles(stretch: WatchedStretch) -> list[ObservedVehicle]:
     """The vehicles on a stretch in the running simulation."""
     import libsumo
 
@@ -114,22 +107,12 @@ def observed_vehicles(stretch: Stretch) -> list[ObservedVehicle]:
 
 
 def window_of(
-    stretch: Stretch,
+    stretch: WatchedStretch,
     seen: Sequence[Sequence[ObservedVehicle]],
     step_s: float,
     rule: StabilitySettings,
 ) -> TrueWindow | None:
-    """Features over the steps of a window by the edge's own definitions.
-
-    Args:
-        stretch: only vehicles whose middle is on it, on a lane that is watched, count.
-        seen: vehicles on the segment, step by step.
-        step_s: between steps.
-        rule: thresholds of the flag.
-
-    Returns:
-        None if no vehicle was there.
-    """
+    """Features over the steps of a window by the edge's own definitions."""
     rows = [
         (frame, p.front_m - p.length_m / 2, p)
         for frame, step in enumerate(seen)
@@ -171,7 +154,7 @@ def window_of(
     return true_window(truth, _straight(stretch, lanes), 0.0, steps * step_s, rule)
 
 
-def _straight(stretch: Stretch, lanes: int) -> WatchedSegment:
+def _straight(stretch: WatchedStretch, lanes: int) -> WatchedSegment:
     """A watched segment along the x-axis; x is the distance along the segment."""
     low, high, width = stretch.from_m, stretch.to_m, lanes * _LANE_M
     outline = np.array([(low, 0.0), (high, 0.0), (high, width), (low, width)])

@@ -72,10 +72,8 @@ class PerceptionErrors(Settings):
 
 
 def measured_errors(path: Path | None = None) -> PerceptionErrors:
-    """The errors as they were measured on the shipped detector, or another file of them.
-
-    Raises:
-        InputError: the file is malformed.
+    """The errors as they were measured on the shipped detector, or another file of them. Raises
+    InputError: the file is malformed.
     """
     path = path or Path(
         str(resources.files("slipstream_lab.simulation.scenarios") / "data" / "perception.json")
@@ -92,10 +90,8 @@ def measured_errors(path: Path | None = None) -> PerceptionErrors:
 def fit_errors(
     windows: Sequence[tuple[SegmentState, TrueWindow]], provenance: str
 ) -> PerceptionErrors:
-    """Fit the error model to states and the true windows beside them.
-
-    Raises:
-        InputError: too few windows of a kind.
+    """Fit the error model to states and the true windows beside them. Raises InputError: too few
+    windows of a kind.
     """
     seen = [(state, true) for state, true in windows if state.features is not None]
     regimes = []
@@ -158,10 +154,8 @@ class Reporter:
 
     Args:
         errors: the model; None: none, the truth itself with standard errors of 0.
-        seed: of the errors.
         keep_s: how long which RSUs keep a flag, as of `StabilitySettings`; the others not at all.
         noise: the paper's, on top: each feature times 1 + noise · N(0, 1).
-        midnight_ns: UTC of simulated time 0.
     """
 
     def __init__(

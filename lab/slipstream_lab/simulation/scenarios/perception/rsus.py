@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from math import hypot
 
 from slipstream.roads import RoadNetwork
-from slipstream_lab.simulation.rsus import Rsu, Stretch
+from slipstream_lab.simulation.rsus import Rsu, WatchedStretch
 
 
 def place_rsus(
@@ -22,15 +22,8 @@ def place_rsus(
     """RSUs on the busiest approaches that are long enough and not too near each other.
 
     Args:
-        passages: vehicles a day over each segment.
-        min_m: shortest stretch worth watching.
-        max_m: longest that a unit can watch, with two cameras back to back.
         setback_m: between the stretch and the junction: what lies nearer is a queue most of the
             time, whatever the traffic does.
-        min_spacing_m: least distance of the junctions that RSUs stand at.
-
-    Returns:
-        Fewer than ``count`` where there are no more.
     """
     chosen: list[Rsu] = []
     taken: list[tuple[float, float]] = []
@@ -42,7 +35,7 @@ def place_rsus(
             continue
         end_m = round(segment.length_m - setback_m, 1)
         begin_m = max(0.0, round(end_m - max_m, 1))
-        stretch = Stretch(segment=name, from_m=begin_m, to_m=end_m)
+        stretch = WatchedStretch(segment=name, from_m=begin_m, to_m=end_m)
         chosen.append(Rsu(id=f"rsu-{len(chosen) + 1:02}", watch=(stretch,)))
         taken.append(place)
     return tuple(chosen)

@@ -1,6 +1,6 @@
 """From meshes, light and a camera to the pixels of a frame."""
 
-from slipstream_lab.simulation.streetdrive.rendering.camera import Camera
+from slipstream_lab.simulation.streetdrive.rendering.camera import PinholeCamera
 from slipstream_lab.simulation.streetdrive.rendering.codec import Codec
 from slipstream_lab.simulation.streetdrive.rendering.conditions import CLEAR, Conditions
 from slipstream_lab.simulation.streetdrive.rendering.ground import (
@@ -26,7 +26,7 @@ from slipstream_lab.simulation.streetdrive.rendering.mesh import (
     Mesh,
     MeshBuilder,
 )
-from slipstream_lab.simulation.streetdrive.rendering.painter import Image, Placed, Seen
+from slipstream_lab.simulation.streetdrive.rendering.painter import Image, PlacedMesh, Seen
 from slipstream_lab.simulation.streetdrive.rendering.scenery import (
     Density,
     RoadsideObject,
@@ -40,7 +40,6 @@ from slipstream_lab.simulation.streetdrive.rendering.stage import Backdrop, Occl
 __all__ = [
     "CLEAR",
     "Backdrop",
-    "Camera",
     "Codec",
     "Colour",
     "Conditions",
@@ -56,7 +55,8 @@ __all__ = [
     "MeshBuilder",
     "Occluder",
     "Palette",
-    "Placed",
+    "PinholeCamera",
+    "PlacedMesh",
     "RoadsideObject",
     "Seen",
     "Sensor",

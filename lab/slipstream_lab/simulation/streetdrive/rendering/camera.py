@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Camera:
+class PinholeCamera:
     """A camera on a pole at (0, lateral_m, height_m) that looks along +x.
 
     Yaw turns the view to the left (towards +y), pitch turns it down, roll turns it clockwise.

@@ -19,12 +19,9 @@ class Conditions:
     """What differs from a dry, clear day and a clean camera.
 
     Args:
-        night: street lamps and vehicle lamps in place of sun and sky.
         low_sun: the sun 4 to 11 degrees high in a clear sky.
-        rain_mm_h: rate of rain.
         snow_mm_h: rate of snowfall as water; any snow also lies on the ground.
         visibility_m: distance at which fog leaves 2 % of contrast.
-        dirt: share of the lens that is dirty, 0..1.
         jpeg_quality: 1..100; below 100 frames are coded so, and blocks that hardly change repeat.
         exposure_s: time over which a frame gathers light; vehicles blur along their way.
 

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from slipstream_lab.simulation.streetdrive.rendering.camera import Camera
+from slipstream_lab.simulation.streetdrive.rendering.camera import PinholeCamera
 from slipstream_lab.simulation.streetdrive.rendering.light import Light
 from slipstream_lab.simulation.streetdrive.rendering.mesh import Colour
 from slipstream_lab.simulation.streetdrive.traffic import Road
@@ -66,7 +66,7 @@ def blend(image: Grid, colour: Colour | Grid, cover: Grid) -> Grid:
     return image
 
 
-def shade_sky(camera: Camera, light: Light, rng: np.random.Generator) -> Grid:
+def shade_sky(camera: PinholeCamera, light: Light, rng: np.random.Generator) -> Grid:
     """Sky gradient with clouds over the whole picture, float BGR (h, w, 3)."""
     height, width = camera.height_px, camera.width_px
     horizon = camera.height_px / 2 - camera.focal_px * np.tan(camera.pitch_rad)
@@ -101,7 +101,7 @@ class GroundView:
     tile: Grid
 
 
-def view_ground(camera: Camera, rng: np.random.Generator) -> GroundView:
+def view_ground(camera: PinholeCamera, rng: np.random.Generator) -> GroundView:
     """The road plane under each pixel, with drawn noise."""
     x, y, hits = ground_grid(camera)
     reach = np.sqrt(x * x + (y - camera.lateral_m) ** 2 + camera.height_m**2)
@@ -181,7 +181,7 @@ def paint_ground(view: GroundView, road: Road, palette: Palette) -> Grid:
     return image
 
 
-def ground_grid(camera: Camera) -> tuple[Grid, Grid, NDArray[np.bool_]]:
+def ground_grid(camera: PinholeCamera) -> tuple[Grid, Grid, NDArray[np.bool_]]:
     """Road coordinates x and y of each pixel's centre, and which pixels show the road plane."""
     inverse = np.linalg.inv(camera.ground_homography).astype(np.float32)
     u = np.arange(camera.width_px, dtype=np.float32) + np.float32(0.5)

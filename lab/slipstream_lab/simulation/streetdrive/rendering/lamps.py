@@ -10,12 +10,12 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from slipstream_lab.simulation.streetdrive.rendering.camera import Camera, Floats
+from slipstream_lab.simulation.streetdrive.rendering.camera import Floats, PinholeCamera
 from slipstream_lab.simulation.streetdrive.rendering.conditions import Conditions
 from slipstream_lab.simulation.streetdrive.rendering.ground import Grid, GroundView
 from slipstream_lab.simulation.streetdrive.rendering.light import LAMP_HEIGHT_M, Light
 from slipstream_lab.simulation.streetdrive.rendering.mesh import Colour, Material, Mesh
-from slipstream_lab.simulation.streetdrive.rendering.painter import Image, Placed
+from slipstream_lab.simulation.streetdrive.rendering.painter import Image, PlacedMesh
 from slipstream_lab.simulation.streetdrive.rendering.weathered import lamp_field
 
 _COARSE = 4
@@ -44,14 +44,11 @@ def _beam() -> Grid:
     return np.asarray(field / field.max(), dtype=np.float32)
 
 
-def light_road(image: Image, surface: Image, camera: Camera, vehicles: Sequence[Placed]) -> None:
-    """Add the vehicles' low beams to the road; changes the picture in place.
-
-    Args:
-        image: the picture so far.
-        surface: the same view without vehicles in even light of factor 1.
-        camera: the camera.
-        vehicles: vehicles with their lamps on.
+def light_road(
+    image: Image, surface: Image, camera: PinholeCamera, vehicles: Sequence[PlacedMesh]
+) -> None:
+    """Add the vehicles' low beams to the road; changes the picture in place. `surface`: the same
+    view without vehicles in even light of factor 1.
     """
     height, width = image.shape[:2]
     size = width // _COARSE, height // _COARSE
@@ -119,7 +116,9 @@ def _lamps(mesh: Mesh) -> tuple[Floats, Floats, Floats]:
     return mesh.corners[faces, :4].mean(axis=1), mesh.normals[faces], red
 
 
-def paint_lamps(image: Image, camera: Camera, vehicle: Placed, conditions: Conditions) -> None:
+def paint_lamps(
+    image: Image, camera: PinholeCamera, vehicle: PlacedMesh, conditions: Conditions
+) -> None:
     """The glow of a vehicle's lamps that face the camera, and their streaks on a wet road."""
     night, wetness = conditions.night, conditions.wetness
     centres, normals, red = _lamps(vehicle.mesh)
@@ -160,7 +159,7 @@ def street_lit(
 def at_night(
     even: Image,
     view: GroundView,
-    camera: Camera,
+    camera: PinholeCamera,
     light: Light,
     wetness: float,
     rng: np.random.Generator,
@@ -186,7 +185,7 @@ def at_night(
     return image
 
 
-def _far_lights(image: Image, camera: Camera, rng: np.random.Generator) -> None:
+def _far_lights(image: Image, camera: PinholeCamera, rng: np.random.Generator) -> None:
     """Windows and lamps of the town near the horizon."""
     horizon = camera.height_px / 2 - camera.focal_px * math.tan(camera.pitch_rad)
     for _ in range(int(rng.poisson(25))):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from slipstream_lab.simulation.streetdrive.rendering.camera import Camera
+from slipstream_lab.simulation.streetdrive.rendering.camera import PinholeCamera
 from slipstream_lab.simulation.streetdrive.rendering.conditions import Conditions
 from slipstream_lab.simulation.streetdrive.rendering.light import Light
 from slipstream_lab.simulation.streetdrive.rendering.painter import Image
@@ -18,7 +18,7 @@ class Lens:
     """One camera's front glass and the air before it; `gather` is called once a frame."""
 
     def __init__(
-        self, conditions: Conditions, camera: Camera, light: Light, rng: np.random.Generator
+        self, conditions: Conditions, camera: PinholeCamera, light: Light, rng: np.random.Generator
     ) -> None:
         self._rng = rng
         self._size = (camera.height_px, camera.width_px)
@@ -80,7 +80,7 @@ def _over(image: Image, layer: Image) -> Image:
 
 
 def _streaks(
-    rate: float, camera: Camera, shutter: float, bright: float, rng: np.random.Generator
+    rate: float, camera: PinholeCamera, shutter: float, bright: float, rng: np.random.Generator
 ) -> list[Image]:
     """Two layers of rain streaks, near and far.
 
@@ -105,7 +105,7 @@ def _streaks(
 
 
 def _flakes(
-    rate: float, camera: Camera, shutter: float, bright: float, rng: np.random.Generator
+    rate: float, camera: PinholeCamera, shutter: float, bright: float, rng: np.random.Generator
 ) -> list[Image]:
     """Two layers of snowflakes, near ones large and out of focus; they fall at 1 to 2 m/s."""
     layers = []
@@ -171,7 +171,7 @@ def _draw_dirt(
     return _as_image(keep), _as_image(np.rint(opaque[..., None] * tone))
 
 
-def _glare(camera: Camera, light: Light) -> Image | None:
+def _glare(camera: PinholeCamera, light: Light) -> Image | None:
     """Veiling glare of the sun in or near the picture, and the sun itself."""
     sun = camera.rotation @ np.asarray(light.sun)
     if sun[2] < 0.25:

@@ -8,13 +8,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from slipstream_lab.simulation.streetdrive.rendering.camera import Camera
+from slipstream_lab.simulation.streetdrive.rendering.camera import PinholeCamera
 from slipstream_lab.simulation.streetdrive.rendering.light import Light
 from slipstream_lab.simulation.streetdrive.rendering.mesh import Floats
 from slipstream_lab.simulation.streetdrive.rendering.painter import (
     FIXED_BITS,
     Image,
-    Placed,
+    PlacedMesh,
     fill,
     fixed,
     full_box,
@@ -24,7 +24,7 @@ from slipstream_lab.simulation.streetdrive.rendering.painter import (
 
 
 def paint_moving(
-    image: Image, camera: Camera, light: Light, vehicle: Placed, exposure_s: float
+    image: Image, camera: PinholeCamera, light: Light, vehicle: PlacedMesh, exposure_s: float
 ) -> None:
     """Draw one vehicle, blurred along the way that it drives while the frame gathers light."""
     ahead = vehicle.directed(np.array([[1.0, 0.0, 0.0]]))[0] * vehicle.speed_mps * exposure_s
@@ -65,7 +65,7 @@ def _line_kernel(way: Floats) -> NDArray[np.float32]:
     return np.asarray(kernel / kernel.sum(), dtype=np.float32)
 
 
-def paint_mirrored(image: Image, camera: Camera, vehicle: Placed, share: float) -> None:
+def paint_mirrored(image: Image, camera: PinholeCamera, vehicle: PlacedMesh, share: float) -> None:
     """Mirror a painted vehicle in the wet road below it, faintly and drawn out; in place."""
     pixels, ahead = outline_px(camera, vehicle)
     if ahead < 1:

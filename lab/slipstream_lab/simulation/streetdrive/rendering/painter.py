@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from slipstream_lab.simulation.streetdrive.rendering.camera import Camera
+from slipstream_lab.simulation.streetdrive.rendering.camera import PinholeCamera
 from slipstream_lab.simulation.streetdrive.rendering.light import Light
 from slipstream_lab.simulation.streetdrive.rendering.mesh import Floats, Material, Mesh
 
@@ -22,7 +22,7 @@ _FINE_DETAIL_PX = 26.0
 
 
 @dataclass(frozen=True)
-class Placed:
+class PlacedMesh:
     """A mesh on the road: ground centre in metres and heading along x (+1 away, -1 towards).
 
     `turn_rad` turns it from there to the left, on roads that are not straight. The speed blurs it
@@ -80,7 +80,7 @@ def fill(image: Image, pixels: Floats, colour: Sequence[float], smooth: bool = T
     cv2.fillConvexPoly(image, fixed(pixels), tuple(colour), line, FIXED_BITS)
 
 
-def outline_px(camera: Camera, vehicle: Placed) -> tuple[Floats, float]:
+def outline_px(camera: PinholeCamera, vehicle: PlacedMesh) -> tuple[Floats, float]:
     """Projected outline points (n, 2) in front of the camera, and their share of all points."""
     pixels, depth = camera.project(vehicle.to_world(vehicle.mesh.outline))
     ahead = depth >= _NEAREST_M
@@ -93,7 +93,9 @@ def full_box(pixels: Floats) -> tuple[float, float, float, float]:
     return (float(x1), float(y1), float(x2), float(y2))
 
 
-def shade(camera: Camera, light: Light, vehicle: Placed, faces: NDArray[np.int64]) -> Floats:
+def shade(
+    camera: PinholeCamera, light: Light, vehicle: PlacedMesh, faces: NDArray[np.int64]
+) -> Floats:
     """Colours (n, 3) of chosen faces as the camera sees them."""
     mesh = vehicle.mesh
     shading = mesh.normals if mesh.shading is None else mesh.shading
@@ -124,7 +126,7 @@ def shade(camera: Camera, light: Light, vehicle: Placed, faces: NDArray[np.int64
     return np.clip(light.through_haze(lit, distance), 0, 255)
 
 
-def paint_vehicle(image: Image, camera: Camera, light: Light, vehicle: Placed) -> None:
+def paint_vehicle(image: Image, camera: PinholeCamera, light: Light, vehicle: PlacedMesh) -> None:
     """Draw one vehicle's visible faces: parts far to near, then layers, then depth."""
     mesh = vehicle.mesh
     towards = _turned_to(camera, vehicle)
@@ -155,7 +157,7 @@ def paint_vehicle(image: Image, camera: Camera, light: Light, vehicle: Placed) -
         cv2.fillConvexPoly(image, points[i, : sizes[i]], tones[i], cv2.LINE_AA, FIXED_BITS)
 
 
-def _turned_to(camera: Camera, vehicle: Placed) -> NDArray[np.bool_]:
+def _turned_to(camera: PinholeCamera, vehicle: PlacedMesh) -> NDArray[np.bool_]:
     """Which faces show their front to the camera."""
     mesh = vehicle.mesh
     sight = camera.position_m - vehicle.to_world(mesh.corners[:, 0])
@@ -163,7 +165,7 @@ def _turned_to(camera: Camera, vehicle: Placed) -> NDArray[np.bool_]:
     return np.asarray(towards, dtype=np.bool_)
 
 
-def paint_shadow(image: Image, camera: Camera, light: Light, vehicle: Placed) -> None:
+def paint_shadow(image: Image, camera: PinholeCamera, light: Light, vehicle: PlacedMesh) -> None:
     """Darken the road under a vehicle and where it hides the sun."""
     mesh = vehicle.mesh
     half_l, half_w = mesh.length_m / 2, mesh.width_m / 2
@@ -207,7 +209,7 @@ def _darken(image: Image, pixels: Floats, strength: float) -> None:
 
 
 def measure(
-    camera: Camera, vehicles: Sequence[Placed], occluders: Sequence[Floats] = ()
+    camera: PinholeCamera, vehicles: Sequence[PlacedMesh], occluders: Sequence[Floats] = ()
 ) -> list[Seen | None]:
     """Boxes and visible fractions; vehicles come sorted far to near, covers lie in front of all.
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from slipstream_lab.simulation.streetdrive.rendering.camera import Camera
+from slipstream_lab.simulation.streetdrive.rendering.camera import PinholeCamera
 from slipstream_lab.simulation.streetdrive.rendering.ground import Grid, Palette
 from slipstream_lab.simulation.streetdrive.rendering.light import Light
 from slipstream_lab.simulation.streetdrive.rendering.mesh import Colour, Floats
@@ -33,7 +33,12 @@ class Density:
 
 
 def _polygon(
-    image: Image, camera: Camera, light: Light, corners: Floats, normal: Floats, colour: Colour
+    image: Image,
+    camera: PinholeCamera,
+    light: Light,
+    corners: Floats,
+    normal: Floats,
+    colour: Colour,
 ) -> None:
     """Draw one lit planar polygon (n, 3), skipped where it reaches behind the camera."""
     pixels, depth = camera.project(corners)
@@ -46,7 +51,7 @@ def _polygon(
 
 def _building(
     image: Image,
-    camera: Camera,
+    camera: PinholeCamera,
     light: Light,
     rng: np.random.Generator,
     colour: Colour,
@@ -87,7 +92,7 @@ def _building(
 
 def _tree(
     image: Image,
-    camera: Camera,
+    camera: PinholeCamera,
     light: Light,
     rng: np.random.Generator,
     colour: Colour,
@@ -128,7 +133,7 @@ def _tree(
         cv2.circle(image, centre, max(8, round(size * 16)), (b, g, r), -1, cv2.LINE_AA, 4)
 
 
-def _lamp_post(image: Image, camera: Camera, light: Light, x: float, y: float) -> None:
+def _lamp_post(image: Image, camera: PinholeCamera, light: Light, x: float, y: float) -> None:
     sign = -1.0 if y > 0 else 1.0
     ends = np.array([[x, y, 0.0], [x, y, 9.0], [x, y + sign * 1.8, 9.3]])
     pixels, depth = camera.project(ends)
@@ -140,7 +145,9 @@ def _lamp_post(image: Image, camera: Camera, light: Light, x: float, y: float) -
     cv2.polylines(image, [points], False, tuple(float(c) for c in tone), thick, cv2.LINE_AA, 4)
 
 
-def paint_tree_line(image: Image, camera: Camera, light: Light, rng: np.random.Generator) -> None:
+def paint_tree_line(
+    image: Image, camera: PinholeCamera, light: Light, rng: np.random.Generator
+) -> None:
     """A far, hazy silhouette along the horizon."""
     u = np.arange(0, camera.width_px + 8, 4, dtype=np.float64)
     horizon = camera.height_px / 2 - camera.focal_px * np.tan(camera.pitch_rad)
@@ -158,7 +165,7 @@ def paint_tree_line(image: Image, camera: Camera, light: Light, rng: np.random.G
 
 
 def _ground_shadow(
-    image: Grid, camera: Camera, light: Light, centre: Floats, radius: float, height: float
+    image: Grid, camera: PinholeCamera, light: Light, centre: Floats, radius: float, height: float
 ) -> None:
     """The mottled shadow that a tree's crown throws on the ground."""
     away = -np.asarray(light.sun[:2]) / light.sun[2]
@@ -178,7 +185,7 @@ def _ground_shadow(
 
 
 def paint_tree_shadow(
-    image: Grid, camera: Camera, light: Light, rng: np.random.Generator, foot_m: Floats
+    image: Grid, camera: PinholeCamera, light: Light, rng: np.random.Generator, foot_m: Floats
 ) -> None:
     """The shadow of a tree at a road point (2,); changes the picture in place."""
     height = rng.uniform(3, 7)
@@ -188,7 +195,12 @@ def paint_tree_shadow(
 
 
 def paint_tree_shadows(
-    image: Grid, camera: Camera, light: Light, road: Road, rng: np.random.Generator, count: int
+    image: Grid,
+    camera: PinholeCamera,
+    light: Light,
+    road: Road,
+    rng: np.random.Generator,
+    count: int,
 ) -> None:
     """Shadows of roadside trees that may fall across the lanes; changes the picture in place."""
     for _ in range(count):
@@ -200,7 +212,7 @@ def paint_tree_shadows(
 
 def paint_scenery(
     image: Image,
-    camera: Camera,
+    camera: PinholeCamera,
     light: Light,
     road: Road,
     palette: Palette,
@@ -234,7 +246,7 @@ def paint_scenery(
 
 def paint_objects(
     image: Image,
-    camera: Camera,
+    camera: PinholeCamera,
     light: Light,
     palette: Palette,
     rng: np.random.Generator,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from slipstream_lab.simulation.streetdrive.rendering.camera import Camera
+from slipstream_lab.simulation.streetdrive.rendering.camera import PinholeCamera
 from slipstream_lab.simulation.streetdrive.rendering.conditions import CLEAR, Conditions
 from slipstream_lab.simulation.streetdrive.rendering.ground import (
     Palette,
@@ -27,7 +27,7 @@ from slipstream_lab.simulation.streetdrive.rendering.mesh import Colour, Floats
 from slipstream_lab.simulation.streetdrive.rendering.moving import paint_mirrored, paint_moving
 from slipstream_lab.simulation.streetdrive.rendering.painter import (
     Image,
-    Placed,
+    PlacedMesh,
     Seen,
     fill,
     measure,
@@ -64,7 +64,7 @@ class Backdrop:
 
     def __init__(
         self,
-        camera: Camera,
+        camera: PinholeCamera,
         light: Light,
         background: Image,
         occluders: Sequence[Occluder] = (),
@@ -79,7 +79,7 @@ class Backdrop:
         self.conditions = conditions
         self._even = even
 
-    def render(self, vehicles: Sequence[Placed]) -> tuple[Image, list[Seen | None]]:
+    def render(self, vehicles: Sequence[PlacedMesh]) -> tuple[Image, list[Seen | None]]:
         """The picture (h, w, 3) BGR and what is seen of each vehicle, in the order given."""
         position = self.camera.position_m
         order = sorted(
@@ -106,7 +106,7 @@ class Backdrop:
             seen[i] = what
         return image, seen
 
-    def _paint(self, image: Image, vehicle: Placed) -> None:
+    def _paint(self, image: Image, vehicle: PlacedMesh) -> None:
         given = self.conditions
         if given.exposure_s > 0 and vehicle.speed_mps > 0:
             paint_moving(image, self.camera, self.light, vehicle, given.exposure_s)
@@ -126,7 +126,7 @@ class Stage(Backdrop):
 
     def __init__(
         self,
-        camera: Camera,
+        camera: PinholeCamera,
         road: Road,
         light: Light,
         palette: Palette,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from slipstream_lab.simulation.streetdrive.rendering.camera import Camera
+from slipstream_lab.simulation.streetdrive.rendering.camera import PinholeCamera
 from slipstream_lab.simulation.streetdrive.rendering.ground import Grid, GroundView, blend, noise
 from slipstream_lab.simulation.streetdrive.rendering.light import Light
 from slipstream_lab.simulation.streetdrive.traffic import Road
@@ -24,13 +24,8 @@ def wet(image: Grid, view: GroundView, road: Road, wetness: float) -> Grid:
 
 
 def snowed(image: Grid, view: GroundView, road: Road, cover: float) -> Grid:
-    """Snow on verges and pavements, and on the carriageway but for the wheels' tracks.
-
-    Args:
-        image: unlit road plane; changed in place.
-        view: what each pixel shows.
-        road: where the lanes lie.
-        cover: share of the carriageway that is covered, 0..1.
+    """Snow on verges and pavements, and on the carriageway but for the wheels' tracks. `cover`:
+    share of the carriageway that is covered, 0..1.
     """
     tracks = np.ones_like(view.y)
     for lane in road.lanes:
@@ -47,7 +42,7 @@ def snowed(image: Grid, view: GroundView, road: Road, cover: float) -> Grid:
 
 
 def sky_mirror(
-    image: Grid, view: GroundView, camera: Camera, light: Light, road: Road, wetness: float
+    image: Grid, view: GroundView, camera: PinholeCamera, light: Light, road: Road, wetness: float
 ) -> Grid:
     """The sky in a wet road: Schlick's reflectance of water by angle, more in puddles."""
     cosine = np.clip(camera.height_m / np.maximum(view.reach, 1e-3), 0, 1)
@@ -58,7 +53,9 @@ def sky_mirror(
     return blend(image, light.sky_horizon, share)
 
 
-def sun_mirror(image: Grid, view: GroundView, camera: Camera, light: Light, road: Road) -> Grid:
+def sun_mirror(
+    image: Grid, view: GroundView, camera: PinholeCamera, light: Light, road: Road
+) -> Grid:
     """The glitter of a low sun on worn asphalt towards the camera (Phong's lobe); in place."""
     sun = light.sun
     ray_x = view.x / view.reach

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slipstream_lab.simulation.streetdrive.traffic.road import Floats, Lane, LengthOf, Track
+from slipstream_lab.simulation.streetdrive.traffic.road import Floats, Lane, LengthOf, VehicleTrack
 
 
 @dataclass(frozen=True)
@@ -44,10 +44,10 @@ def paper_lane(
     rng: np.random.Generator,
     ids: Iterator[int],
     length_of: LengthOf,
-) -> list[Track]:
+) -> list[VehicleTrack]:
     """Vehicles that obey the paper's law at 60 to 120 km/h, released so that none overlap."""
     start, end = (330.0, -20.0) if lane.direction < 0 else (-95.0, 330.0)
-    tracks: list[Track] = []
+    tracks: list[VehicleTrack] = []
     release_s = -20.0
     ahead: tuple[PaperLaw, float, float] | None = None
     while release_s < frames / fps:
@@ -66,7 +66,9 @@ def paper_lane(
             times = np.arange(first, last + 1) / fps - release_s
             x, velocity, acceleration = law.at(times)
             sign = lane.direction
-            tracks.append(Track(number, lane, first, x, velocity * sign, acceleration * sign))
+            tracks.append(
+                VehicleTrack(number, lane, first, x, velocity * sign, acceleration * sign)
+            )
     return tracks
 
 

@@ -63,7 +63,7 @@ class Road:
 
 
 @dataclass(frozen=True)
-class Track:
+class VehicleTrack:
     """One vehicle's motion: frames first_frame, first_frame + 1, … at a constant frame rate.
 
     `x_m` is the ground centre; speed and acceleration are positive along the lane's direction.

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from slipstream_lab.simulation.streetdrive.traffic.paper_law import paper_lane
-from slipstream_lab.simulation.streetdrive.traffic.road import Lane, LengthOf, Road, Track
+from slipstream_lab.simulation.streetdrive.traffic.road import Lane, LengthOf, Road, VehicleTrack
 
 SCENARIOS = ("stable", "turbulent", "mixed", "paper")
 
@@ -27,7 +27,7 @@ _MAX_BRAKING_MPS2 = 6.0
 
 
 @dataclass(frozen=True)
-class Driver:
+class TrafficDriver:
     """Parameters of the intelligent driver model."""
 
     desired_speed_mps: float
@@ -75,7 +75,7 @@ class Inflow:
 class _Car:
     vehicle_id: int
     length_m: float
-    driver: Driver
+    driver: TrafficDriver
     s_m: float
     speed_mps: float
     acceleration_mps2: float = 0.0
@@ -89,7 +89,7 @@ class LanePlan:
 
     lane: Lane
     inflow: Inflow
-    draw_driver: Callable[[np.random.Generator], Driver]
+    draw_driver: Callable[[np.random.Generator], TrafficDriver]
     wave: Wave | None = None
     warm_up_s: float = 90.0
 
@@ -127,7 +127,7 @@ def simulate_lane(
     rng: np.random.Generator,
     ids: Iterator[int],
     length_of: LengthOf,
-) -> list[Track]:
+) -> list[VehicleTrack]:
     """Run one lane through its warm-up and the clip; tracks hold the clip's frames only."""
     path_m = FAR_M - NEAR_M
     per_frame = max(1, math.ceil(1.0 / (fps * _MAX_STEP_S)))
@@ -175,18 +175,18 @@ def _enter(
     return _Car(number, length_of(number), plan.draw_driver(rng), 0.0, speed)
 
 
-def _track(car: _Car, lane: Lane) -> Track:
+def _track(car: _Car, lane: Lane) -> VehicleTrack:
     s, speed, acceleration = np.asarray(car.samples, dtype=np.float64).T
     x = FAR_M - s if lane.direction < 0 else NEAR_M + s
-    return Track(car.vehicle_id, lane, car.first_frame, x, speed, acceleration)
+    return VehicleTrack(car.vehicle_id, lane, car.first_frame, x, speed, acceleration)
 
 
-def _calm_driver(rng: np.random.Generator) -> Driver:
-    return Driver(desired_speed_mps=18.5 * float(rng.normal(1.0, 0.008)), time_gap_s=1.1)
+def _calm_driver(rng: np.random.Generator) -> TrafficDriver:
+    return TrafficDriver(desired_speed_mps=18.5 * float(rng.normal(1.0, 0.008)), time_gap_s=1.1)
 
 
-def _aggressive_driver(rng: np.random.Generator) -> Driver:
-    return Driver(
+def _aggressive_driver(rng: np.random.Generator) -> TrafficDriver:
+    return TrafficDriver(
         desired_speed_mps=15.0 * float(rng.normal(1.0, 0.05)),
         time_gap_s=float(rng.uniform(0.6, 0.8)),
         max_acceleration_mps2=3.5,
@@ -213,25 +213,15 @@ def _stop_and_go(lane: Lane, rng: np.random.Generator) -> LanePlan:
 
 def simulate(
     scenario: str, road: Road, *, seconds: float, fps: float, seed: int, length_of: LengthOf
-) -> list[Track]:
-    """Trajectories of all vehicles of a scenario, sampled at the clip's frames.
-
-    Args:
-        scenario: one of SCENARIOS.
-        road: where the lanes lie.
-        seconds: the clip's length.
-        fps: frames per second.
-        seed: same seed, same traffic.
-        length_of: length in metres of the vehicle with a given number.
-
-    Raises:
-        ValueError: the scenario is unknown.
+) -> list[VehicleTrack]:
+    """Trajectories of all vehicles of a scenario, sampled at the clip's frames. Raises ValueError:
+    the scenario is unknown.
     """
     if scenario not in SCENARIOS:
         raise ValueError(f"unknown scenario {scenario!r}")
     frames = round(seconds * fps)
     ids = iter(range(1, 1_000_000))
-    tracks: list[Track] = []
+    tracks: list[VehicleTrack] = []
     for number, lane in enumerate(road.lanes):
         rng = np.random.default_rng([seed, 1, number])
         common = {"frames": frames, "fps": fps, "rng": rng, "ids": ids, "length_of": length_of}

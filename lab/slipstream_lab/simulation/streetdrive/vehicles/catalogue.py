@@ -52,10 +52,8 @@ _CAR_SIZES: dict[str, tuple[float, float, float]] = {
 
 
 def build_vehicle(shape: str, rng: np.random.Generator, paints: Sequence[Colour] = PAINTS) -> Mesh:
-    """One vehicle of a shape (a key of CLASS_OF_SHAPE) with drawn size and paint.
-
-    Raises:
-        KeyError: the shape is unknown.
+    """One vehicle of a shape (a key of CLASS_OF_SHAPE) with drawn size and paint. Raises KeyError:
+    the shape is unknown.
     """
     jitter = rng.uniform(-12, 12, 3)
     chosen = np.clip(np.asarray(paints[int(rng.integers(len(paints)))]) + jitter, 12, 248)

@@ -19,7 +19,7 @@ from slipstream_lab.benchmarks.perception.report import (
     ROAD,
     SAME_EXPORT,
     TORCH,
-    Results,
+    PerceptionResults,
     checks,
 )
 from slipstream_lab.benchmarks.perception.slope import MemoryUse, Slope
@@ -50,12 +50,12 @@ def daemon(
     )
 
 
-def reached(results: Results) -> dict[str, bool | None]:
+def reached(results: PerceptionResults) -> dict[str, bool | None]:
     """What became of each aim, by the beginning of its name."""
     return {check.what.split(",")[0][:24]: check.reached for check in checks(results)}
 
 
-GOOD = Results(
+GOOD = PerceptionResults(
     rounds=(
         {ROAD: speed(7.0), LIVE: speed(21.9, 15.0), TORCH: speed(70.0), SAME_EXPORT: speed(21.0)},
         {ROAD: speed(6.0), LIVE: speed(21.9, 16.0), TORCH: speed(66.0), SAME_EXPORT: speed(20.0)},
@@ -77,19 +77,19 @@ def test_aims_that_are_reached() -> None:
 @pytest.mark.parametrize(
     ("results", "missed"),
     [
-        (Results(({ROAD: speed(8.1)},)), "whole pipeline"),
-        (Results(({LIVE: speed(21.9, 22.0)},)), "latency p95 of a live ca"),
-        (Results(({ROAD: speed(5.0), TORCH: speed(39.9)},)), "times faster than Ultral"),
-        (Results((), cameras=(daemon(0), daemon(1))), "2 cameras at 45.6"),
+        (PerceptionResults(({ROAD: speed(8.1)},)), "whole pipeline"),
+        (PerceptionResults(({LIVE: speed(21.9, 22.0)},)), "latency p95 of a live ca"),
+        (PerceptionResults(({ROAD: speed(5.0), TORCH: speed(39.9)},)), "times faster than Ultral"),
+        (PerceptionResults((), cameras=(daemon(0), daemon(1))), "2 cameras at 45.6"),
         (
-            Results((), overload=(daemon(9, p95=180.0), daemon(9, p95=251.0))),
+            PerceptionResults((), overload=(daemon(9, p95=180.0), daemon(9, p95=251.0))),
             "overloaded cameras at 45",
         ),
-        (Results((), fast=daemon(0, largest=451.0)), "resident memory at full "),
-        (Results((), fast=daemon(0, slope=3.0)), "its slope over 10 min"),
+        (PerceptionResults((), fast=daemon(0, largest=451.0)), "resident memory at full "),
+        (PerceptionResults((), fast=daemon(0, slope=3.0)), "its slope over 10 min"),
     ],
 )
-def test_aims_that_are_missed(results: Results, missed: str) -> None:
+def test_aims_that_are_missed(results: PerceptionResults, missed: str) -> None:
     """Each is named for itself; what was not measured is neither reached nor missed."""
     names = [c.what for c in checks(results) if c.reached is False]
     assert len(names) == 1
@@ -99,7 +99,7 @@ def test_aims_that_are_missed(results: Results, missed: str) -> None:
 
 def test_missing_peers_are_said(tmp_path: Path) -> None:
     """The report stands without them, and holds no number in their place."""
-    results = Results(({ROAD: speed(7.0)},), missing=("Ultralytics: not there",))
+    results = PerceptionResults(({ROAD: speed(7.0)},), missing=("Ultralytics: not there",))
     report.write(tmp_path, results, {"machine": "made up"})
     text = (tmp_path / "report.md").read_text()
     assert "**not measured:** Ultralytics: not there" in text

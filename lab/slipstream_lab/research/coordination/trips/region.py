@@ -9,9 +9,9 @@ import numpy as np
 
 from slipstream.roads import RoadNetwork, Segment, build_network
 from slipstream.vehicle_types import PRESETS
-from slipstream_lab.research.coordination.drawing import draw_pairs, drawn_freight
-from slipstream_lab.research.coordination.freight import Freight
-from slipstream_lab.research.coordination.roads import fastest_ways, freight_segments
+from slipstream_lab.research.coordination.trips.drawing import draw_pairs, drawn_freight
+from slipstream_lab.research.coordination.trips.freight import Freight
+from slipstream_lab.research.coordination.trips.roads import fastest_ways, freight_segments
 from slipstream_lab.simulation.scenarios.demand import FleetSettings, departures
 
 TRUCKS: Final = 5000

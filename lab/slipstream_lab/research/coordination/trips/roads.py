@@ -11,7 +11,7 @@ from dispatcher_daemon.traffic import SegmentTraffic
 from slipstream.energy.traction import ETA_FOLLOWER, ETA_LEADER, drag_saving_kwh, stop_energy_kwh
 from slipstream.roads import RoadNetwork
 from slipstream.vehicle_types import RoutingProfile
-from slipstream_lab.research.coordination.freight import MS, FreightSegment
+from slipstream_lab.research.coordination.trips.freight import MS, FreightSegment
 
 
 def freight_segments(
@@ -20,12 +20,7 @@ def freight_segments(
     open_segments: Collection[str],
     hubs: Collection[str],
 ) -> dict[str, FreightSegment]:
-    """Segments at the planning speed in free flow.
-
-    Args:
-        open_segments: on which platoons may drive.
-        hubs: segments at whose begin vehicles may wait.
-    """
+    """Segments at the planning speed in free flow."""
     found = {}
     for name, segment in network.segments.items():
         traffic = SegmentTraffic(name, segment.speed_limit_mps)

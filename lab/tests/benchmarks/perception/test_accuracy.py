@@ -9,7 +9,7 @@ import pytest
 
 from slipstream_cli.main import parser
 from slipstream_lab.benchmarks.accuracy.clips import CLIPS, LEARNED_FROM, WEATHER
-from slipstream_lab.benchmarks.accuracy.report import Row, classes, features, misses, table
+from slipstream_lab.benchmarks.accuracy.report import AccuracyRow, classes, features, misses, table
 from slipstream_lab.research.perception import Scores
 from slipstream_lab.research.perception.score import ClassScore, FeatureScore
 from slipstream_lab.simulation.streetdrive.clip import draw_clip_camera
@@ -63,7 +63,7 @@ def test_a_good_run_misses_nothing() -> None:
     """All targets are bounds that may be touched."""
     assert misses(GOOD) == []
     assert misses(replace(GOOD, speed_mae_kmh=1.0, y_e_agreement=0.95)) == []
-    assert "!" not in table([], [Row("all", GOOD)])
+    assert "!" not in table([], [AccuracyRow("all", GOOD)])
 
 
 @pytest.mark.parametrize(
@@ -83,7 +83,7 @@ def test_a_miss_is_told_and_marked(field: str, value: float | None) -> None:
     bad = replace(GOOD, **{field: value})
     (miss,) = misses(bad)
     assert str(value) in miss
-    total = table([Row("clip", GOOD)], [Row("all", bad)]).splitlines()[-2]
+    total = table([AccuracyRow("clip", GOOD)], [AccuracyRow("all", bad)]).splitlines()[-2]
     assert total.startswith("all")
     assert total.count("!") == 1
 

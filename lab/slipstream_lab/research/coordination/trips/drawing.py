@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from slipstream_lab.research.coordination.freight import MS, Freight, FreightSegment, Trip
+from slipstream_lab.research.coordination.trips.freight import MS, Freight, FreightSegment, Trip
 
 Array = npt.NDArray[np.float64]
 Pairs = Mapping[tuple[str, str], tuple[str, ...]]

@@ -10,7 +10,7 @@ import numpy as np
 from slipstream.messages import Estimate, KinematicFeatures, SegmentState, UnknownReason
 from slipstream_lab.benchmarks.accuracy.clips import WEATHER
 from slipstream_lab.benchmarks.accuracy.weather import flags_of, table
-from slipstream_lab.research.perception import Comparison
+from slipstream_lab.research.perception import TrackComparison
 from slipstream_lab.research.perception.score import TrueBoxes
 from slipstream_lab.simulation.ground_truth import TrueWindow
 
@@ -48,7 +48,7 @@ def test_flags_are_counted_against_the_truth() -> None:
     """Two windows are unknown; one of four flags is stable in turbulence, and one the reverse."""
     boxes = TrueBoxes(np.arange(4), np.zeros(4, dtype=np.int64), np.array([1, 1, 1, 0], dtype=bool))
     none = np.zeros(0)
-    clip = Comparison([], boxes, none, none.astype(bool), none.astype(np.int64), [])
+    clip = TrackComparison([], boxes, none, none.astype(bool), none.astype(np.int64), [])
     windows = [
         *(window(1, 1), window(0, 0), window(1, 0), window(0, 1)),
         *(window(None, 1), window(None, 0, "too_few_vehicles")),

@@ -29,12 +29,8 @@ class StateArrival:
 
 
 @dataclass
-class Observer:
-    """Collects messages from `listen` on.
-
-    Args:
-        clock: seconds since the soak began.
-    """
+class BusObserver:
+    """Collects messages from `listen` on."""
 
     clock: Callable[[], float]
     states: dict[str, list[StateArrival]] = field(default_factory=dict)

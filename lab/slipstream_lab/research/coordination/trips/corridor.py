@@ -7,9 +7,14 @@ from typing import Final, Literal
 import numpy as np
 
 from slipstream.vehicle_types import RoutingProfile
-from slipstream_lab.research.coordination.drawing import Array, Pairs, draw_pairs, drawn_freight
-from slipstream_lab.research.coordination.freight import Freight
-from slipstream_lab.research.coordination.roads import fastest_ways, freight_segments
+from slipstream_lab.research.coordination.trips.drawing import (
+    Array,
+    Pairs,
+    draw_pairs,
+    drawn_freight,
+)
+from slipstream_lab.research.coordination.trips.freight import Freight
+from slipstream_lab.research.coordination.trips.roads import fastest_ways, freight_segments
 from slipstream_lab.simulation.scenarios.demand import departures
 from slipstream_lab.simulation.scenarios.scenario import Scenario, load_scenario
 

@@ -1,0 +1,1 @@
+"""The law of the trips: their roads, and who wants to drive where and when."""
