@@ -15,6 +15,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 
 
+@pytest.mark.slow
 def test_imports_point_one_way() -> None:
     """The contracts in pyproject.toml hold: no arrow runs back up, no circle."""
     result = subprocess.run(
@@ -43,6 +44,7 @@ _IMPORT = re.compile(
 )
 
 
+@pytest.mark.slow
 def test_nobody_reaches_past_a_room() -> None:
     """From outside a room of the dispatcher or the agent, imports name a package, which exports
     what others use, and no module in it. Inside, no module takes a name from a package that it

@@ -99,6 +99,7 @@ def test_a_fault_in_the_middle_leaves_nothing(url, make_cycle):
         assert _count(url, "cycle_traffic") == 2
 
 
+@pytest.mark.slow
 def test_numbers_go_on(any_url, make_cycle):
     """Cycle numbers start at 1 and go on above the highest stored one after a restart."""
     with storage.open_database(any_url) as database:
@@ -148,6 +149,7 @@ def test_prune_refuses_ages_that_are_none(url, make_cycle, keep_days):
     assert _count(url, "cycles") == 2
 
 
+@pytest.mark.slow
 def test_prune_can_be_limited(any_url, make_cycle, monkeypatch):
     """A limited prune deletes the oldest so many, over several batches, and leaves the rest."""
     monkeypatch.setattr("storage.retention.PRUNE_BATCH", 3)

@@ -112,6 +112,7 @@ def test_a_session_cut_in_the_middle_of_a_cycle(postgres, postgres_url, make_cyc
         assert reader.cycles(limit=9) == (make_cycle(1)[0], make_cycle(2)[0])
 
 
+@pytest.mark.long
 @pytest.mark.attack
 def test_a_limit_of_size_is_held_on_a_server(postgres_url, make_cycle, figure):
     """The oldest cycles go until the rest fits, and no more, though files of a server never shrink;

@@ -18,6 +18,7 @@ from storage.engine import parse_url, writer_engine
 from storage.models import Base
 
 
+@pytest.mark.slow
 def test_head_equals_the_models(any_url):
     """A new database has the tables, columns and indexes of the models."""
     storage.open_database(any_url).close()

@@ -146,6 +146,7 @@ def test_changes_of_a_cycle_that_was_not_stored_are_not_missed(url, make_cycle, 
         assert [_open(report.gates)["a"] for report in reader.cycles(9)] == [True, False, False]
 
 
+@pytest.mark.slow
 def test_rollups_are_those_of_all_states(any_url, make_cycle):
     """Minutes and hours have counts, shares, mean and extremes, however states come: in several
     goes, late, or from a run before.
@@ -314,6 +315,7 @@ def test_each_kind_of_old_traffic_has_its_turn(url, make_cycle, monkeypatch):
         assert len(reader.rollups("a", 0, 2**62)) == 29
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize(("catch_up_s", "left"), [(0.0, 40), (1.0, 9)], ids=["once", "in calls"])
 def test_deletion_keeps_up_where_a_call_has_time_for_one_step(

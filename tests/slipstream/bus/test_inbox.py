@@ -158,6 +158,7 @@ def test_bytes_that_wait_are_bounded(slow: Open, every: bool) -> None:
     assert inbox.counts() == counts(taken=8, dropped=12)
 
 
+@pytest.mark.slow
 @pytest.mark.attack
 @pytest.mark.parametrize("size", [0, INBOX_BYTES // 100])
 def test_of_too_many_keys_those_that_are_silent_go(slow: Open, size: int) -> None:

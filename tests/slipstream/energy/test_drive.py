@@ -35,6 +35,7 @@ def position_m(drive: Drive, at_s: float) -> float:
     return float(np.trapezoid(speeds, times))
 
 
+@pytest.mark.slow
 @given(leg=LEGS)
 def test_a_drive_covers_its_segments_within_speeds_and_rates(
     leg: list[tuple[float, float]],

@@ -46,6 +46,7 @@ def test_a_stop_from_13_4_mps_costs_51_wh_to_drive_off_from() -> None:
     assert energy.acceleration_kwh * 1e3 == pytest.approx(51.0, abs=0.1)
 
 
+@pytest.mark.slow
 @given(
     st.lists(st.floats(0.0, 40.0), min_size=2, max_size=60),
     st.sampled_from([0.1, 0.5, 1.0]),
@@ -110,6 +111,7 @@ def test_no_powertrain_gives_more_than_it_takes() -> None:
         VehicleParameters(powertrain_efficiency=1.001)
 
 
+@pytest.mark.slow
 @given(
     st.lists(st.lists(st.floats(0.0, 40.0), min_size=1, max_size=12), min_size=1, max_size=6),
     st.floats(0.0, 0.3),
@@ -136,6 +138,7 @@ def test_plans_and_trajectories_may_be_stacked_in_any_depth() -> None:
     assert total([]) == Energy(0, 0, 0, 0)
 
 
+@pytest.mark.slow
 @given(
     start=st.floats(0.0, 40.0),
     end=st.floats(0.0, 40.0),
@@ -255,6 +258,7 @@ def test_braking_recovers_its_share_of_the_work_at_the_wheels() -> None:
     assert float(phase_energies(20.0, 0.0, 10.0).total_kwh) == 0.0
 
 
+@pytest.mark.slow
 @given(
     st.lists(st.floats(0.0, 30.0), min_size=2, max_size=6),
     st.floats(0.0, 1.0),

@@ -74,6 +74,7 @@ def test_what_comes_early_counts_now() -> None:
     assert {part.hour_ns for part in parts} == {BEGIN_NS}
 
 
+@pytest.mark.slow
 @given(st.lists(st.floats(0.0, 4.0), max_size=6))
 def test_parts_of_a_way_are_the_whole(places: list[float]) -> None:
     """However often it is booked, a way counts once."""

@@ -150,6 +150,7 @@ def london(
     return made_once("london", build) / "london.net.xml.gz"
 
 
+@pytest.mark.slow
 def test_a_left_hand_map_becomes_a_left_hand_net(london: Path) -> None:
     """Its roads lie on the left of their streets' middle; the page and the 3D view draw them
     there."""
@@ -168,6 +169,7 @@ def test_a_left_hand_map_becomes_a_left_hand_net(london: Path) -> None:
     assert network_document(Scene(Places(network), {}))["left_hand"] is True
 
 
+@pytest.mark.long
 @pytest.mark.process
 @pytest.mark.slow
 def test_cameras_of_a_left_hand_net_see_its_lanes_where_they_are(

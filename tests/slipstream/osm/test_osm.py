@@ -188,6 +188,7 @@ def test_the_command_says_where_netconvert_is_to_be_had(
     )
 
 
+@pytest.mark.slow
 def test_an_imported_town_is_one_that_the_commands_take(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], tool: Callable[[str], str]
 ) -> None:

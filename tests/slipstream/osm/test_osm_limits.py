@@ -139,6 +139,7 @@ def imported(path: Path, **options: Any) -> RoadNetwork:
     return load_network(import_osm(path, path.with_suffix(".net.xml.gz"), **options).net)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("netconvert")
 def test_the_import_says_which_limits_it_took_and_the_net_has_them(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -201,6 +202,7 @@ def test_ways_that_are_joined_keep_the_strictest_limit_and_only_their_own_tunnel
     assert not ways["5"].access.admits(van), "its limit cannot be read"
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("netconvert")
 @pytest.mark.parametrize("at", [(-16.846, 179.9965), (-33.9, 151.2), (65.98, 179.9965)])
 def test_places_come_out_right_over_the_date_line_and_in_the_south(

@@ -226,6 +226,7 @@ def test_what_is_not_known_of_a_vehicle_meets_no_limit() -> None:
     assert not low.admits(RoutingProfile(gross_mass_kg=3500.1))
 
 
+@pytest.mark.slow
 def test_points_are_projected_as_the_net_was() -> None:
     """Troy's own corners: its net says what they are in degrees and in metres."""
     path = Path("lab/slipstream_lab/simulation/scenarios/data/troy/troy.net.xml.gz")

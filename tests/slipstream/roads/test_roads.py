@@ -118,6 +118,7 @@ def test_junctions_are_in_the_order_of_the_segments() -> None:
     assert list(network.junctions) == list(dict.fromkeys(ends))
 
 
+@pytest.mark.slow
 def test_a_crossing_with_signals_names_its_groups() -> None:
     """Troy's: the signals that stand at the segment's end, and a number a lane."""
     from slipstream_lab.simulation.scenarios.scenario import load_scenario

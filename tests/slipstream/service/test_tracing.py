@@ -32,6 +32,7 @@ def inner() -> int:
     return 7
 
 
+@pytest.mark.slow
 def test_off_nothing_is_made_or_imported() -> None:
     """A span is one and the same empty object, and OpenTelemetry is not loaded."""
     assert span("a", x=1) is span("b")

@@ -29,6 +29,7 @@ def _figures(*parts: EnergyHour) -> tuple[float, ...]:
     return tuple(map(sum, zip(*(astuple(part)[2:] for part in parts), strict=True)))
 
 
+@pytest.mark.slow
 def test_parts_add_up(any_url):
     """What comes later of an hour and vehicle is added to what is there; sums are over all."""
     parts = [_hour(0, "a"), _hour(0, "b", 2.0), _hour(1, "a"), _hour(25, "a", 4.0)]
@@ -88,6 +89,7 @@ def test_a_cycle_that_fails_books_nothing(any_url, make_cycle):
         assert reader.energy(0, 2**62) == records.driven
 
 
+@pytest.mark.slow
 def test_a_damaged_file_hands_on_what_is_booked(url, make_cycle):
     """Plans in force that are taken over are booked on from where they were."""
     report, plans, states = make_cycle(1)

@@ -106,6 +106,7 @@ def test_a_plan_in_force_is_shown_until_a_later_one_is(any_url, make_cycle):
         assert tuple(r.plan for r in reader.latest_plan_records()) == (later,)
 
 
+@pytest.mark.slow
 def test_sums_of_movements_add_up(any_url):
     """What is stored of a movement and hour is added to what is there."""
     first = MovementSum("a", "b", 8, 2.0, 0.5, 60.0, 1.0)
