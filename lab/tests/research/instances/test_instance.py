@@ -119,7 +119,7 @@ def test_a_generated_city_is_read_back_exactly(tmp_path: Path, suffix: str) -> N
     assert load_instance(tmp_path / f"city.{suffix}") == city
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @given(
     length=st.floats(min_value=1e-300, max_value=1e6),
     x=st.floats(-1e8, 1e8),

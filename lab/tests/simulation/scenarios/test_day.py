@@ -189,6 +189,7 @@ def test_rsus_off_the_net_are_refused(troy: Scenario, tmp_path: Path) -> None:
         load_rsus(path, troy.network)
 
 
+@pytest.mark.long
 def test_rsus_are_placed_on_busy_approaches_apart_from_each_other(
     troy: Scenario, morning: Morning
 ) -> None:
