@@ -18,8 +18,7 @@ EFFORTS: Final[Mapping[Effort, Mapping[str, Any]]] = {
             "max_sweeps": 8,
             "patience": 2,
         },
-        "lc_qaoa": {"layers": 1, "iterations": 20, "restarts": 4, "shots": 512},
-        "qaoa": {"iterations": 20},
+        "lc_qaoa": {"layers": 1, "iterations": 20, "shots": 512},
     },
     "normal": {},
     "thorough": {
@@ -29,8 +28,7 @@ EFFORTS: Final[Mapping[Effort, Mapping[str, Any]]] = {
             "max_sweeps": 60,
             "patience": 6,
         },
-        "lc_qaoa": {"iterations": 300, "restarts": 32},
-        "qaoa": {"iterations": 300},
+        "lc_qaoa": {"iterations": 300},
     },
 }
 """By effort, what differs from the models' defaults."""

@@ -62,7 +62,6 @@ def router_config(endpoint: str) -> Any:
         "listen/endpoints": [endpoint],
         "listen/exit_on_failure": True,
         "scouting/multicast/enabled": False,
-        "scouting/delay": 0,
         "transport/shared_memory/enabled": False,
         _RECEIVE_LIMIT: RECEIVE_LIMIT_BYTES,
         **TRANSMIT_QUEUE,
@@ -83,8 +82,6 @@ def _leaf_config(settings: BusSettings) -> Any:
         "connect/exit_on_failure": False,
         "connect/retry": RETRY,
         "scouting/multicast/enabled": False,
-        # Time in which open() lets a router answer, ms: 500 by zenoh's default.
-        "scouting/delay": 100,
         "timestamping/enabled": True,
         # It locks memory, which a sandboxed service may not, and a process that is killed leaves
         # 18 MB in /dev/shm.

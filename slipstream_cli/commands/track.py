@@ -119,7 +119,7 @@ def _settings(options: argparse.Namespace) -> TrackSettings:
     checked = check(
         {**fields, **_without_none(given), "detector": detector}, TrackSettings, "command line"
     )
-    kept = {name: getattr(base, name) for name in ("tracker", "stability", "watch")}
+    kept = {name: getattr(base, name) for name in ("stability", "watch")}
     return checked.model_copy(update=kept)
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from dashboard.settings import DashboardSettings
 from dispatcher_daemon.settings import DispatcherSettings
-from slipstream.freshness import FUTURE_TOLERANCE_S, STALE_AFTER_S, decisive, fault, is_ahead
+from slipstream.freshness import STALE_AFTER_S, decisive, fault, is_ahead
 from slipstream.messages import Estimate, KinematicFeatures, SegmentState
 
 S = 1_000_000_000
@@ -100,4 +100,3 @@ def test_both_daemons_have_the_same_defaults():
     """The page and the gates judge by the same limits unless told otherwise."""
     dispatcher, dashboard = DispatcherSettings(), DashboardSettings()
     assert dispatcher.stale_after_s == dashboard.stale_after_s == STALE_AFTER_S
-    assert dispatcher.future_tolerance_s == FUTURE_TOLERANCE_S

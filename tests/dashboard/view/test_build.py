@@ -81,7 +81,7 @@ def test_roads_are_judged_by_the_dispatchers_limits(world, now_ns, limits, age_s
 
 def test_the_page_agrees_with_the_gates(world, now_ns):
     """With limits of the dispatcher's own, a road is shown as stable where its gate is open."""
-    limits = {"stale_after_s": 8.0, "future_tolerance_s": 2.5}
+    limits = {"stale_after_s": 8.0}
     health = world.dispatcher(now_ns).model_copy(update=limits)
     for age_s in (-3.0, -2.0, 0.0, 4.0, 7.0, 9.0):
         state = world.state("avenue_east", now_ns - round(age_s * S))
