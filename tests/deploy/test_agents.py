@@ -32,6 +32,7 @@ KINDS = ("acknowledgement", "progress", "position", "advice", VAN)
 """Last chunks of the keys that an agent is heard on; platoon control ends with its vehicle."""
 
 
+@pytest.mark.long
 @pytest.mark.process
 def test_the_examples_carry_a_vehicles_plan_and_advice(etc: Path, tmp_path: Path) -> None:
     """Plan and sensing in, answer, progress, position, advice and platoon control out."""

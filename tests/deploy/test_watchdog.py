@@ -176,7 +176,7 @@ def test_the_servers_daemons_tell_their_progress(
         assert manager.process.wait(timeout=20) == 0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.process
 def test_agents_without_a_vehicle_to_advise_tell_their_progress(tmp_path: Path) -> None:
     """Without a router too: waiting for sensing is progress, a restart would not bring it."""

@@ -86,6 +86,7 @@ def end(process: subprocess.Popen[str]) -> str:
     return log
 
 
+@pytest.mark.long
 @pytest.mark.process
 def test_states_health_and_preview_come_traced_and_sigterm_ends_it(
     tmp_path: Path, street_clips: dict[str, Path], router: Router, bus: Bus

@@ -116,7 +116,7 @@ def test_nothing_that_runs_is_a_fault(capsys: pytest.CaptureFixture[str]) -> Non
     assert capsys.readouterr().out == "FAULT  slipstream  nothing of it runs on this machine\n"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_is_wrong_comes_first(router: Router, capsys: pytest.CaptureFixture[str]) -> None:
     """A camera without a signal, before the dispatcher and the RSU that are well."""
     with Bus.open(BusSettings(connect=(router.endpoint,))) as bus:
@@ -235,7 +235,7 @@ def test_a_sound_installation_is_exit_status_0(
     assert main(["status", "--bus", guarded, "--seconds", "2"]) == 0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_wrong_password_is_told_apart_from_a_dead_router(
     alone: list[Running], guarded: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -160,7 +160,7 @@ def test_a_video_of_another_size_is_one_line(
     assert "640×360" in capsys.readouterr().err
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_clip_without_a_rate_asks_for_it(
     grey: Path,
     tmp_path: Path,

@@ -221,8 +221,8 @@ def test_size_is_bounded(url, make_cycle, tmp_path, monkeypatch, full_size, figu
     )
 
 
+@pytest.mark.long
 @pytest.mark.attack
-@pytest.mark.slow
 def test_a_lower_limit_is_reached_in_small_steps(url, make_cycle, monkeypatch):
     """A file that is far too large loses a bounded number of cycles a call, and then shrinks."""
     monkeypatch.setattr(retention, "LOG_BYTES", 0)

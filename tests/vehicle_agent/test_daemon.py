@@ -195,6 +195,7 @@ def test_an_agent_answers_advises_and_goes_on_after_a_kill(tmp_path: Path, route
         assert second.returncode == 0
 
 
+@pytest.mark.long
 def test_an_agent_whose_vehicle_is_silent_stops_advising(tmp_path: Path, router: Router) -> None:
     """Advice on old sensing ends within a second."""
     with Bus.open(BusSettings(connect=(router.endpoint,))) as bus:

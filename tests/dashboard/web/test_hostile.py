@@ -99,7 +99,7 @@ def test_broken_requests_are_refused(serve, tell, now_ns):
     assert page.get("/api/config").status == 200
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_thousand_connections_shut_nobody_out_for_long(serve, monkeypatch):
     """Silent ones end; meanwhile whoever follows goes on following."""
     monkeypatch.setattr(server, "HEAD_WITHIN_S", 2.0)

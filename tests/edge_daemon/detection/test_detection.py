@@ -134,7 +134,7 @@ def test_the_road_s_part_is_searched_as_the_whole_picture_is(
     assert ((part.boxes[:, 2] > region.left) & (part.boxes[:, 3] > region.top)).all()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_pictures_at_a_time_do_not_mix(
     rendered: tuple[np.ndarray, list[dict[str, str]]],  # type: ignore[type-arg]
     road: Camera,
@@ -315,6 +315,7 @@ def test_pt_files_need_the_extra_or_run_through_the_same_protocol(
     assert hits >= 0.8 * there
 
 
+@pytest.mark.long
 @pytest.mark.process
 def test_nothing_is_told_to_anybody(tmp_path: Path) -> None:
     """Opening a model writes no identity into the home folder, as its telemetry would."""

@@ -59,6 +59,7 @@ def test_all_that_a_daemon_writes_is_one_object_a_line() -> None:
     ]
 
 
+@pytest.mark.long
 @pytest.mark.process
 def test_bad_input_is_an_object_too(tmp_path: Path) -> None:
     """The line that ends a daemon, and exit status 2."""

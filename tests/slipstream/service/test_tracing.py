@@ -80,6 +80,7 @@ def test_frequent_spans_are_bounded() -> None:
     assert MAX_SPARSE_SPANS <= names.count("receive") <= seconds * MAX_SPARSE_SPANS
 
 
+@pytest.mark.long
 def test_a_collector_that_is_away_holds_nothing_up(caplog: pytest.LogCaptureFixture) -> None:
     """The work goes on, one line tells of it, and the end comes soon."""
     with Tracing("x", f"http://127.0.0.1:{free_port()}"):
@@ -121,7 +122,7 @@ def test_what_is_no_endpoint_is_refused(endpoint: str) -> None:
         check({"traces": endpoint}, ServiceSettings, "x.toml")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_dead_collector_does_not_hold_up_a_stop() -> None:
     """It takes connections and says nothing: each batch that waits would take its whole limit."""
     with socket.create_server(("127.0.0.1", 0)) as dead:

@@ -215,7 +215,7 @@ def waited_s(front: Front, seconds: float, tells: Callable[[int], None]) -> floa
     return waited
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_nobody_is_slowed_down_for_more_than_300_s_in_an_hour() -> None:
     """By another name each ten seconds, from where a vehicle may come, in 50 min; then anew."""
     front = Front()

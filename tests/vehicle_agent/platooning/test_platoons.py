@@ -77,7 +77,7 @@ def test_three_become_one_platoon(interval_s: float, delayed: bool) -> None:
     assert front.tail_m == pytest.approx(3 * LENGTH_M + gaps, abs=0.1)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(("interval_s", "delayed"), MODES)
 def test_a_leader_waits_until_all_gaps_behind_it_are_closed(
     interval_s: float, delayed: bool

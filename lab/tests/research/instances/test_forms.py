@@ -150,6 +150,7 @@ def test_route_form_keeps_windows_and_serves_every_stop_once() -> None:
     )
 
 
+@pytest.mark.long
 def test_rewards_of_options_have_exact_entry_times() -> None:
     """An option fixes the departure, so that nothing is predicted at the earliest only."""
     _, form = options()

@@ -97,6 +97,7 @@ def test_a_table_is_sorted_by_its_headings_and_filtered_by_words(opened):
     assert rows(tab) == ["rsu-37", "rsu-12"]
 
 
+@pytest.mark.long
 def test_a_subject_is_selected_by_click_by_search_by_address_and_after_a_reload(opened):
     """The address always says what is selected."""
     tab = opened()
@@ -147,6 +148,7 @@ CARDS = {
 }
 
 
+@pytest.mark.long
 def test_a_card_tells_all_about_its_subject(opened):
     """Figures, lists and drawings of each kind."""
     tab = opened()
@@ -174,6 +176,7 @@ def test_a_card_follows_its_row_and_keeps_where_the_reader_is(opened, page: Fake
     until(tab, "!document.querySelector('tr[data-id=van-1]')")
 
 
+@pytest.mark.long
 def test_a_moment_of_the_past_is_shown_with_its_card_and_played(opened, page: FakePage):
     """By the slider, by the address, and on at 60 times; then live again."""
     tab = opened("#van/van-1")
@@ -344,6 +347,7 @@ def test_a_lost_server_is_told_greys_the_page_and_is_found_again(opened, page: F
     tab.faults.clear()  # the browser logs refused connections
 
 
+@pytest.mark.long
 def test_a_name_with_a_script_stays_a_text(opened, page: FakePage):
     """In tables, cards, banner and address."""
     name = "<img src=x onerror=alert(1)>/ä"

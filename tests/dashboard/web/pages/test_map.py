@@ -560,6 +560,7 @@ def test_names_of_vehicles_are_read_easily(town, theme):
     assert min(contrasts) >= 4.5
 
 
+@pytest.mark.long
 def test_vehicles_glide_between_messages_while_all_else_stays_drawn(open_map):
     """Moving vehicles cost no drawing of roads."""
     page = open_map(STREETS, three_roads(), query="theme=light", width=600, height=400)

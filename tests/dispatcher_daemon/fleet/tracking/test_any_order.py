@@ -181,5 +181,5 @@ class AnyOrder(RuleBasedStateMachine):
             assert state == "served" or name in self.removed
 
 
-TestAnyOrder = pytest.mark.slow(AnyOrder.TestCase)
+TestAnyOrder = pytest.mark.long(AnyOrder.TestCase)
 TestAnyOrder.settings = settings(max_examples=5, stateful_step_count=25)

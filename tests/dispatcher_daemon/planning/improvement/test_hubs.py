@@ -183,7 +183,7 @@ def test_a_meeting_on_a_road_that_is_usually_calm_is_planned_before_it_is() -> N
         assert {segment.platoon for plan in plans for segment in plan.segments} == {None}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_van_that_waits_at_a_hub_is_met_there() -> None:
     """Later cycles leave it alone and see it on the road, so its partner keeps its platoon."""
     found, snapshot = problem()

@@ -82,8 +82,8 @@ def _until(condition: Callable[[], bool], process: subprocess.Popen[str]) -> Non
     raise AssertionError("it did not come about in time")
 
 
+@pytest.mark.long
 @pytest.mark.process
-@pytest.mark.slow
 def test_a_dispatcher_turns_states_into_plans_serves_them_and_ends_in_time(
     router: Router, bus: Bus, state: Callable[..., SegmentState], tmp_path: Path
 ) -> None:

@@ -368,7 +368,7 @@ def test_routes_keep_every_rule_and_every_task_is_served_once_or_has_a_reason(
     assert sorted(served + left) == sorted(asked)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
 @given(requests(), st.data())
 def test_whatever_is_in_a_request_is_answered_with_a_code(

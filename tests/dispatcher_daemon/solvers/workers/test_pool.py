@@ -183,6 +183,7 @@ def test_a_cold_worker_is_reported(faulty: Callable[[str], Any]) -> None:
         assert "faulty" in pool.warm_up(timeout_s=2.0)
 
 
+@pytest.mark.long
 @pytest.mark.process
 def test_closing_frees_a_waiting_caller(
     faulty: Callable[[str], Any], demo_arcs: Demo, tmp_path: Path

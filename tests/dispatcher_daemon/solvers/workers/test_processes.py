@@ -61,6 +61,7 @@ def test_workers_that_die_are_told_until_one_answers(workers: WorkerExecutor) ->
     assert workers.fault is None
 
 
+@pytest.mark.long
 def test_workers_killed_while_idle_are_replaced(workers: WorkerExecutor) -> None:
     """Somebody kills all processes between two jobs: the next job finds others."""
     pids = {workers.submit(os.getpid).result(30)}

@@ -89,7 +89,7 @@ def test_a_job_goes_through_the_real_client(stand_in: IbmStandIn, service: IbmSe
     assert service.two_qubit(CIRCUIT) == (4, 4)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_states_of_a_job(stand_in: IbmStandIn, service: IbmService) -> None:
     """Queued, running, cancelled, failed with its reason, and lost."""
     stand_in.runs = False
