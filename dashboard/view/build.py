@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from dashboard.live import Snapshot
-from dashboard.view.dispatcher import SILENT_AFTER_S, hardware_status
+from dashboard.view.dispatcher import SILENT_AFTER_S, energy_status, hardware_status
 from dashboard.view.labels import Level
 from dashboard.view.model import RoadView, RsuView, VehicleView
 from dashboard.view.roads import open_roads, road_limits, road_views
@@ -24,6 +24,7 @@ class DashboardView:
     """All that the 3D view shows at one moment."""
 
     headline: tuple[str, Level]
+    energy: str | None
     device: tuple[str, Level] | None
     troubles: tuple[Trouble, ...]
     roads: tuple[RoadView, ...]
@@ -43,6 +44,7 @@ def build_view(snapshot: Snapshot, now_ns: int, stale_after_s: float) -> Dashboa
     vehicles = vehicle_views(snapshot, now_ns, open_roads(roads))
     return DashboardView(
         headline=_headline(roads),
+        energy=energy_status(snapshot.cycles, now_ns),
         device=_device(snapshot, now_ns),
         troubles=troubles(snapshot, roads, rsus, vehicles, now_ns),
         roads=roads,

@@ -1,4 +1,6 @@
-"""What is wrong with the dispatcher's cycles, and the state of its quantum device; pure."""
+"""What the dispatcher's cycles save and what is wrong with them, and the state of its quantum
+device; pure.
+"""
 
 from __future__ import annotations
 
@@ -31,6 +33,22 @@ def cycle_problem(snapshot: Snapshot, health: DispatcherHealth, now_ns: int) -> 
         return "No good cycle yet"
     if age_s(since_ns, now_ns) > OVERDUE_AFTER_INTERVALS * _interval_s(snapshot.cycles):
         return "Cycles are overdue: none was good of late"
+    return None
+
+
+def energy_status(cycles: Sequence[CycleReport], now_ns: int) -> str | None:
+    """What the last cycle saves, with its age; None: no cycle has an energy."""
+    for report in reversed(cycles):
+        energy = report.energy
+        if energy is not None:
+            off = labels.duration(age_s(report.started_ns, now_ns))
+            saved_kwh = energy.baseline_kwh - energy.cooperative_kwh
+            verb = "saves" if saved_kwh >= 0 else "costs"
+            share = abs(saved_kwh) / energy.baseline_kwh if energy.baseline_kwh else 0.0
+            return (
+                f"Cycle {report.cycle}, {off} ago: {energy.cooperative_kwh:.2f} kWh {verb} "
+                f"{abs(saved_kwh):.2f} kWh ({share:.1%}) against {energy.baseline}"
+            )
     return None
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from dashboard.live import Snapshot
@@ -65,3 +67,17 @@ def test_foreign_words_are_escaped(world, now_ns) -> None:
     summary = _summary(build_view(Snapshot(dispatcher=health), now_ns, 5.0))
     assert "<script>" not in summary
     assert "&lt;script&gt;" in summary
+
+
+def test_the_last_energy_is_shown_with_its_age(world, now_ns) -> None:
+    """Also once the dispatcher is silent; a cycle without one does not hide it."""
+    saving = world.cycle(7, now_ns - 12 * S)
+    idle = saving.model_copy(update={"cycle": 8, "energy": None})
+    energy = saving.energy
+    dearer = saving.model_copy(
+        update={"energy": energy.model_copy(update={"cooperative_kwh": energy.baseline_kwh + 0.1})}
+    )
+    view = build_view(Snapshot(cycles=(saving, idle)), now_ns, 5.0)
+    assert re.search(r"Cycle 7, 12 s ago: .* kWh saves 0.07 kWh \(4\.\d%\)", _summary(view))
+    assert "costs 0.10 kWh" in _summary(build_view(Snapshot(cycles=(dearer,)), now_ns, 5.0))
+    assert build_view(Snapshot(), now_ns, 5.0).energy is None
