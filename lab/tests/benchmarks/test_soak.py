@@ -356,7 +356,7 @@ def test_a_real_leak_in_a_real_child_is_seen() -> None:
         times = [s.at_s for s in run]
         grown[name] = (
             memory_trend(times, [s.rss_mb for s in run]).growing,
-            count_trend(times, [s.descriptors for s in run]).growing,
+            count_trend([s.descriptors for s in run]).growing,
         )
     assert grown == {"supervisor": (False, False), "leaky": (True, True)}
 
