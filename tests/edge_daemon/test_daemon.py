@@ -140,7 +140,7 @@ def test_states_health_and_preview_come_traced_and_sigterm_ends_it(
     assert 0 < (health.calibration.speed_error or 0) < 0.05
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.process
 def test_a_clip_played_once_and_fast_ends_by_itself(
     tmp_path: Path, street_clips: dict[str, Path], router: Router, bus: Bus

@@ -114,7 +114,7 @@ def test_the_same_video_gives_the_same_state(
     assert watch(street_clips["stable"]) == calm
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_states_taken_one_by_one_are_of_the_moment_when_they_were_begun(
     street_clips: dict[str, Path],
 ) -> None:

@@ -48,8 +48,8 @@ def test_a_missed_aim_is_one() -> None:
     assert not any(check.reached for check in checks(bad, bad))
 
 
+@pytest.mark.nightly
 @pytest.mark.process
-@pytest.mark.long
 def test_the_short_form_reports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Real processes; on a loaded machine aims may be missed, but nothing is left out."""
     status = command.main(["--short", "--json", "--out", str(tmp_path)])

@@ -34,7 +34,7 @@ def test_aims() -> None:
     assert "91.0%\\*" in markdown([unfair], {})
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_small_form_reports_and_goes_on(tmp_path: Path) -> None:
     """A window that a price makes too long is planned once; a second run plans nothing."""
     form = CoordinationBenchForm(vehicles=(20,), windows_min=(5, 30), prices_kw=(10,), trucks=0)

@@ -43,8 +43,8 @@ def test_each_aim_can_be_missed(changes: dict[str, float], tmp_path: Path) -> No
     assert "MISSED" in (tmp_path / "report.md").read_text()
 
 
+@pytest.mark.nightly
 @pytest.mark.process
-@pytest.mark.long
 def test_no_state_is_lost_between_publishers_and_the_traffic_table(tmp_path: Path) -> None:
     """1,000 states a second from 10 sessions, past the real router, into the real dispatcher."""
     found = measure(10, 100, 3.0, tmp_path, lambda _: None)
@@ -55,8 +55,8 @@ def test_no_state_is_lost_between_publishers_and_the_traffic_table(tmp_path: Pat
     assert found.p99_s is not None
 
 
+@pytest.mark.nightly
 @pytest.mark.process
-@pytest.mark.long
 def test_a_message_has_a_cost_in_each_process(tmp_path: Path) -> None:
     """Two rates each of states and positions; all of them are handled."""
     for cost in message_costs(3.0, tmp_path, lambda _: None):

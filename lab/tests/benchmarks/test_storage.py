@@ -38,7 +38,7 @@ def test_its_city_is_stored_as_it_is(tmp_path: Path) -> None:
         assert part.rollup in minutes
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_the_short_form_measures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A day of a few segments: figures of each query, and no aim of size for so little."""
     arguments = ["--short", "--segments", "3", "--only", "sqlite", "--out", str(tmp_path), "--json"]

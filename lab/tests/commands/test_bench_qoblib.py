@@ -37,8 +37,8 @@ def read(path: Path) -> list[dict[str, str]]:
         return list(rows)
 
 
+@pytest.mark.nightly
 @pytest.mark.process
-@pytest.mark.long
 def test_a_small_library_is_run_stored_and_not_run_again(
     capsys: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -79,7 +79,7 @@ def test_a_small_library_is_run_stored_and_not_run_again(
     assert (out / "report.md").read_text() == text
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.process
 def test_a_run_that_is_too_long_is_ended_and_the_others_go_on(
     capsys: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

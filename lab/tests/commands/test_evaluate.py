@@ -193,7 +193,7 @@ def test_prices_of_waiting_reach_the_arm_and_are_of_a_folder_of_their_own(
     assert len(orders) == 2
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_each_driven_density_is_an_evaluation_of_a_scaled_fleet(
     capsys: Capture, tmp_path: Path, orders: list[ArmSpec], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -234,7 +234,7 @@ def test_each_driven_density_is_an_evaluation_of_a_scaled_fleet(
     assert (tmp_path / "density-100" / "report.md").is_file()
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_curve_that_is_interrupted_goes_on_to_the_same(capsys: Capture, tmp_path: Path) -> None:
     """Really planned: two densities of a few vehicles, gone on with after half of the files are
     lost, in two processes and in one; then everything is stored."""

@@ -126,7 +126,7 @@ def test_every_reward_is_explained(capsys: Capture) -> None:
     assert not any(row["saving_kwh"] for row in closed)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_route_form_stands_beside_its_simple_rivals(capsys: Capture, city: str) -> None:
     """More than two vehicles get the route form; base and greedy plans stand beside the answer."""
     document = solve(capsys, "--instance", city, "--solver", "exact", "tabu")

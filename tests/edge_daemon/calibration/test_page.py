@@ -377,7 +377,7 @@ def _settled(page: Any) -> None:
     raise AssertionError(page.inner_text("#result"))
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_rendered_clip_is_calibrated_from_its_dashes_by_clicks_alone(
     browser: Any,
     street_clips: dict[str, Path],

@@ -130,7 +130,7 @@ def test_missed_windows_and_overloads_are_refused() -> None:
     assert any("6" in fault and "5" in fault for fault in refused.faults)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_route_form_keeps_windows_and_serves_every_stop_once() -> None:
     """The optimum over the options breaks no rule on the road. By the model it costs no more than
     greedy; on the road it may, where three vehicles and more change at once, but hardly.

@@ -324,8 +324,8 @@ def test_thousand_stops_load(tmp_path: Path) -> None:
     assert (loaded.measures["distance"] == made.measures["distance"]).all()
 
 
+@pytest.mark.nightly
 @pytest.mark.process
-@pytest.mark.long
 def test_an_import_is_solved_with_the_sets_own_cost_and_the_gap(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

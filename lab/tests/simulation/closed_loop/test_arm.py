@@ -40,6 +40,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> tuple[ArmResult, ArmRes
     return run_arm(order(baseline)), first, again
 
 
+@pytest.mark.nightly
 def test_the_same_order_gives_the_same_result(results: tuple[ArmResult, ...]) -> None:
     """Every speed, energy and count of an arm is there again, to the last bit."""
     _, first, again = results
@@ -164,6 +165,7 @@ def _check_ledger(database: Path, result: ArmResult) -> None:
     assert whole.platooned_m == 0
 
 
+@pytest.mark.nightly
 def test_vans_stand_for_their_breaks_and_have_a_ledger(tmp_path: Path) -> None:
     """Five minutes to begin within five, of each van: on its tour, at a stop, or at its depot."""
     scenario = load_scenario("troy")

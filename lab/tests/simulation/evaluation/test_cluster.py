@@ -47,8 +47,8 @@ def two_workers(tmp_path: Path) -> Iterator[Members]:
         members.end()
 
 
+@pytest.mark.nightly
 @pytest.mark.process
-@pytest.mark.long
 def test_a_killed_worker_costs_time_and_changes_no_result(
     order: ArmSpec, two_workers: Members
 ) -> None:

@@ -47,7 +47,7 @@ def test_breakdowns_hang_on_the_seed_and_stay_within_their_ranges(corridor: Scen
         assert drawn == set(kind.segments)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_car_that_stands_makes_a_calm_road_turbulent(corridor: Scenario, tmp_path: Path) -> None:
     """A busy motorway is calm; behind a car in the right lane it is slow and turbulent."""
     calm, stopped = (_day(corridor, kinds, tmp_path) for kinds in ((), (STOPS,)))

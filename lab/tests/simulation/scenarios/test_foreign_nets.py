@@ -117,8 +117,8 @@ def test_rsus_of_a_town_of_others_stand_where_its_traffic_is(town: Path, tmp_pat
     assert 'file="NUL"' in background.additional[1].read_text()
 
 
+@pytest.mark.nightly
 @pytest.mark.process
-@pytest.mark.long
 def test_a_town_of_others_is_evaluated_by_its_configuration(
     town: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -27,7 +27,7 @@ BROKEN = """
 </routes>"""
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_breakdown_beside_flowing_traffic_is_one_event(tmp_path: Path) -> None:
     """It is told from six seconds after it stands until two after it moves on, once, in its lane
     and place, though the other lane's traffic hides it at times.

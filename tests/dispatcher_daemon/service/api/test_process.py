@@ -134,8 +134,8 @@ def test_a_dispatcher_turns_states_into_plans_serves_them_and_ends_in_time(
             assert process.wait(timeout=30) == 0
 
 
+@pytest.mark.nightly
 @pytest.mark.process
-@pytest.mark.long
 def test_a_pause_and_alarms_outlive_the_process(router: Router, bus: Bus, tmp_path: Path) -> None:
     """An RSU without a picture and a pause are alarms on the bus and over HTTP; SIGKILL, and the
     next process is paused and has both, with who acknowledged what.

@@ -108,8 +108,8 @@ def test_roads_that_have_changed_since_are_not_planned_on(demo: RoutingProblem) 
         task()
 
 
+@pytest.mark.nightly
 @pytest.mark.process
-@pytest.mark.long
 def test_a_worker_that_hangs_or_dies_costs_its_job_only(
     queue: Callable[..., SolveJobs],
 ) -> None:

@@ -131,7 +131,7 @@ def test_two_workers_plan_as_this_machine_does(
         assert array.nbytes < sent_bytes() - before < 1.1 * array.nbytes
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize("workers", [1, 2])
 @pytest.mark.parametrize("number", [1, 6])
 def test_a_worker_killed_at_work_changes_no_plan(
@@ -178,7 +178,7 @@ def test_a_killed_scheduler_changes_no_plan(
         )
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_silent_worker_costs_its_share_of_the_time(members: Members, connected: Connect) -> None:
     """A worker that stands still is waited for no longer than the cluster's share; then this
     machine answers, and the worker gets no work before it answers again.
@@ -234,7 +234,7 @@ def test_a_dispatcher_plans_by_its_setting(address: str, expected: Any) -> None:
     assert (answered() > before) == (address == "local")
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.attack
 def test_every_cycle_is_on_time_while_workers_are_killed(
     members: Members, connected: Connect, full_size: bool, figure: Callable[[str], None]
