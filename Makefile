@@ -53,9 +53,6 @@ test-all: test test-lab test-long
 attack: setup
 	ATTACK_FULL_SIZE=1 $(BIN)/python -m pytest -m attack
 
-test-all: test test-lab
-	$(MAKE) test-rest
-
 # Lines that all tests run, processes that they start included, in per cent of each package.
 MEASURED := slipstream storage dispatcher_daemon edge_daemon dashboard
 coverage: setup

@@ -150,7 +150,7 @@ def test_parts_run_in_processes_and_the_worst_status_counts(
 ) -> None:
     """Output is shown and kept; one part that misses its aim fails the whole."""
     good, bad = ("-c", "print('fine')"), ("-c", "print('missed'); raise SystemExit(1)")
-    parts = {"a": whole.Part("A", bad, good), "b": whole.Part("B", bad, bad)}
+    parts = {"a": whole.BenchPart("A", bad, good), "b": whole.BenchPart("B", bad, bad)}
     monkeypatch.setattr(whole, "PARTS", parts)
     said: list[str] = []
     assert whole.run(["a", "b"], True, tmp_path, said.append) == {"a": 0, "b": 1}

@@ -17,12 +17,12 @@ from dispatcher_daemon.solvers.quantum.statevector.diagonal import cost_diagonal
 from dispatcher_daemon.solvers.quantum.statevector.transverse import StateVector
 from slipstream_lab.benchmarks.quantum import gates, warm_starts
 from slipstream_lab.benchmarks.quantum.gates_report import interval, paired, sign_test, tables
-from slipstream_lab.benchmarks.quantum.variants import Case, case_of
+from slipstream_lab.benchmarks.quantum.variants import VariantCase, case_of
 from slipstream_lab.research.quantum.store import Store
 
 
 @pytest.fixture
-def case() -> Case:
+def case() -> VariantCase:
     """Two vehicles with two options each; meeting on their second ones is best."""
     costs = ((0, 1.0), (0, 1.1), (1, 1.0), (1, 1.15))
     options = tuple(RouteOption(f"v{k}", (f"s{k}",), cost) for k, cost in costs)
@@ -41,7 +41,7 @@ def test_intervals_and_tests_are_exact() -> None:
     assert sign_test(names, [True] * 10 + [False], [False] * 10 + [True]) == (1, 1, 1.0)
 
 
-def test_without_gates_samples_and_marginals_are_the_same_distribution(case: Case) -> None:
+def test_without_gates_samples_and_marginals_are_the_same_distribution(case: VariantCase) -> None:
     """The control of the control; the optimum of two vehicles is found, and so by random starts."""
     found = gates.train_and_sample(case, "one-hot", "product", seed=1)
     assert found["circuit"]["p_optimal"] == pytest.approx(found["marginals"]["p_optimal"])
@@ -54,14 +54,14 @@ def test_without_gates_samples_and_marginals_are_the_same_distribution(case: Cas
     assert hit["starts"] <= 256
 
 
-def test_optimal_rows_read_choices_only(case: Case) -> None:
+def test_optimal_rows_read_choices_only(case: VariantCase) -> None:
     """The optimum is options 1 and 3; further bits are not looked at."""
     rows = np.array([[0, 1, 0, 1, 0], [0, 1, 0, 1, 1], [1, 0, 0, 1, 0]], dtype=np.int8)
     assert gates.optimal_rows(case, rows).tolist() == [True, True, False]
 
 
 def test_an_interrupted_run_goes_on(
-    case: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    case: VariantCase, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What is stored is not measured again; only whole pairs are shown."""
     monkeypatch.setattr(gates, "cases", lambda encoding, count: [case] if encoding else [])
@@ -69,7 +69,7 @@ def test_an_interrupted_run_goes_on(
     run_one, limit = gates.run_one, 4
     made: list[tuple[str, int]] = []
 
-    def counted(of: Case, encoding: str, arm: str, seed: int) -> dict[str, Any]:
+    def counted(of: VariantCase, encoding: str, arm: str, seed: int) -> dict[str, Any]:
         if len(made) == limit:
             raise KeyboardInterrupt
         made.append((arm, seed))
@@ -112,7 +112,7 @@ def test_the_relaxation_is_exact_without_couplings_and_between_bits_with_them() 
     assert warm_starts.relaxed(linear_model([-1.0, -1.0], 2.0)) == pytest.approx([0.5, 0.5])
 
 
-def test_a_warm_start_at_a_half_is_the_usual_circuit(case: Case) -> None:
+def test_a_warm_start_at_a_half_is_the_usual_circuit(case: VariantCase) -> None:
     """Against the other simulator, two layers."""
     diagonal = cost_diagonal(to_ising(case.model.total, case.model.variables).normalised())
     usual, warm = StateVector(diagonal, threads=1), warm_starts.WarmState(diagonal, np.full(4, 0.5))
@@ -121,7 +121,7 @@ def test_a_warm_start_at_a_half_is_the_usual_circuit(case: Case) -> None:
     assert warm.probabilities(0, 16) == pytest.approx(usual.probabilities(0, 16), abs=1e-6)
 
 
-def test_a_warm_start_is_the_mixers_ground_state(case: Case) -> None:
+def test_a_warm_start_is_the_mixers_ground_state(case: VariantCase) -> None:
     """Its bits have the given probabilities, and mixing alone leaves them."""
     diagonal = cost_diagonal(to_ising(case.model.total, case.model.variables).normalised())
     values = np.array([0.25, 0.75, 0.4, 0.5])
@@ -133,7 +133,7 @@ def test_a_warm_start_is_the_mixers_ground_state(case: Case) -> None:
     assert state.marginals().probabilities != pytest.approx(values, abs=1e-3)
 
 
-def test_seeds_are_repaired_and_the_first_optimum_is_timed(case: Case) -> None:
+def test_seeds_are_repaired_and_the_first_optimum_is_timed(case: VariantCase) -> None:
     """The optimum itself is a hit in the first batch; what leads nowhere gives up in time."""
     best = np.repeat(np.array([[0, 1, 0, 1]], dtype=np.int8), 64, axis=0)
     found = warm_starts.seeds_of(case, lambda number: best, 1, time.process_time())

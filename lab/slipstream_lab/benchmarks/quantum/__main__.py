@@ -18,7 +18,7 @@ from typing import Final
 
 
 @dataclass(frozen=True)
-class Part:
+class BenchPart:
     """One part.
 
     Attributes:
@@ -41,23 +41,23 @@ _DEVICE: Final = ("-m", "slipstream_cli", "bench", "device")
 _TABLES: Final = ("-m", "slipstream_cli", "bench", "quantum")
 
 PARTS: Final = {
-    "depth": Part("Two-qubit depth", *_module("depth", "--instances", "2", "--layers", "1")),
-    "statevector": Part(
+    "depth": BenchPart("Two-qubit depth", *_module("depth", "--instances", "2", "--layers", "1")),
+    "statevector": BenchPart(
         "State vector beside Aer",
         *_module("statevector", "--instance", "arc15-ring", "--repeats", "1"),
     ),
-    "training": Part(
+    "training": BenchPart(
         "Training without a device", *_module("training", "--instances", "2", "--large", "50")
     ),
-    "variants": Part("Variants of LC-QAOA", *_module("variants", "--short")),
-    "gates": Part("What entangling gates add", *_module("gates", "--short")),
-    "warm_starts": Part("Warm starts", *_module("warm_starts", "--short")),
-    "device": Part("The linear-ramp test", _DEVICE, (*_DEVICE, "--short")),
-    "tables": Part("The paper's tables", _TABLES, (*_TABLES, "--short")),
-    "large": Part(
+    "variants": BenchPart("Variants of LC-QAOA", *_module("variants", "--short")),
+    "gates": BenchPart("What entangling gates add", *_module("gates", "--short")),
+    "warm_starts": BenchPart("Warm starts", *_module("warm_starts", "--short")),
+    "device": BenchPart("The linear-ramp test", _DEVICE, (*_DEVICE, "--short")),
+    "tables": BenchPart("The paper's tables", _TABLES, (*_TABLES, "--short")),
+    "large": BenchPart(
         "Beyond 25 qubits", *_module("large", "--sizes", "50", "--shots", "100", "--no-sweeps")
     ),
-    "hardware": Part("A device that fails", *_module("hardware", "--cycles", "20")),
+    "hardware": BenchPart("A device that fails", *_module("hardware", "--cycles", "20")),
 }
 
 

@@ -76,7 +76,7 @@ def compare_depths(ising: Ising, schedule: Sequence[tuple[float, float]], target
 
 
 @dataclass(frozen=True)
-class Row:
+class DepthRow:
     """One depth on one target.
 
     Attributes:
@@ -102,7 +102,7 @@ class Row:
         return min(d.reduction for d in self.depths)
 
 
-def measure(instances: int, layers: Sequence[int]) -> list[Row]:
+def measure(instances: int, layers: Sequence[int]) -> list[DepthRow]:
     """All depths, on the first so many named instances."""
     isings = []
     for name in named_cases(instances):
@@ -114,11 +114,11 @@ def measure(instances: int, layers: Sequence[int]) -> list[Row]:
         target = open_backend(backend).target
         for p in layers:
             found = tuple(compare_depths(i, linear_ramp(p, 0.3, 0.6), target) for i in isings)
-            rows.append(Row(p, gate, per_layer * p, found))
+            rows.append(DepthRow(p, gate, per_layer * p, found))
     return rows
 
 
-def checks(rows: Sequence[Row]) -> list[Check]:
+def checks(rows: Sequence[DepthRow]) -> list[Check]:
     """The aims."""
     found = []
     for row in rows:

@@ -30,7 +30,7 @@ from dispatcher_daemon.solvers import Bits, TabuSolver, descend
 from dispatcher_daemon.solvers.quantum import prepare_model
 from dispatcher_daemon.solvers.quantum.chain import ChainState
 from slipstream_lab.benchmarks.quantum.gates_report import tables
-from slipstream_lab.benchmarks.quantum.variants import Case, arc_cases, route_cases, score
+from slipstream_lab.benchmarks.quantum.variants import VariantCase, arc_cases, route_cases, score
 from slipstream_lab.research.quantum.controls import uniform_bits, uniform_choices
 from slipstream_lab.research.quantum.store import Record, Store
 
@@ -64,7 +64,7 @@ ARMS: Final = {
 
 
 @lru_cache(maxsize=8)
-def cases(encoding: str, count: int) -> list[Case]:
+def cases(encoding: str, count: int) -> list[VariantCase]:
     """Instances in an encoding.
 
     25 (compact) and 56 (full) variables of the same published instances; 25 route options of
@@ -78,13 +78,13 @@ def cases(encoding: str, count: int) -> list[Case]:
     return [replace(c, model=build_model(c.model.problem, encoding="full")) for c in both]
 
 
-def optimal_rows(case: Case, bits: Bits) -> npt.NDArray[np.bool_]:
+def optimal_rows(case: VariantCase, bits: Bits) -> npt.NDArray[np.bool_]:
     """Which rows of bits select an optimal solution; auxiliary bits are not read."""
     chosen = bits[:, : case.valid.shape[1]]
     return np.asarray((chosen[:, None] == case.valid[case.best][None]).all(axis=2).any(axis=1))
 
 
-def train_and_sample(case: Case, encoding: str, arm: str, seed: int) -> Record:
+def train_and_sample(case: VariantCase, encoding: str, arm: str, seed: int) -> Record:
     """One run of a trained circuit, with samples of its state and of its marginals.
 
     Returns:
@@ -116,14 +116,14 @@ def train_and_sample(case: Case, encoding: str, arm: str, seed: int) -> Record:
     }
 
 
-def _hits(case: Case, bits: Bits, seed: int) -> Record:
+def _hits(case: VariantCase, bits: Bits, seed: int) -> Record:
     return {
         "raw": int(optimal_rows(case, bits).sum()),
         "descended": int(optimal_rows(case, descend(case.model, bits, seed)).sum()),
     }
 
 
-def random_starts(case: Case, encoding: str, seed: int) -> Record:
+def random_starts(case: VariantCase, encoding: str, seed: int) -> Record:
     """Uniform bits (one-hot: uniform options), descended, until one is optimal."""
     n = len(case.model.variables)
     source = uniform_bits(n)
@@ -142,7 +142,7 @@ def random_starts(case: Case, encoding: str, seed: int) -> Record:
             return {"hit": False, "cpu_s": spent, "starts": drawn}
 
 
-def tabu_reads(case: Case, encoding: str, seed: int) -> Record:
+def tabu_reads(case: VariantCase, encoding: str, seed: int) -> Record:
     """Reads of the dispatcher's tabu search that end in the optimum, raw and repaired."""
     solver = TabuSolver(reads=_READS, encoding="full" if encoding == "full" else "reduced")
     began = time.process_time()
@@ -157,7 +157,7 @@ def tabu_reads(case: Case, encoding: str, seed: int) -> Record:
     return {"reads": _READS, "cpu_s": time.process_time() - began, **counts}
 
 
-def run_one(case: Case, encoding: str, arm: str, seed: int) -> Record:
+def run_one(case: VariantCase, encoding: str, arm: str, seed: int) -> Record:
     """One run of an arm; fields by arm."""
     if arm == "random":
         return random_starts(case, encoding, seed)

@@ -79,7 +79,7 @@ class Result:
 
 
 @dataclass(frozen=True)
-class Block:
+class LargeBlock:
     """One size.
 
     Attributes:
@@ -132,7 +132,7 @@ class LargePlan:
         )
 
 
-def measure(plan: LargePlan, variables: int) -> Block:
+def measure(plan: LargePlan, variables: int) -> LargeBlock:
     """One size, by all methods."""
     part = city_part(plan.seed, plan.city, variables)
     problem = part.problem
@@ -150,7 +150,7 @@ def measure(plan: LargePlan, variables: int) -> Block:
         found += _one_circuit(plan, problem, scale, variant)
     if plan.sweeps:
         found.append(_swept(plan, part, scale, plan.swept))
-    return Block(
+    return LargeBlock(
         variables,
         len(problem.vehicles),
         start_kwh - best_kwh,
@@ -251,7 +251,7 @@ def _mean_ratio(samples: Samples, scale: tuple[float, float]) -> float | None:
     return ratio(*scale, sum(value * count for value, count in samples.raw) / shots)
 
 
-def report(blocks: Sequence[Block], plan: LargePlan) -> str:
+def report(blocks: Sequence[LargeBlock], plan: LargePlan) -> str:
     """In Markdown."""
 
     def number(value: float | None, digits: int = 2) -> str:

@@ -49,7 +49,7 @@ _CITY = (20, 80, 150)
 
 
 @dataclass(frozen=True)
-class Case:
+class VariantCase:
     """A problem with all its valid selections.
 
     Attributes:
@@ -81,20 +81,20 @@ class Score:
     weight: float
 
 
-def arc_cases(count: int) -> list[Case]:
+def arc_cases(count: int) -> list[VariantCase]:
     """The named instances of 25 variables."""
     names = [name for name in instance_names() if name.startswith("arc25-")][:count]
     return [case_of(name, arc_form_of(open_instance(name)).problem) for name in names]
 
 
-def route_cases(count: int, options: int = 25) -> list[Case]:
+def route_cases(count: int, options: int = 25) -> list[VariantCase]:
     """Blocks of so many route options with savings among them, of generated cities."""
     problems = ((seed, city_part(seed, _CITY, options).problem) for seed in itertools.count(1))
     tied = ((seed, problem) for seed, problem in problems if problem.savings)
     return [case_of(f"city {seed}", problem) for seed, problem in itertools.islice(tied, count)]
 
 
-def case_of(name: str, problem: Problem) -> Case:
+def case_of(name: str, problem: Problem) -> VariantCase:
     """A problem, its QUBO with the computed γ, and its valid selections by enumeration."""
     if isinstance(problem, RouteProblem):
         chosen = itertools.product(*(group for group in problem.options_of.values() if group))
@@ -106,10 +106,10 @@ def case_of(name: str, problem: Problem) -> Case:
         states = np.flatnonzero(valid_selections(problem))
         valid = ((states[:, None] >> np.arange(problem.choices)) & 1).astype(np.int8)
     values = np.array([problem.objective_kwh(np.flatnonzero(row).tolist()) for row in valid])
-    return Case(name, build_model(problem), valid, values <= values.min() + 1e-9)
+    return VariantCase(name, build_model(problem), valid, values <= values.min() + 1e-9)
 
 
-def score(case: Case, prepared: Prepared) -> Score:
+def score(case: VariantCase, prepared: Prepared) -> Score:
     """What one circuit reaches, and what its one-qubit distributions alone do."""
     bits = np.full((len(case.valid), len(prepared.order)), -1, dtype=np.int8)
     place = np.argsort(prepared.order)[: case.model.problem.choices]
@@ -127,14 +127,14 @@ def score(case: Case, prepared: Prepared) -> Score:
     )
 
 
-def _independent(case: Case, marginals: BitDistribution) -> npt.NDArray[np.float64]:
+def _independent(case: VariantCase, marginals: BitDistribution) -> npt.NDArray[np.float64]:
     """Probability of each valid selection if bits (or groups) were independent."""
     ones = np.array(marginals.probabilities)[: case.valid.shape[1]]
     zeros = np.ones_like(ones) if marginals.groups else 1 - ones
     return np.asarray(np.where(case.valid == 1, ones, zeros).prod(axis=1))
 
 
-def _rounded(case: Case, marginals: BitDistribution) -> bool:
+def _rounded(case: VariantCase, marginals: BitDistribution) -> bool:
     """Whether the likeliest bits (or members of groups) are an optimal selection."""
     ones = np.array(marginals.probabilities)
     bits = (ones > 0.5).astype(np.int8)
@@ -225,7 +225,7 @@ def _cvar(ising: Ising, share: float, seed: int) -> Callable[[Ansatz], float]:
 
 def table(
     title: str,
-    cases: Sequence[Case],
+    cases: Sequence[VariantCase],
     rows: Sequence[Row],
     say: Callable[[str], None],
     seeds: int = 1,

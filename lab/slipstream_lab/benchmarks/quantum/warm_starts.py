@@ -35,7 +35,7 @@ from dispatcher_daemon.solvers.quantum.statevector import (
     Schedule,
     cost_diagonal,
 )
-from slipstream_lab.benchmarks.quantum.variants import Case, route_cases
+from slipstream_lab.benchmarks.quantum.variants import VariantCase, route_cases
 from slipstream_lab.research.quantum.angles import train
 from slipstream_lab.research.quantum.controls import uniform_bits
 from slipstream_lab.research.quantum.store import Record, Store
@@ -136,7 +136,7 @@ Draw = Callable[[int], Bits]
 """Rows of bits of the batch of that number."""
 
 
-def seeds_of(case: Case, draw: Draw, seed: int, began: float) -> Record:
+def seeds_of(case: VariantCase, draw: Draw, seed: int, began: float) -> Record:
     """Batches of samples through descent and repair, until `_BATCHES` and one optimum are had.
 
     Args:
@@ -160,7 +160,7 @@ def seeds_of(case: Case, draw: Draw, seed: int, began: float) -> Record:
     return {"first_s": first, "raw": raw, "descended": descended, "repaired": repaired}
 
 
-def circuit(case: Case, values: npt.NDArray[np.float64], layers: int, seed: int) -> Record:
+def circuit(case: VariantCase, values: npt.NDArray[np.float64], layers: int, seed: int) -> Record:
     """One trained circuit, its samples and those of its marginals; both times include training."""
     began = time.process_time()
     ising = to_ising(case.model.total, case.model.variables).normalised()
@@ -187,7 +187,7 @@ def circuit(case: Case, values: npt.NDArray[np.float64], layers: int, seed: int)
     }
 
 
-def run_one(case: Case, arm: str, layers: int, seed: int) -> Record:
+def run_one(case: VariantCase, arm: str, layers: int, seed: int) -> Record:
     """One run: "random" and "relaxation" without a circuit, "cold" and "warm" with one."""
     n = len(case.model.variables)
     began = time.process_time()
@@ -209,7 +209,7 @@ def rows_of(layers: Sequence[int]) -> list[tuple[str, int]]:
 
 
 def measure(
-    store: Store, cases: Sequence[Case], layers: Sequence[int], seeds: int
+    store: Store, cases: Sequence[VariantCase], layers: Sequence[int], seeds: int
 ) -> list[tuple[str, int, list[Record]]]:
     """All runs, those that the store lacks first, seed by seed."""
     for seed in range(1, seeds + 1):

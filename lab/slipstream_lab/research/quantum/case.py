@@ -22,7 +22,7 @@ NAMED_SET: Final = "arc25-"
 
 
 @dataclass
-class Case:
+class QuantumCase:
     """An instance in arc form with its proven optimum.
 
     Attributes:
@@ -89,7 +89,7 @@ def named_cases(count: int | None = None) -> list[str]:
     return [name for name in instance_names() if name.startswith(NAMED_SET)][:count]
 
 
-def open_case(name: str) -> Case:
+def open_case(name: str) -> QuantumCase:
     """A named instance or a file.
 
     Raises:
@@ -110,4 +110,4 @@ def open_case(name: str) -> Case:
     )
     uniform = (float(valid.mean()), optimal / len(valid))
     number = (*instance_names(), name).index(name) % len(instance_names())
-    return Case(number, instance, form, build_model(problem), known.objective_kwh, uniform)
+    return QuantumCase(number, instance, form, build_model(problem), known.objective_kwh, uniform)

@@ -20,7 +20,7 @@ from dispatcher_daemon.solvers.quantum.backends import (
     two_qubit_gates,
 )
 from dispatcher_daemon.solvers.quantum.chain import heavy_path
-from slipstream_lab.research.quantum.case import Case
+from slipstream_lab.research.quantum.case import QuantumCase
 from slipstream_lab.research.quantum.ideal import dense_qaoa_figures
 from slipstream_lab.research.quantum.store import Record
 
@@ -135,7 +135,7 @@ def error_free_share(circuit: Any, noise: DeviceNoise) -> float:
     return share
 
 
-def estimate(case: Case, layers: int, backend: NoisyBackend) -> Record:
+def estimate(case: QuantumCase, layers: int, backend: NoisyBackend) -> Record:
     """Estimate of dense QAOA's shares under noise, by `ESTIMATE`: no bound from either side.
 
     Args:

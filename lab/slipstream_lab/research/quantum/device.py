@@ -91,7 +91,7 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class DeviceVerdict:
     """What the cells of one width say.
 
     Attributes:
@@ -198,7 +198,7 @@ def measure(
     return found
 
 
-def verdicts(cells: Sequence[Cell]) -> list[Verdict]:
+def verdicts(cells: Sequence[Cell]) -> list[DeviceVerdict]:
     """One for each width, ascending."""
     found = []
     for width in sorted({cell.width for cell in cells}):
@@ -212,11 +212,11 @@ def verdicts(cells: Sequence[Cell]) -> list[Verdict]:
         best = max(measured, key=lambda c: c.r or 0.0, default=None)
         failed = any(not c.above for c in measured)
         to = passed[-1] if passed else None
-        found.append(Verdict(width, to, None if best is None else best.layers, failed))
+        found.append(DeviceVerdict(width, to, None if best is None else best.layers, failed))
     return found
 
 
-def conclusion(of: Sequence[Verdict], backend: str) -> str:
+def conclusion(of: Sequence[DeviceVerdict], backend: str) -> str:
     """The verdict in one line: the widest chain that is above random, and how deep."""
     good = [v for v in of if v.above_to is not None]
     if all(v.best is None for v in of):

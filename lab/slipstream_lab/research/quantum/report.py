@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
-from slipstream_lab.research.quantum.summary import Line, Spread
+from slipstream_lab.research.quantum.summary import Line, ShareSpread
 
 _CONTROLLED: Final = (
     "p_feasible",
@@ -144,14 +144,14 @@ def _name(figure: str) -> str:
     return f"{words[kind]} {stage[0] if stage else 'raw'}"
 
 
-def _plain(spread: Spread | None, digits: int) -> str:
+def _plain(spread: ShareSpread | None, digits: int) -> str:
     if spread is None:
         return ""
     mean = f"{spread.mean:.{digits}f}"
     return mean if spread.least == spread.most else f"{mean} ± {spread.deviation:.{digits}f}"
 
 
-def _percent(spread: Spread | None) -> str:
+def _percent(spread: ShareSpread | None) -> str:
     return (
         "" if spread is None else f"{_short(100 * spread.mean)} ± {_short(100 * spread.deviation)}"
     )

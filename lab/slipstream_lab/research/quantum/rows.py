@@ -20,7 +20,7 @@ from slipstream_lab.research.quantum import dense, paper
 from slipstream_lab.research.quantum.angles import QaoaOptions, make_qaoa
 from slipstream_lab.research.quantum.backends.idle import DECOUPLED, IDLE, TWIRLED
 from slipstream_lab.research.quantum.backends.opening import open_or_fall_back
-from slipstream_lab.research.quantum.case import Case
+from slipstream_lab.research.quantum.case import QuantumCase
 from slipstream_lab.research.quantum.paper import PaperRow
 from slipstream_lab.research.quantum.store import Record
 from slipstream_lab.research.quantum.summary import Mark
@@ -68,7 +68,7 @@ class BenchSettings(Settings):
 
 
 @dataclass(frozen=True)
-class Row:
+class QuantumRow:
     """One row, in one or more tables.
 
     Attributes:
@@ -85,15 +85,15 @@ class Row:
     title: str
     mark: Mark
     paper: PaperRow | None
-    measure: Callable[[Case], Record] | None
+    measure: Callable[[QuantumCase], Record] | None
     reason: str | None = None
     most: int = 20
 
 
-def hardware_rows(settings: BenchSettings) -> list[Row]:
+def hardware_rows(settings: BenchSettings) -> list[QuantumRow]:
     """Rows of the paper's table of hardware benchmarks, and our variants beside them."""
     rows = [
-        Row("exact", "exact (HiGHS)", "classical", paper.EXACT, _exact(settings)),
+        QuantumRow("exact", "exact (HiGHS)", "classical", paper.EXACT, _exact(settings)),
         _cplex(settings),
         _iskay(settings),
     ]
@@ -108,7 +108,7 @@ def hardware_rows(settings: BenchSettings) -> list[Row]:
     return [*rows, lc_qaoa(settings, "product", 2, settings.noise)]
 
 
-def sweep_rows(settings: BenchSettings) -> list[Row]:
+def sweep_rows(settings: BenchSettings) -> list[QuantumRow]:
     """Rows of the paper's p-sweep, with noise and without."""
     return [
         lc_qaoa(settings, "trained", p, backend)
@@ -117,7 +117,7 @@ def sweep_rows(settings: BenchSettings) -> list[Row]:
     ]
 
 
-def mitigation_rows(settings: BenchSettings) -> list[Row]:
+def mitigation_rows(settings: BenchSettings) -> list[QuantumRow]:
     """LC-QAOA with idle and coherent errors: dynamical decoupling and twirling, off and on."""
     variants: tuple[LcQaoaVariant, ...] = ("trained", "multi-angle")
     device = settings.noise.partition("+")[0]
@@ -131,7 +131,7 @@ def mitigation_rows(settings: BenchSettings) -> list[Row]:
     return rows
 
 
-def lc_qaoa(settings: BenchSettings, variant: LcQaoaVariant, p: int, backend: str) -> Row:
+def lc_qaoa(settings: BenchSettings, variant: LcQaoaVariant, p: int, backend: str) -> QuantumRow:
     """A row of LC-QAOA."""
     options = LcQaoaSettings(
         variant=variant,
@@ -141,10 +141,10 @@ def lc_qaoa(settings: BenchSettings, variant: LcQaoaVariant, p: int, backend: st
     )
     solver = LcQaoaSolver(options, backend=partial(open_or_fall_back, backend))
 
-    def measure(case: Case) -> Record:
+    def measure(case: QuantumCase) -> Record:
         return case.measure(solver, settings.deadline_s, _seed(settings, case))
 
-    return Row(
+    return QuantumRow(
         key=f"lc-qaoa/{variant}/p{p}/{backend}",
         title=f"LC-QAOA, {VARIANT_TITLES.get(variant, variant)}, p = {p}",
         mark=mark_of(backend),
@@ -155,7 +155,7 @@ def lc_qaoa(settings: BenchSettings, variant: LcQaoaVariant, p: int, backend: st
 
 def qaoa(
     settings: BenchSettings, p: int, angles: Literal["transferred", "trained"], most: int = 20
-) -> Row:
+) -> QuantumRow:
     """A row of dense QAOA, simulated exactly and sampled.
 
     Args:
@@ -164,12 +164,12 @@ def qaoa(
     iterations = settings.iterations if angles == "trained" else None
     solver = make_qaoa(QaoaOptions(layers=p, shots=settings.shots, iterations=iterations))
 
-    def measure(case: Case) -> Record:
+    def measure(case: QuantumCase) -> Record:
         # An evaluation takes a second, a hundred of them minutes.
         return case.measure(solver, 10 * settings.deadline_s, _seed(settings, case))
 
     titles = {"transferred": "ramp of fixed heights", "trained": "the paper's training"}
-    return Row(
+    return QuantumRow(
         key=f"qaoa/{angles}/p{p}",
         title=f"QAOA, {titles[angles]}, p = {p}",
         mark="simulated",
@@ -180,13 +180,13 @@ def qaoa(
     )
 
 
-def _dense_on_device(settings: BenchSettings, p: int) -> Row:
+def _dense_on_device(settings: BenchSettings, p: int) -> QuantumRow:
     device = settings.noise.partition(":")[2].partition("+")[0]
 
-    def measure(case: Case) -> Record:
+    def measure(case: QuantumCase) -> Record:
         return dense.estimate(case, p, NoisyBackend(device))
 
-    return Row(
+    return QuantumRow(
         key=f"qaoa/estimated/p{p}/{settings.noise}",
         title=f"QAOA on the device, p = {p}",
         mark="estimated",
@@ -197,7 +197,7 @@ def _dense_on_device(settings: BenchSettings, p: int) -> Row:
     )
 
 
-def _seed(settings: BenchSettings, case: Case) -> int:
+def _seed(settings: BenchSettings, case: QuantumCase) -> int:
     """A seed for each instance: they are so alike that one draw would be lucky for all or none."""
     return settings.seed + case.number
 
@@ -209,17 +209,17 @@ def mark_of(backend: str) -> Mark:
     return "simulated" if backend == "aer" else "noise-model"
 
 
-def _exact(settings: BenchSettings) -> Callable[[Case], Record]:
+def _exact(settings: BenchSettings) -> Callable[[QuantumCase], Record]:
     return lambda case: case.measure(ExactSolver(), settings.deadline_s, settings.seed)
 
 
-def _cplex(settings: BenchSettings) -> Row:
+def _cplex(settings: BenchSettings) -> QuantumRow:
     there = find_spec("cplex") is not None
 
-    def measure(case: Case) -> Record:
+    def measure(case: QuantumCase) -> Record:
         return case.measure(CplexSolver(), settings.deadline_s, settings.seed)
 
-    return Row(
+    return QuantumRow(
         "cplex",
         "CPLEX",
         "classical",
@@ -229,7 +229,7 @@ def _cplex(settings: BenchSettings) -> Row:
     )
 
 
-def _iskay(settings: BenchSettings) -> Row:
+def _iskay(settings: BenchSettings) -> QuantumRow:
     solver: Any = None
     reason: str | None = "not run: it needs a device (--device), an account and the extra iskay"
     if settings.device is not None:
@@ -239,10 +239,10 @@ def _iskay(settings: BenchSettings) -> Row:
         solver, reason = IskaySolver(find_access(), settings.device), None
         solver.warm_up()
 
-    def measure(case: Case) -> Record:
+    def measure(case: QuantumCase) -> Record:
         return case.measure(solver, settings.deadline_s, settings.seed)
 
-    return Row(
+    return QuantumRow(
         "iskay",
         "Kipu Iskay",
         "hardware",

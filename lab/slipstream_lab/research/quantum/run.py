@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Final
 
 from slipstream_lab.research.quantum.backends.opening import open_backend
-from slipstream_lab.research.quantum.case import Case, named_cases, open_case
+from slipstream_lab.research.quantum.case import QuantumCase, named_cases, open_case
 from slipstream_lab.research.quantum.report import Table
 from slipstream_lab.research.quantum.rows import (
     BenchSettings,
-    Row,
+    QuantumRow,
     hardware_rows,
     mitigation_rows,
     sweep_rows,
@@ -71,7 +71,7 @@ def run(
         ModuleNotFoundError: a device is named and the extra ``iskay`` is not installed.
     """
     open_backend(settings.noise)
-    rows_of: dict[str, list[Row]] = {}
+    rows_of: dict[str, list[QuantumRow]] = {}
     if HARDWARE in tables:
         rows_of[HARDWARE] = hardware_rows(settings)
     if SWEEP in tables:
@@ -103,7 +103,7 @@ def run(
 
 
 def _measure(
-    rows: Sequence[Row],
+    rows: Sequence[QuantumRow],
     names: Sequence[str],
     store: Store,
     progress: Callable[[int, int, str], None],
@@ -118,7 +118,7 @@ def _measure(
         if number < row.most and slow == (row.most < len(names))
     ]
     found: dict[str, list[Record]] = {row.key: [] for row in rows}
-    cases: dict[int, Case] = {}
+    cases: dict[int, QuantumCase] = {}
     for done, (row, number, name) in enumerate(pairs):
         record = store.get(row.key, name)
         if record is None and row.measure is not None:
@@ -131,7 +131,7 @@ def _measure(
     return found
 
 
-def _line(row: Row, records: Sequence[Record]) -> Line:
+def _line(row: QuantumRow, records: Sequence[Record]) -> Line:
     if not records:
         return Line(row.key, row.title, NOT_RUN, row.paper, {}, *(None,) * 4, (), reason=row.reason)
     line = summarise(row.key, row.title, row.mark, row.paper, records)

@@ -34,7 +34,7 @@ _SAME_KWH: Final = 1e-9
 
 
 @dataclass(frozen=True)
-class Spread:
+class ShareSpread:
     """Mean over instances, standard deviation between them (0 for one), least and most."""
 
     mean: float
@@ -87,9 +87,9 @@ class Line:
     title: str
     mark: Mark
     paper: PaperRow | None
-    figures: dict[str, Spread]
-    gap: Spread | None
-    raw_gap: Spread | None
+    figures: dict[str, ShareSpread]
+    gap: ShareSpread | None
+    raw_gap: ShareSpread | None
     raw_hits: int | None
     hits: int | None
     added: tuple[Added, ...]
@@ -97,7 +97,7 @@ class Line:
     reason: str | None = None
 
 
-def spread(values: Iterable[float | None]) -> Spread | None:
+def spread(values: Iterable[float | None]) -> ShareSpread | None:
     """Spread of the values that are known; None without any."""
     known = [float(value) for value in values if value is not None]
     if not known:
@@ -105,7 +105,7 @@ def spread(values: Iterable[float | None]) -> Spread | None:
     mean = math.fsum(known) / len(known)
     square = math.fsum((value - mean) ** 2 for value in known)
     deviation = math.sqrt(square / (len(known) - 1)) if len(known) > 1 else 0.0
-    return Spread(mean, deviation, min(known), max(known), len(known))
+    return ShareSpread(mean, deviation, min(known), max(known), len(known))
 
 
 def summarise(
@@ -124,7 +124,7 @@ def summarise(
             best is not None and bool(best <= optimum + _SAME_KWH) for best, optimum in pairs
         )
 
-    def gap(field: str) -> Spread | None:
+    def gap(field: str) -> ShareSpread | None:
         costs = zip(all_of(field), all_of("optimal_cost"), strict=True)
         return spread(
             (cost - best) / abs(best) if cost > best + _SAME_KWH else 0.0
@@ -184,7 +184,7 @@ def _added(records: Sequence[Record]) -> Iterable[Added]:
         )
 
 
-def _spread_of(get: Callable[[Any], float], records: Sequence[Any]) -> Spread:
+def _spread_of(get: Callable[[Any], float], records: Sequence[Any]) -> ShareSpread:
     found = spread(get(record) for record in records)
     if found is None:
         raise ValueError("no records")

@@ -21,7 +21,7 @@ from slipstream_lab.research.quantum.device import (
     DELTA_GAMMA,
     Cell,
     DeviceTestSettings,
-    Verdict,
+    DeviceVerdict,
     as_markdown,
     chain_weights,
     conclusion,
@@ -108,7 +108,7 @@ def test_a_width_ends_at_the_first_depth_that_is_random() -> None:
     assert [c.above for c in cells] == [True, True, False, True, False]
     assert cells[0].signal is not None
     assert cells[0].signal > 1
-    assert verdicts(cells) == [Verdict(4, 2, 1, True), Verdict(6, 1, 1, True)]
+    assert verdicts(cells) == [DeviceVerdict(4, 2, 1, True), DeviceVerdict(6, 1, 1, True)]
     assert "worth asking up to n = 6, p = 1;" in conclusion(verdicts(cells), "device")
     assert "| 6 | 2 |" in as_markdown(cells, "device", "hardware")
 
@@ -138,5 +138,5 @@ def test_a_job_that_fails_costs_its_cell_and_a_refusal_ends_the_test(
     assert cells == told
     assert len(device.asked) == asked
     assert [c.fault is None for c in cells] == [True, False, True, True][:asked]
-    assert verdicts(cells) == [Verdict(4, 1, 1, False)]
+    assert verdicts(cells) == [DeviceVerdict(4, 1, 1, False)]
     assert f"the service is {kind}" in as_markdown(cells, "device", "hardware")

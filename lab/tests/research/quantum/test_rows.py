@@ -17,10 +17,10 @@ from slipstream_lab.research.instances import open_instance
 from slipstream_lab.research.instances.instance import write_instance
 from slipstream_lab.research.proofs.enumeration import valid_selections
 from slipstream_lab.research.quantum import dense, rows
-from slipstream_lab.research.quantum.case import Case, named_cases, open_case
+from slipstream_lab.research.quantum.case import QuantumCase, named_cases, open_case
 from slipstream_lab.research.quantum.rows import (
     BenchSettings,
-    Row,
+    QuantumRow,
     hardware_rows,
     lc_qaoa,
     mitigation_rows,
@@ -32,7 +32,7 @@ SETTINGS = BenchSettings(shots=200, iterations=5)
 
 
 @pytest.fixture(scope="module")
-def case() -> Case:
+def case() -> QuantumCase:
     """A published instance of few variables."""
     return open_case("arc06-valley")
 
@@ -76,13 +76,13 @@ def test_an_instance_without_an_optimum_is_refused(
         open_case(str(path))
 
 
-def measured(row: Row, case: Case) -> dict[str, object]:
+def measured(row: QuantumRow, case: QuantumCase) -> dict[str, object]:
     """A row's record."""
     assert row.measure is not None
     return row.measure(case)
 
 
-def test_simulated_rows_are_measured_with_their_controls(case: Case) -> None:
+def test_simulated_rows_are_measured_with_their_controls(case: QuantumCase) -> None:
     """LC-QAOA on Aer and dense QAOA: shares, controls, and the exact share of uniform bits."""
     for row in (lc_qaoa(SETTINGS, "trained", 1, "aer"), qaoa(SETTINGS, 1, "transferred")):
         record = measured(row, case)
@@ -97,7 +97,7 @@ def test_simulated_rows_are_measured_with_their_controls(case: Case) -> None:
 
 
 @pytest.mark.long
-def test_a_device_leaves_less_of_dense_qaoa(case: Case) -> None:
+def test_a_device_leaves_less_of_dense_qaoa(case: QuantumCase) -> None:
     """The estimate lies between uniform bits and the circuit without noise."""
     record = dense.estimate(case, 1, NoisyBackend("FakeBoston"))
     ideal = dense.dense_qaoa_figures(case.model, dense.ramp_of("x", 1))
@@ -108,7 +108,9 @@ def test_a_device_leaves_less_of_dense_qaoa(case: Case) -> None:
 
 
 @pytest.mark.slow
-def test_the_estimate_is_near_what_a_noisy_simulation_of_a_small_circuit_gives(case: Case) -> None:
+def test_the_estimate_is_near_what_a_noisy_simulation_of_a_small_circuit_gives(
+    case: QuantumCase,
+) -> None:
     """Six qubits at p = 3 can be sampled with noise: the estimate is within a factor of 1.5."""
     layers, backend = 3, NoisyBackend("FakeBoston")
     estimated = dense.estimate(case, layers, backend)
@@ -154,7 +156,7 @@ def test_decoupling_and_twirling_are_rows_of_a_noisy_device() -> None:
 
 
 @pytest.mark.long
-def test_twirling_is_measured_with_idle_errors(case: Case) -> None:
+def test_twirling_is_measured_with_idle_errors(case: QuantumCase) -> None:
     """The samples come from the device's noise with all four errors, and have their controls."""
     record = measured(mitigation_rows(SETTINGS)[3], case)
     assert record["backend"] == "aer:FakeBoston+idle+dd+twirl"
@@ -162,7 +164,9 @@ def test_twirling_is_measured_with_idle_errors(case: Case) -> None:
     assert record["shots"] == 200
 
 
-def test_cplex_has_a_row_where_it_is_installed(monkeypatch: pytest.MonkeyPatch, case: Case) -> None:
+def test_cplex_has_a_row_where_it_is_installed(
+    monkeypatch: pytest.MonkeyPatch, case: QuantumCase
+) -> None:
     """It is solved like the others; where the extra is missing, the row says so."""
     row = next(row for row in hardware_rows(SETTINGS) if row.key == "cplex")
     assert (row.measure is not None) == (find_spec("cplex") is not None)
