@@ -98,7 +98,7 @@ settings-doc: setup
 openapi: setup
 	$(BIN)/python -m slipstream_cli.openapi_doc > docs/openapi.json
 
-# 10,000 calls of the HTTP API made up from its description; `make test` has a short form.
+# 10,000 calls of the HTTP API made up from its description; `make test-long` has a short form.
 fuzz: setup
 	FUZZ_CALLS=10000 $(BIN)/python -m pytest tests/dispatcher_daemon/service/api/test_fuzz.py
 
