@@ -37,17 +37,16 @@ def cycle_problem(snapshot: Snapshot, health: DispatcherHealth, now_ns: int) -> 
 
 
 def energy_status(cycles: Sequence[CycleReport], now_ns: int) -> str | None:
-    """What the last cycle saves, with its age; None: no cycle has an energy."""
+    """What the last cycle that had a vehicle to plan saves, with its age; None: none is known."""
     for report in reversed(cycles):
         energy = report.energy
-        if energy is not None:
+        if energy is not None and energy.baseline_kwh > 0:
             off = labels.duration(age_s(report.started_ns, now_ns))
-            saved_kwh = energy.baseline_kwh - energy.cooperative_kwh
-            verb = "saves" if saved_kwh >= 0 else "costs"
-            share = abs(saved_kwh) / energy.baseline_kwh if energy.baseline_kwh else 0.0
+            verb = "saves" if energy.saved_kwh >= 0 else "costs"
+            share = abs(energy.saved_kwh) / energy.baseline_kwh
             return (
                 f"Cycle {report.cycle}, {off} ago: {energy.cooperative_kwh:.2f} kWh {verb} "
-                f"{abs(saved_kwh):.2f} kWh ({share:.1%}) against {energy.baseline}"
+                f"{abs(energy.saved_kwh):.2f} kWh ({share:.1%}) against {energy.baseline}"
             )
     return None
 

@@ -24,7 +24,6 @@ MAX_RSUS: Final = 12
 """Lines of the report's tables; more are counted, so that it stays on one page."""
 _MINUTE_NS: Final = 60 * 10**9
 _EVENTS: Final = 1000
-_STATES_A_HOUR: Final = 3600
 _CHART_HEIGHT: Final = 120.0
 
 

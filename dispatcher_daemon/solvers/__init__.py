@@ -5,8 +5,9 @@ Names are loaded on demand: worker processes import this package too, and need f
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
+
+from slipstream.on_demand import on_demand
 
 if TYPE_CHECKING:
     from dispatcher_daemon.solvers.cplex import CplexSolver
@@ -50,13 +51,7 @@ __all__ = [
     "stages",
 ]
 
-_MODULES: Final = "protocol distribution exact sampling registry insertion"
-"""Where the names are found, light modules first; the registry imports all solvers."""
-
-
-def __getattr__(name: str) -> object:
-    for module in _MODULES.split() if name in __all__ else ():
-        found = vars(import_module(f"{__name__}.{module}"))
-        if name in found:
-            return found[name]
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+# Light modules first; the registry imports all solvers.
+__getattr__ = on_demand(
+    __name__, __all__, "protocol distribution exact sampling registry insertion"
+)

@@ -155,11 +155,11 @@ def _summary(report: CycleReport) -> Iterator[str]:
         yield f"the plan is that of {report.solver}: objective {in_kwh(report.objective_kwh)}"
     energy = report.energy
     if energy is not None:
-        saved = energy.baseline_kwh - energy.cooperative_kwh
         yield (
-            f"the fleet needs {in_kwh(energy.cooperative_kwh)}, {more_or_less(-saved)} than the "
-            f"baseline ({energy.baseline}): distance {in_kwh(energy.saved_distance_kwh)}, drag "
-            f"{in_kwh(energy.saved_drag_kwh)}, acceleration "
+            f"the fleet needs {in_kwh(energy.cooperative_kwh)}, "
+            f"{more_or_less(-energy.saved_kwh)} than the baseline ({energy.baseline}): "
+            f"distance {in_kwh(energy.saved_distance_kwh)}, "
+            f"drag {in_kwh(energy.saved_drag_kwh)}, acceleration "
             f"{in_kwh(energy.saved_acceleration_kwh)} saved"
         )
         if energy.baseline_driving_s is not None and energy.cooperative_driving_s is not None:

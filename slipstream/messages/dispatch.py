@@ -62,6 +62,11 @@ class EnergySummary(Model):
     cooperative_driving_s: NonNegative | None = None
     price_of_time_kw: NonNegative | None = None
 
+    @property
+    def saved_kwh(self) -> float:
+        """Less than the baseline's; below 0 where the plan needs more."""
+        return self.baseline_kwh - self.cooperative_kwh
+
 
 class CarrierSummary(Model):
     """What one of several carriers has from a plan set against its own part of the baseline."""

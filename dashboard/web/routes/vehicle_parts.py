@@ -102,10 +102,9 @@ def why_route(
         lines.append(f"It goes on from its plan of cycle #{plan.continues}")
     report = next((one for one in reports if one.cycle == plan.cycle), None)
     if report is not None and report.status == "ok" and report.energy is not None:
-        saved = report.energy.baseline_kwh - report.energy.cooperative_kwh
         lines.append(
             f"The plans of cycle #{plan.cycle}, found by {report.solver or 'no solver'}, need "
-            f"{saved:.2f} kWh less than {report.energy.baseline}"
+            f"{report.energy.saved_kwh:.2f} kWh less than {report.energy.baseline}"
         )
     elif report is not None and report.status == "baseline":
         why = labels.reason(report.reason) or "nothing better was found"

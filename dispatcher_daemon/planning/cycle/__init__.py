@@ -10,4 +10,4 @@ from dispatcher_daemon.planning.cycle.cycle import (
 )
 from dispatcher_daemon.planning.cycle.solving import Solving
 
-__all__ = ["CycleResult", "Solving", "cycle_of", "cycle_seed", "form_of", "run_cycle"]
+__all__ = ["CycleResult", "Solving", "cycle_of", "form_of", "run_cycle"]

@@ -57,7 +57,6 @@ def measurements(
     now_ns: int,
     *,
     stale_after_s: float = freshness.STALE_AFTER_S,
-    future_tolerance_s: float = freshness.FUTURE_TOLERANCE_S,
 ) -> tuple[Measurement, ...]:
     """What each site measures, in the sites' order.
 
@@ -77,12 +76,7 @@ def measurements(
         state = latest.get((site.rsu, site.segment))
         if state is None:
             return Measurement(site, None, None, NO_STATE, None)
-        fault = freshness.fault(
-            state.time_ns,
-            now_ns,
-            stale_after_s=stale_after_s,
-            future_tolerance_s=future_tolerance_s,
-        )
+        fault = freshness.fault(state.time_ns, now_ns, stale_after_s=stale_after_s)
         if fault is not None:
             return Measurement(site, None if fault == "future" else state, None, fault, None)
         features = None if state.reason in _UNRELIABLE else state.features

@@ -23,19 +23,12 @@ def device_feed(
     now_ns: int,
     *,
     stale_after_s: float = freshness.STALE_AFTER_S,
-    future_tolerance_s: float = freshness.FUTURE_TOLERANCE_S,
 ) -> bytes:
     """The DeviceFeed of what sites measure, as UTF-8 GeoJSON."""
     fresh = {
         rsu: health
         for rsu, health in healths.items()
-        if freshness.fault(
-            health.time_ns,
-            now_ns,
-            stale_after_s=stale_after_s,
-            future_tolerance_s=future_tolerance_s,
-        )
-        is None
+        if freshness.fault(health.time_ns, now_ns, stale_after_s=stale_after_s) is None
     }
     feed = {
         "feed_info": {

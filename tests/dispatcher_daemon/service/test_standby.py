@@ -26,6 +26,7 @@ from slipstream.service import Service
 from storage import StorageError, open_database, open_reader
 from storage.engine import parse_url
 from storage.ownership import _ADVISORY_LOCK
+from tests.dispatcher_daemon.service.waiting import wait_for
 
 MAX_TAKEOVER_S = 10.0
 
@@ -51,7 +52,7 @@ def test_a_standby_opens_what_is_free(tmp_path: Path, monkeypatch: pytest.Monkey
     waiting = threading.Thread(target=lambda: taken.append(open_in_turn(url, service)))
     with service:
         waiting.start()
-        wait_until(lambda: told() == (503, "standby\n"))
+        assert wait_for(lambda: told() == (503, "standby\n"))
         waiting.join(0.2)
         assert waiting.is_alive()
         active.close()
@@ -80,14 +81,6 @@ def dispatcher(config: Path, *options: str) -> Iterator[subprocess.Popen[str]]:
             yield process
         finally:
             process.kill()
-
-
-def wait_until(condition: Callable[[], bool], timeout_s: float = 120.0) -> None:
-    """Poll until it is true."""
-    ends = time.monotonic() + timeout_s
-    while not condition():
-        assert time.monotonic() < ends
-        time.sleep(0.05)
 
 
 def numbers(url: str) -> list[int]:
@@ -133,14 +126,14 @@ def test_a_standby_takes_over(
         )
         with dispatcher(config) as active, dispatcher(config, "--standby") as standby:
             log = tmp_path / "dispatcher--standby.log"
-            wait_until(lambda: "standby: waiting" in log.read_text())
-            wait_until(lambda: len(numbers(url)) >= 2)
+            assert wait_for(lambda: "standby: waiting" in log.read_text())
+            assert wait_for(lambda: len(numbers(url)) >= 2)
             assert standby.poll() is None
             active.send_signal(signal.SIGKILL)
             active.wait()
             killed = time.monotonic()
             before = numbers(url)
-            wait_until(lambda: len(numbers(url)) > len(before))
+            assert wait_for(lambda: len(numbers(url)) > len(before))
             took_s = time.monotonic() - killed
             standby.terminate()
             assert standby.wait(60) == 0
@@ -196,17 +189,17 @@ def test_a_dispatcher_that_lost_its_lock_ends_and_writes_nothing_more(
         )
         first, second = tmp_path / "dispatcher.log", tmp_path / "dispatcher--standby.log"
         with dispatcher(config) as active, dispatcher(config, "--standby") as standby:
-            wait_until(lambda: "standby: waiting" in second.read_text())
-            wait_until(lambda: bool(numbers(postgres_url)))
+            assert wait_for(lambda: "standby: waiting" in second.read_text())
+            assert wait_for(lambda: bool(numbers(postgres_url)))
             before = len(numbers(postgres_url))
             # Right after a cycle: the standby asks each second, the next cycle is 10 s away.
-            wait_until(lambda: len(numbers(postgres_url)) > before)
+            assert wait_for(lambda: len(numbers(postgres_url)) > before)
             before = len(numbers(postgres_url))
-            wait_until(lambda: first.read_text().count(" plans by ") == before)
+            assert wait_for(lambda: first.read_text().count(" plans by ") == before)
             cut_lock(postgres_url)
-            wait_until(lambda: "active one now" in second.read_text())
+            assert wait_for(lambda: "active one now" in second.read_text())
             assert active.wait(60) != 0
-            wait_until(lambda: len(numbers(postgres_url)) >= before + 2)
+            assert wait_for(lambda: len(numbers(postgres_url)) >= before + 2)
             standby.terminate()
             assert standby.wait(60) == 0
     after = numbers(postgres_url)

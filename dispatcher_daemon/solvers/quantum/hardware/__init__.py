@@ -11,8 +11,9 @@ waited for beyond the cycle's deadline.
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
+
+from slipstream.on_demand import on_demand
 
 if TYPE_CHECKING:
     from dispatcher_daemon.solvers.quantum.hardware.breaker import JobLimits
@@ -30,15 +31,5 @@ __all__ = [
     "open_job_manager",
 ]
 
-
-_MODULES: Final = "breaker circuits service manager"
-"""Where the names are found, light modules first; only the last needs a database."""
-
-
-def __getattr__(name: str) -> object:
-    # Loaded on demand: the worker process imports this package too.
-    for module in _MODULES.split() if name in __all__ else ():
-        found = vars(import_module(f"{__name__}.{module}"))
-        if name in found:
-            return found[name]
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+# The worker process imports this package too; only the last module needs a database.
+__getattr__ = on_demand(__name__, __all__, "breaker circuits service manager")

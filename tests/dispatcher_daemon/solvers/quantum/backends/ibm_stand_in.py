@@ -19,6 +19,9 @@ from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 import jwt
+import pytest
+
+from dispatcher_daemon.solvers.quantum.backends import AccountAccess, IbmService, open_ibm
 
 TOKEN = "key-9f3c-never-to-be-seen"
 INSTANCE = "crn:v1:bluemix:public:quantum-computing:us-east:a/1:2::"
@@ -232,3 +235,13 @@ def serving(stand_in: IbmStandIn) -> Iterator[IbmStandIn]:
 
 def _struck(faults: dict[str, Any], path: str) -> Any:
     return next((value for begin, value in faults.items() if path.startswith(begin)), None)
+
+
+@contextmanager
+def opened() -> Iterator[tuple[IbmStandIn, IbmService]]:
+    """A stand-in, and the service that the real client opens there."""
+    with pytest.MonkeyPatch.context() as patch, serving(IbmStandIn()) as stand_in:
+        # The client looks its account up elsewhere in IBM's cloud; it can be told not to.
+        patch.setenv("QISKIT_FUNCTIONS_EXPERIMENTAL", "1")
+        patch.setenv("IAM_URL", stand_in.address)
+        yield stand_in, open_ibm(DEVICE, access=AccountAccess(TOKEN, INSTANCE, stand_in.address))

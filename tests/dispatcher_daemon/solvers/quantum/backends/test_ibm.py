@@ -22,7 +22,7 @@ from tests.dispatcher_daemon.solvers.quantum.backends.ibm_stand_in import (
     INSTANCE,
     TOKEN,
     IbmStandIn,
-    serving,
+    opened,
 )
 from tests.dispatcher_daemon.solvers.quantum.devices import frequencies, probabilities, random_chain
 
@@ -32,11 +32,8 @@ CIRCUIT = circuit_of(random_chain(3, 1, 4))
 @pytest.fixture(scope="module")
 def running() -> Iterator[tuple[IbmStandIn, IbmService]]:
     """The stand-in, and the service that the real client opened there."""
-    with pytest.MonkeyPatch.context() as patch, serving(IbmStandIn()) as stand_in:
-        # The client looks its account up elsewhere in IBM's cloud; it can be told not to.
-        patch.setenv("QISKIT_FUNCTIONS_EXPERIMENTAL", "1")
-        patch.setenv("IAM_URL", stand_in.address)
-        yield stand_in, open_ibm(DEVICE, access=AccountAccess(TOKEN, INSTANCE, stand_in.address))
+    with opened() as both:
+        yield both
 
 
 @pytest.fixture
