@@ -168,6 +168,25 @@ bench-coordination: setup
 bench-storage: setup
 	$(BIN)/python -m slipstream_lab.benchmarks.storage $(if $(SHORT),--short)
 
+# What `install.sh` installs: exact versions with hashes, of each role and of each extra that may be
+# added to it, all from one resolution, so that any of them go together. iskay has none: it asks for
+# another qiskit-ibm-runtime than the dispatcher.
+TOOLS := build/release-tools
+UV := $(TOOLS)/bin/uv
+LOCK := UV_CUSTOM_COMPILE_COMMAND='make locks' $(UV) pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --only-binary :all: pyproject.toml
+LOCKED := edge=edge agent= server=dispatcher,dashboard,cluster worker=dispatcher,cluster all=edge,dispatcher,dashboard,cluster \
+  cplex=cplex osm=osm parquet=parquet postgres=postgres tracing=tracing
+comma := ,
+.PHONY: locks
+locks: $(UV)
+	mkdir -p deploy/locks
+	$(LOCK) $(patsubst %,--extra %,$(sort $(subst $(comma), ,$(foreach lock,$(LOCKED),$(lastword $(subst =, ,$(filter-out agent=,$(lock)))))))) --output-file build/every.txt
+	$(foreach lock,$(LOCKED),$(LOCK) $(patsubst %,--extra %,$(subst $(comma), ,$(word 2,$(subst =, ,$(lock))))) --constraints build/every.txt --output-file deploy/locks/$(firstword $(subst =, ,$(lock))).txt &&) true
+
+$(UV):
+	$(PYTHON) -m venv $(TOOLS)
+	$(TOOLS)/bin/python -m pip install --quiet --disable-pip-version-check 'cyclonedx-bom>=7.5,<8' 'uv>=0.9,<1'
+
 # From rendered scenes to the shipped detector; needs torch, so in an environment of its own.
 train: train-venv
 	$(TRAIN)/bin/python -m slipstream_lab.simulation.training --out .slipstream/training

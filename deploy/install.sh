@@ -1,28 +1,37 @@
 #!/bin/sh
-# Installs Slipstream from this checkout as systemd services. Run it again to upgrade: settings that
-# are there stay as they are, running daemons are left alone until you restart them.
+# Installs Slipstream from this checkout, or from an unpacked release, as systemd services. Run it
+# again to upgrade: settings that are there stay as they are, running daemons are left alone until
+# you restart them. Each release has a copy of it: /opt/slipstream/current/source/deploy/install.sh
 set -eu
 
 usage() {
     cat <<'TEXT'
-usage: install.sh [--dry-run] [--no-venv] [--root DIR] [--python PYTHON] [--extras NAMES]
-                  edge|agent|server|worker|all
+usage: install.sh [--wheelhouse W] [--extras NAMES] [--python PYTHON] [--no-venv] [--root DIR]
+                  [--dry-run] edge|agent|server|worker|all
+       install.sh use VERSION
+       install.sh remove [--data]
 
   edge        for an RSU box: edge daemons and a zenoh router
   agent       for a vehicle's box, or for the agents of a depot: vehicle agents and a zenoh router
   server      for the server: dispatcher, dashboard and a zenoh router
   worker      for a machine that solves for the dispatcher of the server
   all         all of them, for one machine
+  use         go back to a release that is installed, or forth: its program and its units
+  remove      stop the daemons, take units and releases away; keep settings and data
 
-  --dry-run   print what would be done, change nothing
+  --wheelhouse W  install from this folder or tarball of `make wheelhouse`, without a network
+  --extras E  also install these, as postgres,tracing; kept for later runs, '' forgets them
+  --python P  Python 3.11 to 3.13 to use (default: python3)
   --no-venv   leave the Python environment as it is: units, settings and documentation only
   --root DIR  put files under DIR, as for a package; no user, no Python environment, no systemd
-  --python P  Python 3.11 or later to use (default: python3)
-  --extras E  also install these, as postgres,tracing; kept for later runs, '' forgets them
+  --dry-run   print what would be done, change nothing
+  --data      remove settings, keys and data too: /etc/slipstream and /var/lib/slipstream*
 TEXT
 }
 
+building=''
 fail() {
+    [ -z "$building" ] || rm -rf "$building"
     printf 'install.sh: %s\n' "$1" >&2
     exit 2
 }
@@ -35,8 +44,46 @@ run() {
     fi
 }
 
-remember_extras() {
-    printf '%s\n' "$more" >"$opt/extras"
+# A file is old or new, never half, also where the power fails.
+put() {
+    cmp -s "$1" "$2" && return 0
+    run install -D -m 644 "$1" "$2.new"
+    run sync "$2.new"
+    run mv -T "$2.new" "$2"
+}
+
+remember() {
+    [ "$dry_run" = no ] || return 0
+    install -d -m 755 "$opt"
+    printf '%s\n' "$2" >"$opt/$1.new"
+    mv -T "$opt/$1.new" "$opt/$1"
+}
+
+# pip of an environment; of what it tells the last fault, which names the cause.
+pip() {
+    at=$1
+    shift
+    run "$at/bin/python" -m pip "$@" --quiet --disable-pip-version-check --no-input \
+        ${house:+--no-index --find-links "$house"} 2>"$tmp/told" ||
+        fail "Python packages for $roles: $(grep ERROR "$tmp/told" | tail -n 1 | cut -c 1-400)"
+}
+
+is_built() {
+    [ "$(cat "$opt/releases/$release/.complete" 2>/dev/null)" = "$made_of" ]
+}
+
+# The release that is current keeps running, whatever becomes of this one.
+point_at() {
+    run ln -sfn "releases/$1" "$opt/current.new"
+    run mv -T "$opt/current.new" "$opt/current"
+    run sync -f "$opt"
+}
+
+check_database() {
+    if [ "$dry_run" = yes ] || [ ! -r "$etc/site.toml" ]; then return 0; fi
+    told=$("$opt/releases/$1/bin/python" "$here/database.py" "$etc/site.toml" 2>&1) ||
+        fail "release $1: $(printf '%s\n' "$told" | tail -n 1)"
+    [ -z "$told" ] || printf '%s\n' "$told" >&2
 }
 
 # A user of the bus: a line among the router's users, and its password in a file of its own. The line
@@ -59,28 +106,32 @@ name_user() {
         *[!A-Za-z0-9_-]* | ????????????????????????????????*) ;;
         *) return 0 ;;
     esac
-    drop_in=$root/etc/systemd/system/slipstream-${1%%-*}@${1#*-}.service.d
+    drop_in=$system/slipstream-${1%%-*}@${1#*-}.service.d
     install -d -m 755 "$drop_in"
     printf '[Service]\nUser=%s-%s\n' "${1%%-*}" "$(printf %s "$1" | cksum | cut -d ' ' -f 1)" >"$drop_in/user.conf"
 }
 
 umask 022 # the daemons are not root and have to read what is installed
-dry_run=no venv=yes root='' python=python3 role='' more='' named=no
+command=install dry_run=no venv=yes data=no root='' python=python3 role='' more='' named=no house=''
 while [ $# -gt 0 ]; do
     case $1 in
         --dry-run) dry_run=yes ;;
         --no-venv) venv=no ;;
-        --root | --python | --extras)
+        --data) data=yes ;;
+        --root | --python | --extras | --wheelhouse | use)
             [ $# -ge 2 ] || fail "$1 needs a value; see --help"
             # An environment holds its own path: one made under DIR would not run elsewhere.
             case $1 in
                 --root) root=$2 venv=no ;;
                 --python) python=$2 ;;
                 --extras) more=$2 named=yes ;;
+                --wheelhouse) house=$2 ;;
+                use) command=use role=use wanted=$2 ;;
             esac
             shift
             ;;
         -h | --help) usage; exit 0 ;;
+        remove) command=remove role=remove ;;
         edge | agent | server | worker | all)
             [ -z "$role" ] || fail "one role only; see --help"
             role=$1
@@ -91,52 +142,171 @@ while [ $# -gt 0 ]; do
 done
 [ -n "$role" ] || fail "say what this machine is: edge, agent, server, worker or all"
 
-here=$(CDPATH='' cd -- "$(dirname -- "$0")" && pwd)
-source=$(dirname -- "$here")
-version=$(sed -n 's/^version = "\(.*\)"$/\1/p' "$source/pyproject.toml" | head -n 1)
-[ -n "$version" ] || fail "$source/pyproject.toml: no version; run this from a complete checkout"
-
-live=no # are we changing this very system?
+live=no booted=no # are we changing this very system, and does it run?
 if [ "$dry_run" = no ] && [ -z "$root" ]; then
     live=yes
     [ "$(id -u)" = 0 ] || fail "needs root; see --dry-run for what it would do"
+    [ ! -d /run/systemd/system ] || booted=yes
 fi
 
+here=$(CDPATH='' cd -- "$(dirname -- "$0")" && pwd)
+source=$(dirname -- "$here")
+etc=$root/etc/slipstream
+opt=$root/opt/slipstream
+system=$root/etc/systemd/system
+before=$(basename -- "$(readlink "$opt/current" || echo none)")
+
+if [ "$command" = use ]; then
+    [ -e "$opt/releases/$wanted/.complete" ] ||
+        fail "use $wanted: no such release; installed: $(cd "$opt/releases" 2>/dev/null && echo *)"
+    check_database "$wanted"
+    point_at "$wanted"
+    own=$opt/releases/$wanted/source/deploy/install.sh
+    if [ -r "$own" ]; then
+        while read -r role; do
+            run sh "$own" ${root:+--root "$root"} --no-venv "$role" >/dev/null
+        done <"$opt/roles"
+    else
+        echo "Release $wanted has no units of its own (before 0.2): take those of its checkout." >&2
+    fi
+    echo "Slipstream $wanted is current. Next: systemctl restart 'slipstream-*'"
+    exit 0
+fi
+
+if [ "$command" = remove ]; then
+    for unit in edge@ agent@ dispatcher dashboard scheduler worker router; do
+        unit=slipstream-$unit
+        case $unit in *@) all="$unit*.service" ;; *) all=$unit.service ;; esac
+        if [ "$booted" = yes ] && [ -e "$system/$unit.service" ]; then
+            systemctl stop "$all"
+        fi
+        run find "$system" -name "$all" ! -type d -delete
+        # What `systemctl edit` made is a setting.
+        [ "$data" = no ] || run find "$system" -depth -path "*/$all.d*" -delete
+    done
+    [ "$booted" = no ] || systemctl daemon-reload
+    run rm -f "$root/etc/sysusers.d/slipstream.conf"
+    if [ "$data" = yes ]; then
+        for name in '' -agent -edge -dashboard; do
+            run rm -rf "$root/var/lib/slipstream$name" "$root/var/lib/private/slipstream$name"
+        done
+        run rm -rf "$etc"
+        [ "$live" = no ] || ! id slipstream >/dev/null 2>&1 || userdel slipstream
+    else
+        echo "Kept: $etc and $root/var/lib/slipstream*; remove --data takes them away too."
+    fi
+    run rm -rf "$opt"
+    exit 0
+fi
+
+version=$(sed -n 's/^__version__ = "\(.*\)"$/\1/p' "$source/slipstream/__init__.py") || version=''
+[ -n "$version" ] || fail "$source: not a complete checkout or release"
+
 case $role in
-    edge) extras=edge units='slipstream-edge@ slipstream-router' settings=site-edge ;;
-    # Agents need nothing but what all daemons need.
-    agent) extras='' units='slipstream-agent@ slipstream-router' settings=site-agent ;;
+    edge) units='slipstream-edge@ slipstream-router' settings=site-edge ;;
+    agent) units='slipstream-agent@ slipstream-router' settings=site-agent ;;
     server)
-        extras=dispatcher,dashboard,cluster
         units='slipstream-dispatcher slipstream-dashboard slipstream-router slipstream-scheduler'
         settings=site-server
         ;;
-    worker) extras=dispatcher,cluster units=slipstream-worker settings=site-worker ;;
+    worker) units=slipstream-worker settings=site-worker ;;
     all)
-        extras=edge,dispatcher,dashboard,cluster
         units='slipstream-edge@ slipstream-agent@ slipstream-dispatcher slipstream-dashboard'
         units="$units slipstream-router slipstream-scheduler slipstream-worker"
         settings=site
         ;;
 esac
 
-etc=$root/etc/slipstream
-opt=$root/opt/slipstream
-release=$opt/releases/$version
-
-# Those named once stay, or an upgrade would lack what the settings ask for.
+# A machine may have several roles, and extras named once stay: an upgrade has to have what the
+# settings ask for.
+roles=$(cat "$opt/roles" 2>/dev/null) || roles=''
+roles=$(printf '%s\n%s\n' "$roles" "$role" | sed '/^$/d' | sort -u)
 if [ "$named" = no ] && [ -r "$opt/extras" ]; then
     more=$(cat "$opt/extras")
 fi
 case $more in *[!a-z0-9,-]*) fail "--extras $more: give names with commas between, as postgres,tracing" ;; esac
-# pip only warns of a name that it does not know.
-for name in $(printf %s "$more" | tr , ' '); do
-    grep -q "^$name = \\[" "$source/pyproject.toml" || fail "--extras: no extra $name; name some of pyproject.toml"
+more=$(printf %s "$more" | tr , '\n')
+for name in $more; do
+    [ -r "$here/locks/extras/$name.txt" ] ||
+        fail "--extras: no extra $name; there are $(basename -s .txt "$here"/locks/extras/*.txt | paste -sd , -)"
 done
-extras=$extras${extras:+${more:+,}}$more
 
-# The account first: the settings belong to its group.
-run install -D -m 644 "$here/systemd/slipstream.sysusers" "$root/etc/sysusers.d/slipstream.conf"
+if [ "$venv" = yes ]; then
+    "$python" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' ||
+        fail "$python: not Python 3.11 to 3.13, which the libraries are locked for; give one with --python"
+    "$python" -c 'import ensurepip' 2>/dev/null ||
+        fail "$python: cannot make environments; install the package python3-venv"
+    case $("$python" -c 'import sys; print(sys.base_prefix)') in
+        /home/* | /root/*) fail "$python: below a home, where the daemons cannot look; give /usr/bin/python3" ;;
+    esac
+    tmp=$(mktemp -d)
+    trap 'rm -rf "$tmp"' EXIT
+
+    wheel=slipstream-$version-py3-none-any.whl
+    if [ -n "$house" ] && [ ! -d "$house" ]; then
+        tar -xf "$house" -C "$tmp" 2>/dev/null || fail "--wheelhouse $house: no tarball that can be read"
+        house=$(echo "$tmp"/*/wheels)
+    elif [ -z "$house" ] && [ -d "$source/wheels" ]; then
+        house=$source/wheels # an unpacked release
+    fi
+    if [ -n "$house" ]; then
+        cat "$house/SHA256SUMS" "$house/$wheel" >/dev/null 2>&1 ||
+            fail "--wheelhouse $house: no SHA256SUMS or no $wheel in it; see make wheelhouse"
+        wrong=$(cd "$house" && sha256sum --quiet --check SHA256SUMS 2>/dev/null) ||
+            fail "--wheelhouse $house: missing or altered: $(printf '%s\n' "$wrong" | cut -d : -f 1 | paste -sd ' ' -)"
+        wheel=$house/$wheel
+    else
+        run "$python" -m venv "$tmp/build"
+        pip "$tmp/build" wheel --no-deps --wheel-dir "$tmp" "$source"
+        wheel=$tmp/$wheel
+    fi
+
+    set --
+    for name in $roles; do set -- "$@" -r "$here/locks/$name.txt"; done
+    for name in $more; do set -- "$@" -r "$here/locks/extras/$name.txt"; done
+    # What a release is made of. One that was killed half-way says nothing of it and is made anew.
+    made_of=$version
+    if [ "$dry_run" = no ]; then
+        made_of="$version $("$python" -V) $(cksum <"$wheel") $(printf '%s\n' "$@" | grep -v '^-r$' | xargs sort -u | cksum)"
+    fi
+    release=$before
+    if ! is_built; then
+        release=$version
+        [ "$before" != "$version" ] || release=$version-again # a running one is left as it is
+    fi
+    if ! is_built; then
+        building=$opt/releases/$release
+        run rm -rf "$building"
+        run install -d -m 755 "$building"
+        run "$python" -m venv "$building"
+        pip "$building" install --only-binary :all: --require-hashes "$@"
+        pip "$building" install --no-deps --no-index "$wheel"
+        for part in deploy docs/operations.md slipstream/__init__.py slipstream_cli/daemons/router.py; do
+            run install -d "$building/source/$(dirname "$part")"
+            run cp -R "$source/$part" "$building/source/$(dirname "$part")"
+        done
+        run "$building/bin/slipstream" --version >/dev/null || fail "release $release: does not start"
+        run sync -f "$building"
+        [ "$dry_run" = yes ] || printf '%s\n' "$made_of" >"$building/.complete"
+        building=''
+    fi
+    check_database "$release"
+    remember extras "$(printf '%s\n' "$more" | paste -sd , -)"
+    point_at "$release"
+    # The release before stays for the way back, older ones go.
+    if [ "$before" != "$release" ]; then
+        for old in "$opt"/releases/*; do
+            case $(basename -- "$old") in
+                "$release" | "$before" | '*') ;;
+                *) run rm -rf "$old" ;;
+            esac
+        done
+    fi
+fi
+remember roles "$roles"
+
+# The account before the settings, which belong to its group.
+put "$here/systemd/slipstream.sysusers" "$root/etc/sysusers.d/slipstream.conf"
 if [ -z "$root" ]; then
     run systemd-sysusers /etc/sysusers.d/slipstream.conf
     group='-g slipstream'
@@ -144,51 +314,16 @@ else
     group=''
 fi
 
-if [ "$venv" = yes ]; then
-    "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' ||
-        fail "$python: not Python 3.11 or later; give one with --python"
-    "$python" -c 'import ensurepip' 2>/dev/null ||
-        fail "$python: cannot make environments; install the package python3-venv"
-    case $("$python" -c 'import sys; print(sys.base_prefix)') in
-        /home/* | /root/*) fail "$python: below a home, where the daemons cannot look; give /usr/bin/python3" ;;
-    esac
-    before=$(basename -- "$(readlink "$opt/current" || echo none)")
-    # One that was killed half-way has no mark, and never became the current one: it is made anew.
-    if [ ! -e "$release/.complete" ] && [ "$before" != "$version" ]; then
-        run rm -rf "$release"
-        run install -d -m 755 "$opt/releases"
-        run "$python" -m venv "$release"
-    fi
-    run rm -f "$release/.complete"
-    # A folder is installed anew each time, also where its version is the one that is there.
-    run "$release/bin/python" -m pip install --quiet --disable-pip-version-check \
-        "$source${extras:+[$extras]}"
-    run touch "$release/.complete"
-    run remember_extras
-    # One rename: whoever starts now gets the old release or the new one.
-    run ln -sfn "releases/$version" "$opt/current.new"
-    run mv -T "$opt/current.new" "$opt/current"
-    # The release before stays for the way back, older ones go.
-    if [ "$before" != "$version" ]; then
-        for old in "$opt"/releases/*; do
-            case $(basename -- "$old") in
-                "$version" | "$before" | '*') ;;
-                *) run rm -rf "$old" ;;
-            esac
-        done
-    fi
-fi
-
 for unit in $units; do
-    run install -D -m 644 "$here/systemd/$unit.service" "$root/etc/systemd/system/$unit.service"
+    put "$here/systemd/$unit.service" "$system/$unit.service"
 done
 
-run install -D -m 644 "$source/slipstream_cli/daemons/router.py" "$opt/share/router.py"
+put "$source/slipstream_cli/daemons/router.py" "$opt/share/router.py"
 for file in "$here"/config/*.toml "$here"/zenoh/*.json5 "$here"/proxy/nginx.conf \
     "$here"/grafana/*.json "$here"/prometheus/*.yml; do
-    run install -D -m 644 "$file" "$opt/share/examples/$(basename -- "$file")"
+    put "$file" "$opt/share/examples/$(basename -- "$file")"
 done
-run install -D -m 644 "$source/docs/operations.md" "$opt/share/doc/operations.md"
+put "$source/docs/operations.md" "$opt/share/doc/operations.md"
 
 # Settings may hold passwords of cameras: root writes and reads them, systemd hands them to the
 # daemons. A calibration holds none, and the daemons read it by its path.
@@ -233,9 +368,7 @@ case $role in
     server | all) for user in dispatcher dashboard fleet signals; do run set_password "$user"; done ;;
 esac
 
-if [ "$live" = yes ] && [ -d /run/systemd/system ]; then
-    systemctl daemon-reload
-fi
+[ "$booted" = no ] || systemctl daemon-reload
 
 if [ "$dry_run" = yes ]; then
     echo 'Nothing has been changed.'

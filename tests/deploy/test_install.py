@@ -129,20 +129,30 @@ def test_every_daemon_gets_a_password_of_its_own(tmp_path: Path) -> None:
 
 _PYTHON = """#!/bin/sh
 # Stands in for Python: makes environments, and dies where the test says.
+release=$(dirname "$(dirname "$0")")
 case "$*" in
+    -V) echo Python 3.11.2 ;;
+    *sys.base_prefix*) echo /usr ;;
+    */database.py*) [ "${{release##*/}}" != "$(cat "{folder}/too-old")" ] ;;
     "-m venv "*)
         mkdir -p "$3/bin"
         cp "$0" "$3/bin/python"
-        [ ! -e "{folder}/die-in-venv" ] || kill -9 $PPID
-        echo pip >"$3/pip"
+        case $3 in */releases/*) [ ! -e "{folder}/die-in-venv" ] || kill -9 $PPID ;; esac
         ;;
-    "-m pip "*)
-        [ -e "$(dirname "$0")/../pip" ] || exit 1
+    "-m pip wheel "*)
+        wheel=$6/slipstream-$(cat "{folder}/version")-py3-none-any.whl
+        cp "{folder}/source/slipstream/__init__.py" "$wheel"
+        ;;
+    "-m pip install --only-binary :all: --require-hashes "*)
         [ ! -e "{folder}/die-in-pip" ] || kill -9 $PPID
-        for last; do :; done
-        echo "${{last##*/source}}" >"$(dirname "$0")/../slipstream"
+        for lock; do case $lock in *.txt) basename "$lock" .txt ;; esac; done >"$release/locks"
         ;;
-    *sys.base_prefix*) echo /usr ;;
+    "-m pip install --no-deps "*)
+        for wheel; do case $wheel in *.whl) cp "$wheel" "$release/program" ;; esac; done
+        program=$release/bin/slipstream
+        printf '#!/bin/sh\\ncat %s %s\\n' "$release/locks" "$release/program" >"$program"
+        chmod 755 "$program"
+        ;;
 esac
 """
 
@@ -152,14 +162,14 @@ class Machine:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.releases = folder / "root" / "opt" / "slipstream" / "releases"
+        self.root = folder / "root"
+        self.releases = self.root / "opt" / "slipstream" / "releases"
         self.source = folder / "source"
         shutil.copytree(DEPLOY, self.source / "deploy")
-        (self.source / "docs").mkdir()
-        (self.source / "docs" / "operations.md").touch()
-        router = Path("slipstream_cli") / "daemons" / "router.py"
-        (self.source / router).parent.mkdir(parents=True)
-        shutil.copy(DEPLOY.parent / router, self.source / router)
+        for part in ("docs/operations.md", "slipstream_cli/daemons/router.py"):
+            (self.source / part).parent.mkdir(parents=True)
+            shutil.copy(DEPLOY.parent / part, self.source / part)
+        (self.source / "slipstream").mkdir()
         script = self.source / "deploy" / "install.sh"
         text = script.read_text()
         # An environment below a folder cannot run elsewhere, which does not matter here.
@@ -168,39 +178,43 @@ class Machine:
         self.python = folder / "python"
         self.python.write_text(_PYTHON.format(folder=folder))
         self.python.chmod(0o755)
+        (folder / "too-old").write_text("none")
+
+    def call(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+        """Run the installer below the folder."""
+        script = self.source / "deploy" / "install.sh"
+        return subprocess.run(
+            ["sh", script, "--root", self.root, "--python", self.python, *arguments],
+            capture_output=True,
+            text=True,
+            timeout=60,
+        )
 
     def install(self, version: str, die_in: str | None = None, *more: str) -> int:
         """Install a version, with more arguments; returns the exit status."""
-        text = f'version = "{version}"\n\npostgres = []\ntracing = []\n'
-        (self.source / "pyproject.toml").write_text(text)
+        (self.source / "slipstream" / "__init__.py").write_text(f'__version__ = "{version}"\n')
+        (self.folder / "version").write_text(version)
         if die_in is not None:
             (self.folder / f"die-in-{die_in}").touch()
-        arguments: tuple[str | Path, ...] = (
-            "--root",
-            self.folder / "root",
-            "--python",
-            self.python,
-            *more,
-            "edge",
-        )
-        done = subprocess.run(
-            ["sh", self.source / "deploy" / "install.sh", *arguments],
-            capture_output=True,
-            timeout=60,
-        )
+        done = self.call(*more, "edge")
         if die_in is not None:
             (self.folder / f"die-in-{die_in}").unlink()
         return done.returncode
 
     def current(self) -> str:
-        """The version that would start now, with all that belongs to it."""
+        """The version that would start now."""
         release = (self.releases.parent / "current").resolve()
-        assert {path.name for path in release.iterdir()} > {"bin", "pip", "slipstream"}
+        assert f'"{release.name.removesuffix("-again")}"' in self.start()
         return release.name
 
-    def extras(self) -> str:
-        """What the current release was installed with."""
-        return (self.releases.parent / "current" / "slipstream").read_text().strip()
+    def start(self) -> str:
+        """What the current program says: its locks and its version."""
+        program = self.releases.parent / "current" / "bin" / "slipstream"
+        return subprocess.run([program], capture_output=True, text=True, check=True).stdout
+
+    def locks(self) -> set[str]:
+        """What the current release was installed from."""
+        return set(self.start().splitlines()[:-1])
 
     def kept(self) -> set[str]:
         """Releases on the disk."""
@@ -225,7 +239,8 @@ def test_a_killed_installation_is_mended_by_the_next(machine: Machine, where: st
     assert machine.current() == "1.0"
     assert machine.install("1.1") == 0
     assert machine.current() == "1.1"
-    assert machine.install("1.1", die_in="pip") == -signal.SIGKILL
+    assert machine.install("1.1", "pip", "--extras", "osm") == -signal.SIGKILL
+    assert (machine.current(), machine.locks()) == ("1.1", {"edge"})
     assert machine.install("1.1") == 0
     assert machine.current() == "1.1"
 
@@ -234,16 +249,17 @@ def test_a_killed_installation_is_mended_by_the_next(machine: Machine, where: st
 def test_extras_that_were_named_once_come_with_each_upgrade(machine: Machine) -> None:
     """Until others are named, or none; a name that there is not changes nothing."""
     assert machine.install("1.0") == 0
-    assert machine.extras() == "[edge]"
+    assert machine.locks() == {"edge"}
     assert machine.install("1.0", None, "--extras", "postgres,tracing") == 0
-    assert machine.extras() == "[edge,postgres,tracing]"
+    assert machine.current() == "1.0-again"  # not into the one that runs
+    assert machine.locks() == {"edge", "postgres", "tracing"}
     assert machine.install("1.1") == 0
-    assert (machine.current(), machine.extras()) == ("1.1", "[edge,postgres,tracing]")
+    assert (machine.current(), machine.locks()) == ("1.1", {"edge", "postgres", "tracing"})
     assert machine.install("1.2", None, "--extras", "postgre") == 2
     assert machine.current() == "1.1"
     assert machine.install("1.2", None, "--extras", "") == 0
     assert machine.install("1.3") == 0
-    assert machine.extras() == "[edge]"
+    assert machine.locks() == {"edge"}
 
 
 @pytest.mark.slow
@@ -254,9 +270,8 @@ def test_the_release_before_stays_and_older_ones_go(machine: Machine) -> None:
     assert machine.kept() == {"1.1", "1.2"}
     assert machine.install("1.2") == 0
     assert machine.kept() == {"1.1", "1.2"}
-    current = machine.releases.parent / "current"
-    current.unlink()
-    current.symlink_to(machine.releases / "1.1")
+    assert machine.call("use", "1.1").returncode == 0
+    assert machine.current() == "1.1"
     assert machine.install("1.3") == 0
     assert machine.kept() == {"1.1", "1.3"}
     assert machine.current() == "1.3"
