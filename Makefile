@@ -184,6 +184,11 @@ release:
 	@command -v buildah >/dev/null || echo 'no images: buildah is not installed'
 	KEY='$(KEY)' $(RELEASE) sums
 
+# Upgrades that are killed at any moment; `make test-long` has 20 of them.
+.PHONY: power-cuts
+power-cuts: setup
+	POWER_CUTS=200 $(BIN)/python -m pytest tests/deploy/test_install.py -k power_cuts
+
 # The libraries of each role and each extra, exact versions with hashes: the newest that go together.
 locks:
 	$(RELEASE) locks

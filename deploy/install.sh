@@ -59,13 +59,13 @@ remember() {
     mv -T "$opt/$1.new" "$opt/$1"
 }
 
-# pip of an environment; of what it tells the last fault, which names the cause.
+# pip of an environment; its faults become one line.
 pip() {
     at=$1
     shift
     run "$at/bin/python" -m pip "$@" --quiet --disable-pip-version-check --no-input \
         ${house:+--no-index --find-links "$house"} 2>"$tmp/told" ||
-        fail "Python packages for $roles: $(grep ERROR "$tmp/told" | tail -n 1 | cut -c 1-400)"
+        fail "Python packages for $roles: $(sed -n '/ERROR/,$p' "$tmp/told" | tr -s ' \n' ' ' | cut -c 1-400)"
 }
 
 is_built() {

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import signal
 import stat
 import subprocess
+import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
+from random import Random
 
 import pytest
 
 from .conftest import DEPLOY
 
 SCRIPT = DEPLOY / "install.sh"
+RELEASE = DEPLOY / "release.sh"
 
 
 def install(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
@@ -35,8 +40,8 @@ def tree(folder: Path) -> dict[str, tuple[str, int]]:
 
 @pytest.mark.slow
 def test_shellcheck_has_nothing_to_say(tool: Callable[[str], str]) -> None:
-    """The script is clean."""
-    done = subprocess.run([tool("shellcheck"), str(SCRIPT)], capture_output=True, text=True)
+    """The scripts are clean."""
+    done = subprocess.run([tool("shellcheck"), SCRIPT, RELEASE], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (0, "")
 
 
@@ -133,7 +138,10 @@ release=$(dirname "$(dirname "$0")")
 case "$*" in
     -V) echo Python 3.11.2 ;;
     *sys.base_prefix*) echo /usr ;;
-    */database.py*) [ "${{release##*/}}" != "$(cat "{folder}/too-old")" ] ;;
+    *version_info*) [ ! -e "{folder}/old-python" ] ;;
+    */database.py*)
+        [ "${{release##*/}}" != "$(cat "{folder}/too-old")" ] || {{ echo schema 0099; exit 2; }}
+        ;;
     "-m venv "*)
         mkdir -p "$3/bin"
         cp "$0" "$3/bin/python"
@@ -145,6 +153,7 @@ case "$*" in
         ;;
     "-m pip install --only-binary :all: --require-hashes "*)
         [ ! -e "{folder}/die-in-pip" ] || kill -9 $PPID
+        [ ! -e "{folder}/pip-says" ] || {{ cat "{folder}/pip-says" >&2; exit 1; }}
         for lock; do case $lock in *.txt) basename "$lock" .txt ;; esac; done >"$release/locks"
         ;;
     "-m pip install --no-deps "*)
@@ -180,20 +189,23 @@ class Machine:
         self.python.chmod(0o755)
         (folder / "too-old").write_text("none")
 
+    def command(self, *arguments: str | Path) -> list[str | Path]:
+        """The installer's, for the folder."""
+        script = self.source / "deploy" / "install.sh"
+        return ["sh", script, "--root", self.root, "--python", self.python, *arguments]
+
     def call(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
         """Run the installer below the folder."""
-        script = self.source / "deploy" / "install.sh"
-        return subprocess.run(
-            ["sh", script, "--root", self.root, "--python", self.python, *arguments],
-            capture_output=True,
-            text=True,
-            timeout=60,
-        )
+        return subprocess.run(self.command(*arguments), capture_output=True, text=True, timeout=300)
+
+    def version(self, version: str) -> None:
+        """What the checkout is."""
+        (self.source / "slipstream" / "__init__.py").write_text(f'__version__ = "{version}"\n')
+        (self.folder / "version").write_text(version)
 
     def install(self, version: str, die_in: str | None = None, *more: str) -> int:
         """Install a version, with more arguments; returns the exit status."""
-        (self.source / "slipstream" / "__init__.py").write_text(f'__version__ = "{version}"\n')
-        (self.folder / "version").write_text(version)
+        self.version(version)
         if die_in is not None:
             (self.folder / f"die-in-{die_in}").touch()
         done = self.call(*more, "edge")
@@ -275,6 +287,167 @@ def test_the_release_before_stays_and_older_ones_go(machine: Machine) -> None:
     assert machine.install("1.3") == 0
     assert machine.kept() == {"1.1", "1.3"}
     assert machine.current() == "1.3"
+
+
+@pytest.mark.long
+@pytest.mark.process
+@pytest.mark.attack
+def test_power_cuts_leave_a_release_that_starts(
+    machine: Machine, figure: Callable[[str], None]
+) -> None:
+    """All processes of an upgrade killed at any moment: what is current is complete and starts,
+    units are old or new; run again, the upgrade is there.
+    """
+    cuts, random = int(os.environ.get("POWER_CUTS", "20")), Random(38)
+    unit = machine.source / "deploy" / "systemd" / "slipstream-edge@.service"
+    installed = machine.root / "etc" / "systemd" / "system" / unit.name
+    shipped = unit.read_text()
+    begun = time.monotonic()
+    assert machine.install("1.0") == 0
+    took, unfinished = time.monotonic() - begun, 0
+    for number in range(1, cuts + 1):
+        before, after = f"1.{number - 1}", f"1.{number}"
+        unit.write_text(f"{shipped}# {after}\n")
+        machine.version(after)
+        upgrade = subprocess.Popen(
+            machine.command("edge"),
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+        time.sleep(random.uniform(0, took))
+        os.killpg(upgrade.pid, signal.SIGKILL)
+        upgrade.wait()
+        current = machine.current()
+        assert current in (before, after)
+        unfinished += current == before
+        units = {shipped, f"{shipped}# {before}\n", f"{shipped}# {after}\n"}
+        assert installed.read_text() in units
+        begun = time.monotonic()
+        assert machine.install(after) == 0
+        took = time.monotonic() - begun
+        assert machine.current() == after
+        assert installed.read_text() == f"{shipped}# {after}\n"
+        assert machine.kept() <= {before, after}
+    assert unfinished > 0
+    figure(f"{cuts} power cuts during an upgrade, {unfinished} before the switch: each starts")
+
+
+@pytest.mark.slow
+def test_way_back_is_one_command_and_brings_its_units(machine: Machine) -> None:
+    """Release and units of before; forth again; a version that is not there changes nothing."""
+    unit = machine.source / "deploy" / "systemd" / "slipstream-edge@.service"
+    installed = machine.root / "etc" / "systemd" / "system" / unit.name
+    shipped = unit.read_text()
+    assert machine.install("1.0") == 0
+    unit.write_text(shipped + "# newer\n")
+    assert machine.install("1.1") == 0
+    assert machine.call("use", "1.0").returncode == 0
+    assert (machine.current(), installed.read_text()) == ("1.0", shipped)
+    assert machine.call("use", "1.1").returncode == 0
+    assert (machine.current(), installed.read_text()) == ("1.1", shipped + "# newer\n")
+    refused(machine.call("use", "0.9"), "use 0.9: no such release; installed: 1.0 1.1")
+    assert machine.current() == "1.1"
+
+
+def refused(done: subprocess.CompletedProcess[str], named: str) -> None:
+    """Exit status 2 and one line."""
+    assert done.returncode == 2, done.stderr
+    assert named in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.slow
+def test_an_older_release_than_the_database_is_refused(machine: Machine) -> None:
+    """By the way back and by an installation; what runs stays current."""
+    assert machine.install("1.0") == 0
+    assert machine.install("1.1") == 0
+    (machine.folder / "too-old").write_text("1.0")
+    refused(machine.call("use", "1.0"), "release 1.0: schema 0099")
+    (machine.folder / "too-old").write_text("0.9")
+    assert machine.install("0.9") == 2
+    assert machine.current() == "1.1"
+
+
+@pytest.mark.slow
+@pytest.mark.process
+def test_a_database_of_a_newer_schema_is_seen(tmp_path: Path) -> None:
+    """By the release's own program; a database of its own schema, or none, is no reason."""
+    import sqlite3
+
+    from storage import open_database
+
+    site = tmp_path / "site.toml"
+    site.write_text(f'database_url = "sqlite:///{tmp_path}/slipstream.db"\n')
+    look = [sys.executable, DEPLOY / "database.py", site]
+    assert subprocess.run(look, timeout=600).returncode == 0
+    open_database(f"sqlite:///{tmp_path}/slipstream.db").close()
+    assert subprocess.run(look, timeout=600).returncode == 0
+    with sqlite3.connect(tmp_path / "slipstream.db") as database:
+        database.execute("UPDATE alembic_version SET version_num = '9999'")
+    done = subprocess.run(look, capture_output=True, text=True, timeout=600)
+    refused(done, "was written by a newer Slipstream (schema 9999")
+
+
+@pytest.mark.slow
+def test_what_cannot_be_installed_leaves_what_runs(machine: Machine) -> None:
+    """A Python or a lock that does not fit, a wheelhouse with a wheel missing or altered."""
+    assert machine.install("1.0") == 0
+    machine.version("1.1")
+    (machine.folder / "old-python").touch()
+    refused(machine.call("edge"), "not Python 3.11 to 3.13")
+    (machine.folder / "old-python").unlink()
+    says = machine.folder / "pip-says"
+    says.write_text("ERROR: Could not find it\nERROR: No matching distribution for numpy==9\n")
+    refused(machine.call("edge"), "No matching distribution for numpy==9")
+    says.unlink()
+    assert (machine.current(), machine.kept()) == ("1.0", {"1.0"})
+
+    wheels = machine.folder / "slipstream-1.1-edge" / "wheels"
+    wheels.mkdir(parents=True)
+    refused(machine.call("--wheelhouse", wheels, "edge"), "no SHA256SUMS or no slipstream-1.1")
+    program = wheels / "slipstream-1.1-py3-none-any.whl"
+    program.write_text('__version__ = "1.1"\n')
+    library = wheels / "numpy-2.4-py3-none-any.whl"
+    library.write_text("numpy")
+    sums = subprocess.run(
+        ["sha256sum", program.name, library.name], cwd=wheels, capture_output=True, check=True
+    )
+    (wheels / "SHA256SUMS").write_bytes(sums.stdout)
+    tarball = machine.folder / "wheelhouse.tar"
+    subprocess.run(["tar", "-cf", tarball, "-C", machine.folder, wheels.parent.name], check=True)
+    library.write_text("altered")
+    refused(machine.call("--wheelhouse", wheels, "edge"), f"missing or altered: {library.name}")
+    library.unlink()
+    refused(machine.call("--wheelhouse", wheels, "edge"), f"missing or altered: {library.name}")
+    refused(machine.call("--wheelhouse", program, "edge"), "no tarball that can be read")
+    assert (machine.current(), machine.kept()) == ("1.0", {"1.0"})
+    assert machine.call("--wheelhouse", tarball, "edge").returncode == 0
+    assert machine.current() == "1.1"
+
+
+@pytest.mark.slow
+def test_removal_keeps_settings_and_data_unless_told(machine: Machine) -> None:
+    """Units, drop-ins of the installer and releases go; the rest with `--data` only."""
+    assert machine.install("1.0") == 0
+    data = machine.root / "var" / "lib" / "slipstream" / "slipstream.db"
+    data.parent.mkdir(parents=True)
+    data.touch()
+    system = machine.root / "etc" / "systemd" / "system"
+    wants = system / "multi-user.target.wants"
+    wants.mkdir()
+    (wants / "slipstream-edge@rsu-1.service").symlink_to(system / "slipstream-edge@.service")
+    (system / "slipstream-of-another.service").touch()
+    settings = machine.root / "etc" / "slipstream"
+    before = tree(settings)
+    assert machine.call("remove").returncode == 0
+    assert not (machine.root / "opt" / "slipstream").exists()
+    left = {path.name for path in system.rglob("*") if not path.is_dir()}
+    assert left == {"slipstream-of-another.service"}
+    assert (tree(settings), data.exists()) == (before, True)
+    assert machine.call("remove", "--data").returncode == 0
+    assert not settings.exists()
+    assert not data.parent.exists()
 
 
 @pytest.mark.slow
