@@ -9,6 +9,7 @@ import io
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tarfile
@@ -40,7 +41,7 @@ def wait_for(what: str, ask: Callable[[], T | None], seconds: float = DEADLINE_S
     end = time.monotonic() + seconds
     while (answer := ask()) is None:
         assert time.monotonic() < end, f"{what}: not within {seconds:g} s"
-        time.sleep(0.2)
+        time.sleep(0.5)
     return answer
 
 
@@ -104,6 +105,17 @@ def copy_version_before(target: Path) -> str:
     return found[1]
 
 
+def _removed(group: Path) -> bool:
+    """Remove a control group with those in it; False: a process of it has not ended yet."""
+    try:
+        for folder in sorted(group.rglob("*/"), reverse=True):
+            folder.rmdir()
+        group.rmdir()
+    except OSError:
+        return not group.exists()
+    return True
+
+
 class Machine:
     """A booted container.
 
@@ -141,9 +153,14 @@ class Machine:
                 stdout=log,
                 stderr=log,
             )
-        self.pid = wait_for("the container's systemd", self._first)
-        wait_for("the container's boot", self._booted)
         self._inside = ThreadPoolExecutor(1, "machine", self._enter)
+        self.pid = 0
+        try:
+            self.pid = wait_for("the container's systemd", self._first)
+            wait_for("the container's boot", self._booted)
+        except BaseException:
+            self.stop()
+            raise
 
     def _first(self) -> int | None:
         if self._nspawn.poll() is not None:
@@ -226,15 +243,11 @@ class Machine:
         return found
 
     def stop(self) -> None:
-        """Power it off."""
-        self.run("systemctl", "poweroff", "--force", check=False)
-        try:
-            self._nspawn.wait(30.0)
-        except subprocess.TimeoutExpired:
-            self._nspawn.kill()
-            self._nspawn.wait()
+        """Take its power away."""
+        # As one that loses its power; its first process ends all others.
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(self.pid or self._nspawn.pid, signal.SIGKILL)
+        self._nspawn.wait(DEADLINE_S)
         self._inside.shutdown()
         for group in self._groups:
-            for folder in sorted(group.rglob("*/"), reverse=True):
-                folder.rmdir()
-            group.rmdir()
+            wait_for(f"the end of {group}", lambda group=group: _removed(group) or None)

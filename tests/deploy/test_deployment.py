@@ -108,7 +108,7 @@ class Site:
         wait_for("a cycle's start", wanted)
         return wait_for("a cycle", stored)
 
-    def solved_by(self, *solvers: str, seconds: float = 240.0) -> Any:
+    def solved_by(self, *solvers: str, seconds: float = 600.0) -> Any:
         """The first cycle with plans in which each of these solvers has an answer."""
 
         def solved() -> Any:
