@@ -173,24 +173,37 @@ bench-coordination: setup
 bench-storage: setup
 	$(BIN)/python -m slipstream_lab.benchmarks.storage $(if $(SHORT),--short)
 
-# What `install.sh` installs: exact versions with hashes, of each role and of each extra that may be
-# added to it, all from one resolution, so that any of them go together. iskay has none: it asks for
-# another qiskit-ibm-runtime than the dispatcher.
-TOOLS := build/release-tools
-UV := $(TOOLS)/bin/uv
-LOCK := UV_CUSTOM_COMPILE_COMMAND='make locks' $(UV) pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --only-binary :all: pyproject.toml
-LOCKED := edge=edge agent= server=dispatcher,dashboard,cluster worker=dispatcher,cluster all=edge,dispatcher,dashboard,cluster \
-  cplex=cplex osm=osm parquet=parquet postgres=postgres tracing=tracing
-comma := ,
-.PHONY: locks
-locks: $(UV)
-	mkdir -p deploy/locks
-	$(LOCK) $(patsubst %,--extra %,$(sort $(subst $(comma), ,$(foreach lock,$(LOCKED),$(lastword $(subst =, ,$(filter-out agent=,$(lock)))))))) --output-file build/every.txt
-	$(foreach lock,$(LOCKED),$(LOCK) $(patsubst %,--extra %,$(subst $(comma), ,$(word 2,$(subst =, ,$(lock))))) --constraints build/every.txt --output-file deploy/locks/$(firstword $(subst =, ,$(lock))).txt &&) true
+# What is released, under dist/: packages, a list of what they need with licences (SBOM), and for each
+# of ROLES a wheelhouse and a Debian package; an image where buildah is installed. KEY is a gpg key.
+ROLES ?= edge agent server worker all
+ROLE ?= server
+RELEASE := PYTHON=$(PYTHON) sh deploy/release.sh
+.PHONY: release locks wheelhouse deb image
+release:
+	rm -rf dist
+	$(RELEASE) packages
+	$(RELEASE) sbom
+	set -e; for role in $(ROLES); do \
+	  $(RELEASE) wheelhouse $$role; $(RELEASE) deb $$role; \
+	  if command -v buildah >/dev/null; then $(RELEASE) image $$role; fi; done
+	@command -v buildah >/dev/null || echo 'no images: buildah is not installed'
+	KEY='$(KEY)' $(RELEASE) sums
 
-$(UV):
-	$(PYTHON) -m venv $(TOOLS)
-	$(TOOLS)/bin/python -m pip install --quiet --disable-pip-version-check 'cyclonedx-bom>=7.5,<8' 'uv>=0.9,<1'
+# The libraries of each role and each extra, exact versions with hashes: the newest that go together.
+locks:
+	$(RELEASE) locks
+
+# All that a machine of ROLE needs, for one without a network; EXTRAS=postgres,tracing adds to it.
+wheelhouse:
+	$(RELEASE) packages
+	EXTRAS='$(EXTRAS)' $(RELEASE) wheelhouse $(ROLE)
+
+# The same as a Debian package, and as an OCI image; BASE is an image to build it on.
+deb: wheelhouse
+	$(RELEASE) deb $(ROLE)
+
+image: wheelhouse
+	BASE='$(BASE)' $(RELEASE) image $(ROLE)
 
 # From rendered scenes to the shipped detector; needs torch, so in an environment of its own.
 train: train-venv
