@@ -40,14 +40,19 @@ test: lint
 test-lab: setup
 	$(BIN)/python $(PYTEST) lab/tests -m "not long"
 
-# What both leave out; the whole product (tests/e2e) beside no other test.
+# What both leave out; the whole product (tests/e2e, tests/deploy) beside no other test.
 test-long: setup
 	$(BIN)/python $(PYTEST) -m "long and not nightly and not alone"
-	$(BIN)/python -m pytest tests/e2e -m "alone and not nightly"
+	$(BIN)/python -m pytest tests/deploy tests/e2e -m "alone and not nightly"
 
 test-all: test test-lab test-long
 	$(BIN)/python $(PYTEST) -m "nightly and not alone"
 	$(BIN)/python -m pytest tests/e2e -m "alone and nightly"
+
+# An installed machine: clean Debian in a container, install.sh, the shipped units. Needs root.
+.PHONY: test-deploy
+test-deploy: setup
+	$(BIN)/python -m pytest tests/deploy/test_deployment.py
 
 # What attackers and faults do to the daemons, in full size; the figures stand at the end.
 attack: setup
