@@ -23,6 +23,7 @@ from slipstream.errors import InputError
 from slipstream.files import read_text
 from slipstream.site import NAMED, read_site
 from slipstream_cli.place.bus_files import bus_users, forget, prepare, write_private
+from slipstream_cli.place.site_file import words_of
 
 _INSTALLED: Final = Path("/etc/slipstream/site.toml")
 _UNITS: Final = Path("/run/systemd/system")
@@ -44,7 +45,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     add.add_argument("--camera", type=Path, metavar="FILE", help="its calibration, a camera.toml")
     source = add.add_mutually_exclusive_group()
     source.add_argument("--url", help="RTSP or HTTP MJPEG; '-' reads it from standard input")
-    source.add_argument("--clip", type=Path, metavar="FILE", help="a recorded clip in its place")
+    source.add_argument("--clip", type=Path, metavar="FILE", help="a recorded clip, over and over")
     add.add_argument(
         "--segments",
         nargs="+",
@@ -138,7 +139,11 @@ def run_add(options: argparse.Namespace) -> int:
     if live:
         _systemctl("enable", "--now", _unit(kind, name))
     _print_for_server(options, site, table)
-    return _wait_until_well(kind, name) if live else 0
+    if live:
+        return _wait_until_well(kind, name)
+    words = words_of(site, _DAEMON[kind], name)
+    print(f"start it: slipstream {shlex.join(words)}; restart what runs by this file")
+    return 0
 
 
 def run_remove(options: argparse.Namespace) -> int:
@@ -186,6 +191,8 @@ def without_table(text: str, path: tuple[str, str]) -> str:
                 kept += _head_of_next(cut)
             if inside and not was:
                 cut = []
+                while kept and not kept[-1].strip():
+                    kept.pop()
         (cut if inside else kept).append(line)
     return "".join(kept)
 
@@ -236,7 +243,7 @@ def _rsu_table(options: argparse.Namespace, live: bool) -> dict[str, Any]:
     return {
         "segments": options.segments or [segment.id for segment in loaded.segments],
         "camera": str(camera),
-        "source": {"clip": str(clip)} if url is None else {"url": url},
+        "source": {"clip": str(clip), "loop": True} if url is None else {"url": url},
     }
 
 
