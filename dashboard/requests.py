@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import functools
 import gzip
@@ -27,6 +28,13 @@ AUTHORITY: Final = re.compile(
     r"(?P<name>\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+)(?::(?P<port>\d{1,5}))?"
 )
 """A host name or address, IPv6 in brackets, and a port."""
+
+MAX_BROWSERS: Final = 32
+"""Websockets of the 3D view at once: viser takes 0.2 MB for each, which the process keeps."""
+MAX_CONNECTIONS: Final = 128
+"""Connections at once, with those that have not sent a request yet or are sent a file."""
+MAX_MESSAGE_BYTES: Final = 2**16
+"""Of what a browser sends: cameras and clicks. As many as `websockets` queues may wait for each."""
 
 _REFUSAL: Final = "Not served under this name. The dashboard's log says which setting allows it.\n"
 
@@ -107,6 +115,29 @@ def _is_own(name: str, names: frozenset[str], local_address: str) -> bool:
     return False
 
 
+class SceneConnection(ServerConnection):
+    """A connection that is cut off beyond `MAX_CONNECTIONS`.
+
+    Attributes:
+        is_browser: it has become a browser's websocket.
+    """
+
+    is_browser = False
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Take the connection in."""
+        if len(self.server.handlers) < MAX_CONNECTIONS:
+            super().connection_made(transport)
+            return
+        # Without the server, which would start a task for it.
+        super(ServerConnection, self).connection_made(transport)
+        self.transport.abort()
+
+    def beside(self) -> Iterator[SceneConnection]:
+        """All that the server has."""
+        return (other for other in self.server.handlers if isinstance(other, SceneConnection))
+
+
 class Guard:
     """Examines the requests of one server, before viser does."""
 
@@ -135,7 +166,11 @@ class Guard:
             **options: Any,
         ) -> Any:
             def process(connection: ServerConnection, request: Request) -> Any:
-                answer = self._refuse(connection, request) or _redirect(connection, request)
+                answer = (
+                    self._refuse(connection, request)
+                    or self._refuse_beyond(connection, request)
+                    or _redirect(connection, request)
+                )
                 if answer is None and selection.of_path(request.path) is not None:
                     # The page is the same one; its websocket says what is selected.
                     request = Request("/", request.headers)
@@ -148,8 +183,9 @@ class Guard:
                     await handler(connection)
 
             self.serving = True
+            own = {"create_connection": SceneConnection, "max_size": MAX_MESSAGE_BYTES}
             return serve(
-                handle, *arguments, process_request=process, logger=self._logger, **options
+                handle, *arguments, process_request=process, logger=self._logger, **options | own
             )
 
         websockets.asyncio.server.serve = guarded_serve  # type: ignore[assignment,misc]
@@ -166,6 +202,24 @@ class Guard:
             return None
         warn_refused(refused, self._limiter)
         return connection.respond(HTTPStatus.FORBIDDEN, _REFUSAL)
+
+    def _refuse_beyond(self, connection: ServerConnection, request: Request) -> Response | None:
+        """503 for a websocket beyond `MAX_BROWSERS`."""
+        assert isinstance(connection, SceneConnection)
+        if request.headers.get("Upgrade", "").lower() != "websocket":
+            return None
+        if sum(other.is_browser for other in connection.beside()) < MAX_BROWSERS:
+            connection.is_browser = True
+            return None
+        if self._limiter.allow("browsers"):
+            before = self._limiter.suppressed("browsers")
+            log.warning(
+                "refused a browser (and %d before): %d follow the 3D view, the most there may be",
+                before,
+                MAX_BROWSERS,
+            )
+        detail = f"{MAX_BROWSERS} browsers follow the 3D view, the most there may be.\n"
+        return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, detail)
 
     async def _reject_other_version(self, connection: ServerConnection) -> bool:
         """True if the browser's page is of another viser, which viser would print each time."""

@@ -86,31 +86,6 @@ check_database() {
     [ -z "$told" ] || printf '%s\n' "$told" >&2
 }
 
-# A user of the bus: a line among the router's users, and its password in a file of its own. The line
-# counts; who has none gets a random password.
-set_password() (
-    umask 077
-    touch "$bus/users"
-    password=$(user=$1 awk -F: '$1 == ENVIRON["user"] { sub(/^[^:]*:/, ""); print; exit }' "$bus/users")
-    if [ -z "$password" ]; then
-        password=$(od -An -N24 -tx1 /dev/urandom | tr -d ' \n')
-        printf '%s:%s\n' "$1" "$password" >>"$bus/users"
-    fi
-    printf '%s\n' "$password" >"$bus/$1"
-)
-
-# A unit's User=edge-NAME or agent-NAME has to be a user's name; for another one a drop-in gives a
-# number.
-name_user() {
-    case $1 in
-        *[!A-Za-z0-9_-]* | ????????????????????????????????*) ;;
-        *) return 0 ;;
-    esac
-    drop_in=$system/slipstream-${1%%-*}@${1#*-}.service.d
-    install -d -m 755 "$drop_in"
-    printf '[Service]\nUser=%s-%s\n' "${1%%-*}" "$(printf %s "$1" | cksum | cut -d ' ' -f 1)" >"$drop_in/user.conf"
-}
-
 umask 022 # the daemons are not root and have to read what is installed
 command=install dry_run=no venv=yes data=no root='' python=python3 role='' more='' named=no house=''
 while [ $# -gt 0 ]; do
@@ -281,7 +256,8 @@ if [ "$venv" = yes ]; then
         run "$python" -m venv "$building"
         pip "$building" install --only-binary :all: --require-hashes "$@"
         pip "$building" install --no-deps --no-index "$wheel"
-        for part in deploy docs/operations.md slipstream/__init__.py slipstream_cli/daemons/router.py; do
+        for part in deploy docs/operations.md slipstream/__init__.py slipstream_cli/daemons/router.py \
+            slipstream_cli/place/bus_files.py; do
             run install -d "$building/source/$(dirname "$part")"
             run cp -R "$source/$part" "$building/source/$(dirname "$part")"
         done
@@ -341,32 +317,9 @@ if [ "$role" != worker ] && [ ! -e "$etc/router.json5" ]; then
     run install -m 600 "$here/zenoh/router.json5" "$etc/router.json5"
 fi
 
-# Names of a table's instances: `[rsus.north]` or `[rsus."north.1"]`.
-names_in() {
-    [ -r "$etc/site.toml" ] || return 0
-    sed -n "s/^\\[$1\\.\\([A-Za-z0-9_-]*\\)\\]\$/\\1/p; s/^\\[$1\\.\"\\([^\"]*\\)\"\\]\$/\\1/p" "$etc/site.toml"
-}
-
-# Who the daemons are on the bus: each camera's daemon and each process of agents that has a table,
-# what brings those vehicles' sensing, and those of the server.
-bus=$etc/bus
-run install -d -m 700 "$bus"
-case $role in
-    edge | all)
-        for name in $(names_in rsus); do
-            run set_password "edge-$name"
-            run name_user "edge-$name"
-        done
-        ;;
-esac
-for name in $(names_in agents); do
-    run set_password "agent-$name"
-    run set_password "vehicle-$name"
-    run name_user "agent-$name"
-done
-case $role in
-    server | all) for user in dispatcher dashboard fleet signals; do run set_password "$user"; done ;;
-esac
+# Who the daemons of site.toml are on the bus, and what the router lets them do.
+run "$python" "$source/slipstream_cli/place/bus_files.py" "$etc/site.toml" "$root/" >/dev/null ||
+    fail "$etc/site.toml: users of the bus could not be made"
 
 [ "$booted" = no ] || systemctl daemon-reload
 
@@ -380,19 +333,21 @@ Slipstream $version is in place ($role). Next:
 TEXT
 case $role in edge | all)
     cat <<'TEXT'
-- For each camera NAME write [rsus.NAME] in site.toml and its calibration, run this again for its
-  password on the bus, give it its keys in router.json5, then
+- The camera rsu-1 is an example: put its address and calibration into site.toml, then
     /opt/slipstream/current/bin/slipstream check /etc/slipstream/site.toml
-    systemctl enable --now slipstream-router slipstream-edge@NAME
+    systemctl enable --now slipstream-router slipstream-edge@rsu-1
+- Each further camera, with its own calibration:
+    /opt/slipstream/current/bin/slipstream rsu add NAME --camera FILE --url URL
 TEXT
 ;; esac
 case $role in agent | all)
     cat <<'TEXT'
-- For each depot, or on each vehicle's box, write [agents.NAME] with its vehicles in site.toml, run
-  this again for its passwords on the bus, give it its keys in router.json5 (on a box: examples/
-  router-vehicle.json5), then
+- The agents depot-1 are an example: put your vehicles into site.toml (on a vehicle's box:
+  examples/router-vehicle.json5 as router.json5), then
     /opt/slipstream/current/bin/slipstream check /etc/slipstream/site.toml
-    systemctl enable --now slipstream-router slipstream-agent@NAME
+    systemctl enable --now slipstream-router slipstream-agent@depot-1
+- Each further process of agents:
+    /opt/slipstream/current/bin/slipstream agent add NAME --vehicles ID ...
 TEXT
 ;; esac
 case $role in worker | all)

@@ -89,7 +89,7 @@ case $1 in
         (cd "$tree/wheels" && sha256sum ./*.whl | sed 's,\./,,' >SHA256SUMS)
         # What install.sh installs besides.
         git ls-files deploy docs/operations.md slipstream/__init__.py \
-            slipstream_cli/daemons/router.py LICENSE | xargs cp --parents -t "$tree"
+            slipstream_cli/daemons/router.py slipstream_cli/place/bus_files.py LICENSE | xargs cp --parents -t "$tree"
         tar -C build --sort=name --owner=0 --group=0 --numeric-owner --mtime=@0 \
             -cf "dist/slipstream-$version-$role-$python_name-$machine.tar" "$(basename "$tree")"
         ;;

@@ -1,4 +1,4 @@
-"""Files from outside, and what is wrong with them in one line."""
+"""Files from outside, and what is wrong with them in one line; cells of files for spreadsheets."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from slipstream.errors import InputError
 
 MAX_RESULTS_BYTES: Final = 256_000_000
 """Size of a file of results that the laboratory has stored and reads again."""
+_FORMULA: Final = ("=", "+", "-", "@", "\t", "\r")
 _GZIP = b"\x1f\x8b"
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
@@ -84,6 +85,13 @@ def text_of(data: bytes, source: str | Path, form: str = "text") -> str:
         line = data.count(b"\n", 0, error.start) + 1
         raise InputError(source, f"not {form}: not UTF-8", mend, key=f"line {line}") from None
     return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def harmless_cell(text: str) -> str:
+    """A text of a CSV file that no spreadsheet takes for a formula: an apostrophe stands before
+    what it would.
+    """
+    return f"'{text}" if text.startswith(_FORMULA) else text
 
 
 def ending_of(path: Path) -> str:

@@ -27,6 +27,8 @@ from slipstream.freshness import STALE_AFTER_S
 from slipstream.messages import Identifier
 from slipstream.prices import PriceSettings
 
+BOX_NAME: Final = "^[A-Za-z0-9._-]{1,64}$"
+
 S = TypeVar("S", bound=Settings)
 Table = Mapping[str, Any]
 
@@ -44,6 +46,12 @@ class SiteRsu(Settings):
         min_length=1,
         description="The segments that it watches. States of others are refused, by the dispatcher "
         "and by the page, which need them of each RSU of their file.",
+    )
+    box: str | None = Field(
+        default=None,
+        pattern=BOX_NAME,
+        description="The box that it runs on, by the name of its certificate, which is its user "
+        "on the bus too; none: this machine.",
     )
 
 
@@ -80,7 +88,9 @@ class SiteSettings(Settings):
     dispatcher: dict[str, Any] = Field(default={}, description="The dispatcher.")
     dashboard: dict[str, Any] = Field(default={}, description="The page.")
     agents: dict[Identifier, dict[str, Any]] = Field(
-        default={}, description="Processes of vehicles' agents, by name."
+        default={},
+        description="Processes of vehicles' agents, by name; with a `box`, as in `rsus.NAME`, "
+        "those of a vehicle's own.",
     )
     scheduler: dict[str, Any] = Field(default={}, description="The cluster's scheduler.")
     worker: dict[str, Any] = Field(default={}, description="A worker of the cluster.")
@@ -131,12 +141,14 @@ def own_keys(command: str, model: type[Settings]) -> frozenset[str]:
 
 
 def names_of(tables: Table, command: str) -> tuple[str, ...]:
-    """The instances of a daemon that a file has; RSUs without camera and source are others'."""
+    """The instances of a daemon that a file has; those with a box, and RSUs without camera and
+    source, are others'.
+    """
     table, _ = NAMED[command]
     return tuple(
         name
         for name, own in tables.get(table, {}).items()
-        if command != "edge" or "camera" in own or "source" in own
+        if "box" not in own and (command != "edge" or "camera" in own or "source" in own)
     )
 
 
@@ -189,7 +201,8 @@ def _layers(tables: Table, command: str, name: str | None) -> Sequence[tuple[str
     if name is None:
         return ((command, tables.get(command, {})),)
     table, _ = NAMED[command]
-    own = (f"{table}.{name}", {k: v for k, v in tables[table][name].items() if k != "segments"})
+    others = ("segments", "box")
+    own = (f"{table}.{name}", {k: v for k, v in tables[table][name].items() if k not in others})
     return (("edge", tables.get("edge", {})), own) if command == "edge" else (own,)
 
 

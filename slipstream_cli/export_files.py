@@ -8,6 +8,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from slipstream.files import harmless_cell
+
 if TYPE_CHECKING:
     from storage import TableColumn
 
@@ -31,7 +33,9 @@ def write_table(path: Path, columns: Sequence[TableColumn], batches: Batches) ->
 
 
 def _write_csv(path: Path, columns: Sequence[TableColumn], batches: Batches) -> int:
-    """CSV (RFC 4180) in UTF-8. Nothing stands for NULL; after a time comes the same in ISO 8601."""
+    """CSV (RFC 4180) in UTF-8. Nothing stands for NULL; after a time comes the same in ISO 8601.
+    No text is a formula.
+    """
     count = 0
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
@@ -46,6 +50,8 @@ def _cells(columns: Sequence[TableColumn], row: Sequence[Any]) -> Iterator[Any]:
     for column, value in zip(columns, row, strict=True):
         if column.kind == "boolean" and value is not None:
             yield "true" if value else "false"
+        elif isinstance(value, str):
+            yield harmless_cell(value)
         else:
             yield value
         if column.kind == "time":

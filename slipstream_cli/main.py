@@ -35,6 +35,7 @@ GROUPS: Final[Mapping[str, Mapping[str, str]]] = {
         "calibrate": "commands.calibrate",
         "track": "commands.track",
         "check": "commands.check",
+        "rsu": "commands.instances",
         "status": "commands.status",
         "token": "commands.token",
         "orders": "commands.orders",

@@ -12,9 +12,11 @@ import threading
 import zlib
 from typing import Any, Final
 
-from slipstream.http.queue import EventQueue
+from slipstream.http.queue import EventQueue, check_room
 
 MAX_VIEWERS: Final = 64
+MAX_VIEWERS_OF_ONE: Final = 32
+"""Of one address: an office behind one of them has some browsers, and all of them never."""
 MAX_WAITING: Final = 8
 """Deltas that a viewer may have ahead of it; beyond, a new moment takes their place."""
 _LEVEL: Final = 5
@@ -115,13 +117,19 @@ class PageHub:
                     viewer.replace(self._whole())
             return len(part.gzip)
 
-    def open(self) -> PageViewer | None:
-        """A new viewer in the running event loop, the moment first; None: there are too many."""
-        viewer = PageViewer(asyncio.get_running_loop())
+    def open(self, caller: str) -> PageViewer:
+        """A new viewer in the running event loop, the moment first.
+
+        Args:
+            caller: whose browser it is, in words.
+
+        Raises:
+            Problem: there are too many, of this caller or of all.
+        """
+        viewer = PageViewer(asyncio.get_running_loop(), caller)
         with self._lock:
             self._viewers = {known for known in self._viewers if not known.closed}
-            if len(self._viewers) >= MAX_VIEWERS:
-                return None
+            check_room(self._viewers, caller, MAX_VIEWERS, MAX_VIEWERS_OF_ONE)
             if self._moment is not None:
                 viewer.put(self._whole())
             self._viewers.add(viewer)

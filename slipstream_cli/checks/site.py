@@ -170,14 +170,15 @@ def _ports(tables: Table, path: Path) -> Iterator[InputError]:
     if not any("/127." in end or "/localhost:" in end for end in ends):
         return
     seen: dict[int, str] = {}
-    for key, port in _ports_of(tables):
+    for key, port in ports_of(tables):
         if port in seen:
             problem = f"port {port} is taken by {seen[port]}"
             yield InputError(path, problem, "give each its own", key=key)
         seen.setdefault(port, key)
 
 
-def _ports_of(tables: Table) -> Iterator[tuple[str, int]]:
+def ports_of(tables: Table) -> Iterator[tuple[str, int]]:
+    """Key and port of each that a daemon of this machine listens on."""
     for command, name in daemons_of(tables):
         own = tables.get(command, {})
         table = command if name is None else f"{NAMED[command][0]}.{name}"

@@ -8,6 +8,7 @@ of the package it takes only what each release has.
 from __future__ import annotations
 
 import argparse
+import json
 import logging
 import sys
 from pathlib import Path
@@ -21,6 +22,7 @@ from slipstream.errors import InputError
 from slipstream.service import Service
 
 _PORT: Final = 7447
+_ACCESS: Final = "access.json"
 
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -54,6 +56,9 @@ def run(options: argparse.Namespace) -> int:
 def open_router(path: Path) -> zenoh.Session:
     """Open the router that a zenoh configuration (JSON5) describes.
 
+    An `access.json` beside it, as `slipstream_cli.place.bus_files` makes it, adds to its rules,
+    subjects and policies; of two rules or subjects with one id it has the one that counts.
+
     Raises:
         InputError: the file is missing or not a zenoh configuration, is not for a router, or names
             an address that cannot be listened on.
@@ -61,6 +66,7 @@ def open_router(path: Path) -> zenoh.Session:
     config = read_config(path)
     if config.get_json("mode") != '"router"':
         raise InputError(path, "not for a router", 'write mode: "router"', key="mode")
+    _allow(config, path.with_name(_ACCESS))
     try:
         return zenoh.open(config)
     except zenoh.ZError as error:
@@ -68,6 +74,24 @@ def open_router(path: Path) -> zenoh.Session:
         raise InputError(
             path, f"zenoh: {reason}", "give free addresses and readable keys"
         ) from None
+
+
+def _allow(config: zenoh.Config, path: Path) -> None:
+    text = path.read_text(encoding="utf-8") if path.exists() else ""
+    if not text.strip():
+        return
+    access = json.loads(config.get_json("access_control"))
+    try:
+        made = json.loads(text)
+        for key in ("rules", "subjects"):
+            ids = {one["id"] for one in made[key]}
+            own = [one for one in access.get(key) or () if one["id"] not in ids]
+            access[key] = own + made[key]
+        access["policies"] = [*(access.get("policies") or ()), *made["policies"]]
+        config.insert_json5("access_control", json.dumps(access))
+    except (ValueError, KeyError, TypeError, zenoh.ZError) as error:
+        problem = f"no rules of a router: {error!r}"
+        raise InputError(path, problem, "make it anew by slipstream rsu apply") from None
 
 
 def serve(config: Path | None, port: int = _PORT) -> int:

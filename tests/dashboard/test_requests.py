@@ -9,7 +9,9 @@ import socket
 import threading
 import time
 import urllib.request
+from collections import deque
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack, suppress
 from typing import Any
 
 import msgspec
@@ -21,7 +23,7 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin, Subprotocol
 
 from dashboard.page import Page
-from dashboard.requests import ONE_LINE, check_names
+from dashboard.requests import MAX_MESSAGE_BYTES, ONE_LINE, check_names
 from dashboard.server import start_server, stop_server
 from dashboard.settings import DashboardSettings
 from dashboard.web.pictures import Pictures
@@ -87,6 +89,17 @@ def until(condition: Callable[[], bool], within_s: float = 60.0) -> bool:
     while not condition() and time.monotonic() < deadline:
         time.sleep(0.02)
     return condition()
+
+
+def becomes(status: str, server: viser.ViserServer, *, upgrade: bool = False) -> bool:
+    """Whether a request is answered so, sooner or later."""
+    deadline = time.monotonic() + 60.0
+    while time.monotonic() < deadline:
+        with suppress(ConnectionError):
+            if ask(server.get_port(), "Host: localhost", upgrade=upgrade) == status:
+                return True
+        time.sleep(0.02)
+    return False
 
 
 def client_of(server: viser.ViserServer) -> ClientConnection:
@@ -317,6 +330,45 @@ def test_a_page_of_another_version_is_told_so(
                 client.recv(timeout=60)
     assert len(lines_of(caplog)) == 1
     assert capfd.readouterr().out == ""
+
+
+def test_browsers_beyond_the_most_are_refused(
+    server: viser.ViserServer, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """503 in words, before viser hears of them; files are served, and a place that is free is."""
+    monkeypatch.setattr("dashboard.requests.MAX_BROWSERS", 2)
+    with client_of(server):
+        with client_of(server):
+            for _ in range(3):
+                with pytest.raises(InvalidStatus) as caught:
+                    client_of(server)
+                assert caught.value.response.status_code == 503
+                assert b"2 browsers follow" in caught.value.response.body
+            assert ask(server.get_port(), "Host: localhost") == "HTTP/1.1 200 OK"
+        assert becomes("HTTP/1.1 101 Switching Protocols", server, upgrade=True)
+    assert len(lines_of(caplog)) == 1
+
+
+def test_connections_beyond_the_most_are_cut_off(
+    server: viser.ViserServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At once, those that send nothing too; others are served as soon as these have gone."""
+    monkeypatch.setattr("dashboard.requests.MAX_CONNECTIONS", 4)
+    address = ("127.0.0.1", server.get_port())
+    with ExitStack() as stack:
+        for _ in range(4):
+            stack.enter_context(socket.create_connection(address, 60))
+        with socket.create_connection(address, 60) as beyond, suppress(ConnectionError):
+            assert beyond.recv(1) == b""
+    assert becomes("HTTP/1.1 200 OK", server)
+
+
+def test_a_message_that_no_browser_sends_ends_its_connection(server: viser.ViserServer) -> None:
+    """Too large a one; what waits for viser is bounded so."""
+    with client_of(server) as client:
+        client.send(b"x" * (MAX_MESSAGE_BYTES + 1))
+        with pytest.raises(ConnectionClosed, match="1009"):
+            deque(client, maxlen=0)
 
 
 def test_a_foreign_handshake_ends_in_the_client(server: viser.ViserServer) -> None:

@@ -55,7 +55,7 @@ cat >srv/test.sh <<'END'
 set -eu
 sh /srv/checkout/deploy/install.sh --no-venv all
 cd /etc/slipstream
-printf '[rsus.north]\n' >>site.toml
+printf '[rsus.north]\n[rsus.north.source]\n' >>site.toml
 install -d -m 750 -g slipstream tls
 install -m 600 /dev/stdin tls/router.key </etc/hostname
 sh /srv/checkout/deploy/install.sh --no-venv all

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -130,6 +131,10 @@ def test_every_daemon_gets_a_password_of_its_own(tmp_path: Path) -> None:
         daemon = unit.removeprefix("slipstream-").split("@")[0]
         assert re.fullmatch(rf"\[Service\]\nUser={daemon}-\d+\n", text)
     assert len(set(drop_ins.values())) == 3
+    # What the router lets them do comes along.
+    access = json.loads((etc / "access.json").read_text())
+    assert {s["id"] for s in access["subjects"]} == after.keys() - server - {"box-1"}
+    assert access["rules"]
 
 
 _PYTHON = """#!/bin/sh
@@ -175,7 +180,11 @@ class Machine:
         self.releases = self.root / "opt" / "slipstream" / "releases"
         self.source = folder / "source"
         shutil.copytree(DEPLOY, self.source / "deploy")
-        for part in ("docs/operations.md", "slipstream_cli/daemons/router.py"):
+        for part in (
+            "docs/operations.md",
+            "slipstream_cli/daemons/router.py",
+            "slipstream_cli/place/bus_files.py",
+        ):
             (self.source / part).parent.mkdir(parents=True)
             shutil.copy(DEPLOY.parent / part, self.source / part)
         (self.source / "slipstream").mkdir()

@@ -14,7 +14,10 @@ from .conftest import ROOT
 
 BOOT = Path(__file__).with_name("boot.sh")
 READS = {
-    "slipstream-router": ("slipstream-router", {"bus-users", "router.json5", "router.key"}),
+    "slipstream-router": (
+        "slipstream-router",
+        {"access.json", "bus-users", "router.json5", "router.key"},
+    ),
     "slipstream-dispatcher": (
         "slipstream",
         {

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
+import tomllib
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -45,6 +47,8 @@ from slipstream.messages import (
     stopped_key,
 )
 from slipstream.roads.sumo_net import load_network
+from slipstream_cli.daemons import router
+from slipstream_cli.place.bus_files import ACCESS, access_of
 
 from .conftest import DEPLOY
 
@@ -88,14 +92,46 @@ def users(tmp_path: Path) -> Path:
     return folder
 
 
+SITES = {
+    "router.json5": """
+        [rsus.rsu-1]
+        segments = ["avenue_east"]
+        camera = "camera.toml"
+        [agents.depot-1]
+        vehicles = [{ id = "van-1" }, { id = "van-2" }]
+    """,
+    "router-server.json5": """
+        [rsus.rsu-1]
+        segments = ["avenue_east"]
+        box = "box-1"
+        [agents.van-1]
+        vehicles = [{ id = "van-1" }]
+        box = "van-1"
+    """,
+    "router-rsu.json5": """
+        [rsus.rsu-1]
+        segments = ["avenue_east"]
+        camera = "camera.toml"
+    """,
+    "router-vehicle.json5": """
+        [agents.van-1]
+        vehicles = [{ id = "van-1" }]
+    """,
+}
+"""What stands in the `site.toml` beside each router's configuration."""
+
+
 def open_router(name: str, target: Path, replacements: dict[str, str]) -> zenoh.Session:
     """Open a router on a shipped configuration whose addresses and paths are replaced."""
     text = (ZENOH / name).read_text()
     for old, new in replacements.items():
         assert old in text
         text = text.replace(old, new)
+    target.parent.mkdir()
     target.write_text(text)
-    return zenoh.open(zenoh.Config.from_file(str(target)))
+    access = access_of(tomllib.loads(SITES[name]))
+    target.with_name(ACCESS).write_text(json.dumps(access))
+    return router.open_router(target)
 
 
 def open_bus(port: int, password_file: Path | None, user: str | None = None) -> Bus:
@@ -136,7 +172,7 @@ def machine(users: Path, tmp_path: Path) -> Iterator[int]:
     """The router of a single machine; its port."""
     port = free_port()
     replaced = {"127.0.0.1:7447": f"127.0.0.1:{port}", CREDENTIALS: str(users)}
-    with open_router("router.json5", tmp_path / "router.json5", replaced):
+    with open_router("router.json5", tmp_path / "machine" / "router.json5", replaced):
         yield port
 
 
@@ -392,6 +428,8 @@ def test_the_service_carries_messages(tmp_path: Path, users: Path) -> None:
     config = tmp_path / "router.json5"
     text = (ZENOH / "router.json5").read_text().replace(":7447", f":{port}")
     config.write_text(text.replace(CREDENTIALS, str(users)))
+    access = access_of(tomllib.loads(SITES["router.json5"]))
+    config.with_name(ACCESS).write_text(json.dumps(access))
     process = subprocess.Popen([sys.executable, str(ROUTER), str(config)])
     try:
         with (
@@ -415,12 +453,15 @@ def test_a_bad_configuration_is_one_line(tmp_path: Path) -> None:
     """Status 2, which systemd does not repeat, and the file's name."""
     broken = tmp_path / "router.json5"
     broken.write_text('{ mode: "router", nonsense: 1 }')
-    for path in (broken, tmp_path / "missing.json5"):
+    shutil.copy(ZENOH / "router.json5", tmp_path / "sound.json5")
+    (tmp_path / ACCESS).write_text('{"rules": 1}')
+    for path in (broken, tmp_path / "missing.json5", tmp_path / "sound.json5"):
         done = subprocess.run(
             [sys.executable, str(ROUTER), str(path)], capture_output=True, text=True
         )
         assert done.returncode == 2
-        assert str(path) in done.stderr
+        named = tmp_path / ACCESS if path.name == "sound.json5" else path
+        assert str(named) in done.stderr
         assert "Traceback" not in done.stderr
 
 
@@ -464,7 +505,7 @@ def sites(certificates: Path, users: Path, tmp_path: Path) -> Iterator[dict[str,
     with ExitStack() as stack:
         server = open_router(
             "router-server.json5",
-            tmp_path / "server.json5",
+            tmp_path / "server" / "router.json5",
             {
                 f"{CREDENTIALS}/router.key": str(certificates / "server.key"),
                 CREDENTIALS: str(users),
@@ -477,9 +518,9 @@ def sites(certificates: Path, users: Path, tmp_path: Path) -> Iterator[dict[str,
         stack.callback(server.close)
         for box, file in BOXES.items():
             name = "van-1" if box == "van-1" else "box-1"
-            router = open_router(
+            opened = open_router(
                 file,
-                tmp_path / f"{box}.json5",
+                tmp_path / box / "router.json5",
                 {
                     f"{CREDENTIALS}/router.key": str(certificates / f"{box}.key"),
                     CREDENTIALS: str(users),
@@ -491,7 +532,7 @@ def sites(certificates: Path, users: Path, tmp_path: Path) -> Iterator[dict[str,
                     'password: "PASSWORD"': f'password: "secret of {box}"',
                 },
             )
-            stack.callback(router.close)
+            stack.callback(opened.close)
         yield {**ports, "tls": tls}
 
 
@@ -558,7 +599,11 @@ def test_a_box_publishes_its_own_keys_only(
     password.
     """
     stolen = free_port()
-    text = (tmp_path / "box-1.json5").read_text().replace(f":{sites['box-1']}", f":{stolen}")
+    text = (
+        (tmp_path / "box-1" / "router.json5")
+        .read_text()
+        .replace(f":{sites['box-1']}", f":{stolen}")
+    )
     open_access = text.replace('default_permission: "deny"', 'default_permission: "allow"')
     assert open_access != text
     (tmp_path / "stolen.json5").write_text(open_access)
@@ -616,13 +661,13 @@ def test_a_box_is_known_by_certificate_and_password(
     sites: dict[str, int], users: Path, tmp_path: Path
 ) -> None:
     """Its certificate with another's password, and the reverse, carry nothing; both carry it."""
-    texts = {box: (tmp_path / f"{box}.json5").read_text() for box in ("box-1", "box-2")}
+    texts = {box: (tmp_path / box / "router.json5").read_text() for box in ("box-1", "box-2")}
     mixed = {}
     for box, other in (("box-1", "box-2"), ("box-2", "box-1")):
         mixed[box] = free_port()
         text = texts[box].replace(f":{sites[box]}", f":{mixed[box]}")
         text = text.replace(f'user: "{box}"', f'user: "{other}"')
-        (tmp_path / f"mixed-{box}.json5").write_text(
+        (tmp_path / box / "mixed.json5").write_text(
             text.replace(f"secret of {box}", f"secret of {other}")
         )
     with ExitStack() as stack:
@@ -630,8 +675,7 @@ def test_a_box_is_known_by_certificate_and_password(
         server = stack.enter_context(open_bus(sites["server"], users / "dispatcher"))
         server.subscribe(ALL_STATES, seen)
         for box, port in mixed.items():
-            config = zenoh.Config.from_file(str(tmp_path / f"mixed-{box}.json5"))
-            stack.enter_context(zenoh.open(config))
+            stack.enter_context(router.open_router(tmp_path / box / "mixed.json5"))
             bus = stack.enter_context(open_bus(port, users / "edge-rsu-1"))
             publishers.append(bus.publisher(PROBES["state"]))
             publishers[-1].put(b"forged")
@@ -655,7 +699,11 @@ def test_a_vehicles_box_speaks_for_its_vehicle_only(
     Then the box is in a thief's hands: its router passes everything on, both ways.
     """
     stolen = free_port()
-    text = (tmp_path / "van-1.json5").read_text().replace(f":{sites['van-1']}", f":{stolen}")
+    text = (
+        (tmp_path / "van-1" / "router.json5")
+        .read_text()
+        .replace(f":{sites['van-1']}", f":{stolen}")
+    )
     open_access = text.replace('default_permission: "deny"', 'default_permission: "allow"')
     assert open_access != text
     (tmp_path / "stolen.json5").write_text(open_access)

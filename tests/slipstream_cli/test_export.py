@@ -12,8 +12,9 @@ from pathlib import Path
 import pytest
 
 from slipstream_cli import export_files
+from slipstream_cli.export_files import write_table
 from slipstream_cli.main import main
-from storage import open_database, open_reader, table_names
+from storage import TableColumn, open_database, open_reader, table_names
 from tests.storage.conftest import PERIOD_NS, START_NS, Cycle, _cycle
 
 
@@ -49,6 +50,17 @@ def test_what_was_stored_is_what_the_csv_holds(url: str, tmp_path: Path) -> None
     assert json.loads(states[0]["features"])["mean_speed_mps"]["value"] == 15.2
     assert (states[1]["y_e"], states[1]["features"]) == ("", "")
     assert {row["repaired"] for row in rows_of(out / "solver_runs.csv")} == {"true", "false"}
+
+
+@pytest.mark.parametrize("text", ["=1+1", "+1", "-1", "@SUM(A1)", "\t=1", "\r=1"])
+def test_no_text_of_a_csv_is_a_formula(tmp_path: Path, text: str) -> None:
+    """An order's name comes from a caller, and a spreadsheet would run it; numbers stay."""
+    columns = (TableColumn("order", "text"), TableColumn("late_s", "real"))
+    write_table(tmp_path / "x.csv", columns, [[(text, -3.0), ("a=1", None)]])
+    assert rows_of(tmp_path / "x.csv") == [
+        {"order": f"'{text}", "late_s": "-3.0"},
+        {"order": "a=1", "late_s": ""},
+    ]
 
 
 @pytest.mark.slow

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, Final, Literal
 
+from slipstream.files import harmless_cell
+
 Kind = Literal["plain", "time", "list"]
 
 
@@ -68,8 +70,6 @@ TABLES: Final[Mapping[str, tuple[Column, ...]]] = {
 }
 """Columns of each table, in the order of the page's."""
 
-_HARMFUL: Final = ("=", "+", "-", "@", "\t", "\r")
-"""What a spreadsheet takes for the begin of a formula."""
 _ROWS_A_PART: Final = 500
 
 
@@ -101,15 +101,10 @@ def _cell(column: Column, name: str, row: Mapping[str, Any]) -> str | float | No
     if column.kind == "time":
         return datetime.fromtimestamp(round(value / 1e3), UTC).isoformat(timespec="seconds")
     if column.kind == "list":
-        return harmless("; ".join(map(str, value)))
+        return harmless_cell("; ".join(map(str, value)))
     if isinstance(value, bool):
         return str(value).lower()
-    return value if isinstance(value, int | float) else harmless(str(value))
-
-
-def harmless(text: str) -> str:
-    """Text that no spreadsheet takes for a formula: an apostrophe stands before what it would."""
-    return f"'{text}" if text.startswith(_HARMFUL) else text
+    return value if isinstance(value, int | float) else harmless_cell(str(value))
 
 
 def sorted_rows(table: Mapping[str, Mapping[str, Any]]) -> Sequence[tuple[str, Mapping[str, Any]]]:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import AsyncIterator
 from typing import Annotated, Final
 
-from fastapi import APIRouter, Header
+from fastapi import APIRouter, Header, Request
 from fastapi.responses import Response
 
 from dashboard import metrics
-from dashboard.web.hub import GZIP_HEAD, HEARTBEAT, MAX_VIEWERS, HubPart, PageHub, PageViewer
+from dashboard.web.hub import GZIP_HEAD, HEARTBEAT, HubPart, PageHub, PageViewer
 from dashboard.web.services import Page
 from slipstream.http.problems import Problem
 from slipstream.http.streaming import EndlessResponse
@@ -23,15 +23,14 @@ router = APIRouter(prefix="/api/live")
 
 
 @router.get("")
-async def follow(page: Page, accept_encoding: Annotated[str, Header()] = "") -> Response:
+async def follow(
+    page: Page, request: Request, accept_encoding: Annotated[str, Header()] = ""
+) -> Response:
     """Server-sent events: a moment, then what changes."""
     hub = page.hub
     if hub is None:
         raise Problem(404, "a finished run is shown", "ask /api/past and /api/at")
-    viewer = hub.open()
-    if viewer is None:
-        detail = f"{MAX_VIEWERS} browsers follow the page"
-        raise Problem(503, detail, "close one of them", headers={"Retry-After": "10"})
+    viewer = hub.open(f"the address {_address(request)}")
     gzip = "gzip" in accept_encoding.lower()
     return EndlessResponse(
         _parts(viewer, gzip),
@@ -40,6 +39,13 @@ async def follow(page: Page, accept_encoding: Annotated[str, Header()] = "") -> 
         headers={"Content-Encoding": "gzip"} if gzip else {},
         end=lambda slow: _end(hub, viewer, slow),
     )
+
+
+def _address(request: Request) -> str:
+    """Of the caller; of a proxy on this machine the last one that it names."""
+    address = "unknown" if request.client is None else request.client.host
+    forwarded = request.headers.get("x-forwarded-for", "").rpartition(",")[2].strip()
+    return forwarded[:45] if forwarded and address in ("127.0.0.1", "::1") else address
 
 
 async def _parts(viewer: PageViewer, gzip: bool) -> AsyncIterator[bytes]:

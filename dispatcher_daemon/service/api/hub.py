@@ -16,7 +16,7 @@ from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Final, Literal, get_args
 
-from slipstream.http.queue import EventQueue
+from slipstream.http.queue import EventQueue, check_room
 from slipstream.messages import Message, SegmentState
 from slipstream.orders import OrderChange
 
@@ -29,6 +29,8 @@ MAX_WAITING: Final = 2000
 """Numbered events that a caller may have ahead of it; beyond, one `reset` takes their place, as a
 burst may be larger than what any caller reads meanwhile."""
 MAX_STREAMS: Final = 32
+MAX_STREAMS_OF_ONE: Final = 8
+"""Of one token, or of one address without a token."""
 
 
 @dataclass(frozen=True)
@@ -59,8 +61,10 @@ class HubEvent:
 class Stream(EventQueue[HubEvent]):
     """The events that one caller has not taken yet."""
 
-    def __init__(self, kinds: Collection[Kind], loop: asyncio.AbstractEventLoop) -> None:
-        super().__init__(loop)
+    def __init__(
+        self, kinds: Collection[Kind], loop: asyncio.AbstractEventLoop, caller: str
+    ) -> None:
+        super().__init__(loop, caller)
         self.kinds = frozenset(kinds)
         self._states: dict[tuple[str, str], HubEvent] = {}
 
@@ -110,17 +114,20 @@ class EventHub:
                 if kind in stream.kinds:
                     stream.put(event)
 
-    def open(self, kinds: Collection[Kind], last_id: str | None) -> Stream | None:
-        """A new stream in the running event loop; None: there are `MAX_STREAMS`.
+    def open(self, kinds: Collection[Kind], last_id: str | None, caller: str) -> Stream:
+        """A new stream in the running event loop.
 
         Args:
             last_id: of the last event that its caller has had; None: it wants what comes from now.
+            caller: who wants it, in words.
+
+        Raises:
+            Problem: there are too many, of this caller or of all.
         """
-        stream = Stream(kinds, asyncio.get_running_loop())
+        stream = Stream(kinds, asyncio.get_running_loop(), caller)
         with self._lock:
             self._streams = {s for s in self._streams if not s.closed}
-            if len(self._streams) >= MAX_STREAMS:
-                return None
+            check_room(self._streams, caller, MAX_STREAMS, MAX_STREAMS_OF_ONE)
             for event in () if last_id is None else self._since(last_id):
                 if event.kind == "reset" or event.kind in stream.kinds:
                     stream.put(event)

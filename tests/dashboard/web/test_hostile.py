@@ -7,6 +7,7 @@ import time
 from contextlib import ExitStack
 
 import pytest
+from starlette.requests import Request
 
 from slipstream.http import server
 from slipstream.messages import CYCLE_KEY, bare_preview_key, preview_key
@@ -124,6 +125,23 @@ def test_a_thousand_connections_shut_nobody_out_for_long(serve, monkeypatch):
             except OSError:
                 time.sleep(0.1)
         assert status == 200
+
+
+def test_no_address_takes_all_streams(serve, monkeypatch):
+    """429 beyond its share; a proxy on this machine says whose browser it is, others do not."""
+    from dashboard.web import hub
+    from dashboard.web.routes.live import _address
+
+    monkeypatch.setattr(hub, "MAX_VIEWERS_OF_ONE", 2)
+    page = serve()
+    for _ in range(2):
+        page.follow()
+    refused = page.get("/api/live")
+    assert refused.status == 429
+    assert "2 streams of the address 127.0.0.1 are open" in refused.json["detail"]
+    scope = {"type": "http", "headers": [(b"x-forwarded-for", b"spoofed, 203.0.113.7")]}
+    assert _address(Request({**scope, "client": ("127.0.0.1", 1)})) == "203.0.113.7"
+    assert _address(Request({**scope, "client": ("203.0.113.9", 1)})) == "203.0.113.9"
 
 
 @pytest.mark.slow

@@ -6,14 +6,13 @@ import time
 from collections.abc import AsyncIterator
 from typing import Annotated, Final
 
-from fastapi import APIRouter, Header, Query
+from fastapi import APIRouter, Header, Query, Request
 from fastapi.responses import Response
 
 from dispatcher_daemon import metrics
-from dispatcher_daemon.service.api.auth import requires
-from dispatcher_daemon.service.api.hub import KINDS, MAX_STREAMS, EventHub, Kind, Stream
+from dispatcher_daemon.service.api.auth import Client, requires
+from dispatcher_daemon.service.api.hub import KINDS, EventHub, Kind, Stream
 from dispatcher_daemon.service.api.services import Dispatch
-from slipstream.http.problems import Problem
 from slipstream.http.streaming import EndlessResponse
 
 HEARTBEAT_S: Final = 15.0
@@ -59,6 +58,7 @@ def _response(hub: EventHub, stream: Stream) -> Response:
     },
 )
 async def follow_events(
+    request: Request,
     dispatch: Dispatch,
     kinds: Annotated[
         str, Query(pattern=_PATTERN, description="Which events, separated by commas.")
@@ -69,8 +69,7 @@ async def follow_events(
 ) -> Response:
     """Server-sent events. All but states have ids; `reset` says that some are lost."""
     wanted: list[Kind] = [kind for kind in KINDS if kind in kinds.split(",")]
-    stream = dispatch.events.open(wanted, last_event_id)
-    if stream is None:
-        detail = f"{MAX_STREAMS} event streams are open"
-        raise Problem(503, detail, "close one of them", headers={"Retry-After": "10"})
-    return _response(dispatch.events, stream)
+    client: Client = request.state.client
+    address = "unknown" if request.client is None else request.client.host
+    caller = f"the address {address}" if client.name is None else f"the token {client.name!r}"
+    return _response(dispatch.events, dispatch.events.open(wanted, last_event_id, caller))

@@ -13,6 +13,7 @@ from dispatcher_daemon import metrics
 from dispatcher_daemon.service.api import hub
 from dispatcher_daemon.service.api.endpoints import events
 from dispatcher_daemon.service.dispatcher.reports import failed_report
+from slipstream.http.problems import Problem
 from slipstream.messages import SegmentState
 from tests.dispatcher_daemon.service.waiting import wait_for
 
@@ -118,8 +119,7 @@ def test_what_waits_for_a_caller_is_bounded(state: State) -> None:
 
     async def overwhelm() -> tuple[list[Any], list[hub.HubEvent]]:
         told = hub.EventHub(1)
-        stream = told.open(hub.KINDS, None)
-        assert stream is not None
+        stream = told.open(hub.KINDS, None, "somebody")
         for number in range(50):
             told.publish("state", state("avenue_east", 1, sequence=number))
         found = [event.value for event in await stream.take(5.0)]
@@ -145,3 +145,36 @@ def test_streams_are_bounded_and_end_with_the_dispatcher(
         api.services.events.close_all()
         with pytest.raises(EOFError):
             only.event()
+
+
+@pytest.mark.parametrize("token", ["reader", None])
+def test_no_caller_takes_all_streams(
+    serve: Callable[..., Api], monkeypatch: pytest.MonkeyPatch, token: str | None
+) -> None:
+    """429 beyond a token's share, or an address's without one, until a stream ends."""
+    monkeypatch.setattr(hub, "MAX_STREAMS_OF_ONE", 2)
+    api = serve(tokens=token is not None)
+    with api.listening(token=token):
+        with api.listening(token=token):
+            refused = api.get("/v1/events", token)
+            assert (refused.status, refused.headers["retry-after"]) == (429, "10")
+            named = "the address 127.0.0.1" if token is None else "the token 'reader'"
+            assert refused.json["detail"].startswith(f"2 streams of {named} are open")
+        with api.listening(token=token):
+            pass
+
+
+def test_others_are_served_beside_a_caller_that_has_its_share() -> None:
+    """Up to the most of all callers, which is a 503."""
+
+    async def fill() -> list[int]:
+        told, refused = hub.EventHub(1), []
+        for number in range(hub.MAX_STREAMS + 1):
+            try:
+                told.open(hub.KINDS, None, f"caller {number // (hub.MAX_STREAMS_OF_ONE + 1)}")
+            except Problem as problem:
+                refused.append(problem.status)
+        return refused
+
+    assert asyncio.run(fill()) == [429] * (hub.MAX_STREAMS // (hub.MAX_STREAMS_OF_ONE + 1))
+    assert hub.MAX_STREAMS_OF_ONE <= hub.MAX_STREAMS / 4
