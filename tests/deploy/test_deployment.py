@@ -281,7 +281,7 @@ def test_callers_fleets_are_planned(site: Site) -> None:
         answer = site.api("GET", f"/v1/solve/{job['id']}")[1]
         return answer if answer["state"] not in ("waiting", "running") else None
 
-    answer = wait_for("a caller's fleet", ended)
+    answer = wait_for("a caller's fleet", ended, 300.0)
     assert answer["state"] == "done", answer
     request = {
         "vehicles": [{"id": 1, "start_index": 0, "end_index": 0}],
@@ -329,13 +329,14 @@ def test_page_shows_the_vans(site: Site, tool: Callable[[str], str], tmp_path: P
     inside.chmod(0o755)
     with sync_api.sync_playwright() as playwright:
         browser = playwright.chromium.launch(
-            executable_path=inside, args=["--no-sandbox", "--disable-gpu"]
+            executable_path=inside, args=["--no-sandbox", "--disable-gpu"], timeout=120_000
         )
         page = browser.new_page()
+        page.set_default_timeout(120_000)
         faults: list[object] = []
         page.on("pageerror", faults.append)
-        page.goto(PAGE, timeout=60_000)
-        page.get_by_text("van-a").first.wait_for(timeout=60_000)
+        page.goto(PAGE)
+        page.get_by_text("van-a").first.wait_for()
         browser.close()
     assert faults == []
 
