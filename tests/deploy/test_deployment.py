@@ -11,6 +11,7 @@ import re
 import shutil
 import subprocess
 import time
+import tomllib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,7 @@ from typing import Any, NoReturn
 
 import pytest
 
+from .conftest import ROOT
 from .machine import (
     CACHE,
     Machine,
@@ -269,11 +271,7 @@ def test_orders_become_plans_by_each_solver(site: Site) -> None:
 
 def test_callers_fleets_are_planned(site: Site) -> None:
     """`/v1/solve` by the solvers, `/v1/vroom` by its own search."""
-    fleet = {
-        "depots": [{"id": "depot", "node": "depot"}],
-        "stops": [{"id": "s1", "node": "c1"}, {"id": "s2", "node": "c3"}],
-        "vehicles": [{"id": "v1"}, {"id": "v2"}],
-    }
+    fleet = tomllib.loads((ROOT / "dispatcher_daemon" / "data" / "demo_fleet.toml").read_text())
     status, job = site.api("POST", "/v1/solve?deadline_s=20", fleet)
     assert status == 202, job
 
