@@ -11,6 +11,7 @@ import re
 import shutil
 import subprocess
 import time
+import tomllib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,7 @@ from typing import Any, NoReturn
 
 import pytest
 
+from .conftest import ROOT
 from .machine import (
     CACHE,
     Machine,
@@ -269,11 +271,7 @@ def test_orders_become_plans_by_each_solver(site: Site) -> None:
 
 def test_callers_fleets_are_planned(site: Site) -> None:
     """`/v1/solve` by the solvers, `/v1/vroom` by its own search."""
-    fleet = {
-        "depots": [{"id": "depot", "node": "depot"}],
-        "stops": [{"id": "s1", "node": "c1"}, {"id": "s2", "node": "c3"}],
-        "vehicles": [{"id": "v1"}, {"id": "v2"}],
-    }
+    fleet = tomllib.loads((ROOT / "dispatcher_daemon" / "data" / "demo_fleet.toml").read_text())
     status, job = site.api("POST", "/v1/solve?deadline_s=20", fleet)
     assert status == 202, job
 
@@ -281,7 +279,7 @@ def test_callers_fleets_are_planned(site: Site) -> None:
         answer = site.api("GET", f"/v1/solve/{job['id']}")[1]
         return answer if answer["state"] not in ("waiting", "running") else None
 
-    answer = wait_for("a caller's fleet", ended)
+    answer = wait_for("a caller's fleet", ended, 300.0)
     assert answer["state"] == "done", answer
     request = {
         "vehicles": [{"id": 1, "start_index": 0, "end_index": 0}],
@@ -329,13 +327,14 @@ def test_page_shows_the_vans(site: Site, tool: Callable[[str], str], tmp_path: P
     inside.chmod(0o755)
     with sync_api.sync_playwright() as playwright:
         browser = playwright.chromium.launch(
-            executable_path=inside, args=["--no-sandbox", "--disable-gpu"]
+            executable_path=inside, args=["--no-sandbox", "--disable-gpu"], timeout=120_000
         )
         page = browser.new_page()
+        page.set_default_timeout(120_000)
         faults: list[object] = []
         page.on("pageerror", faults.append)
-        page.goto(PAGE, timeout=60_000)
-        page.get_by_text("van-a").first.wait_for(timeout=60_000)
+        page.goto(PAGE)
+        page.get_by_text("van-a").first.wait_for()
         browser.close()
     assert faults == []
 
