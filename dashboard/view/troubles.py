@@ -23,6 +23,8 @@ _KINDS: Final = (
 QUIET_SHARE: Final = 0.75
 """Of the time after which a dispatcher counts as silent: if nobody at all is heard for so long, it
 is the bus. All send each second, so that nobody of them is overdue by itself before."""
+_OWN: Final = frozenset({"paused", "cycle_failed", "database_set_aside"})
+"""Kinds of alarms that are also found here."""
 _BUS: Final = "The message bus or the network does not answer: nothing here is up to date"
 
 
@@ -88,8 +90,13 @@ def troubles(
         found += _of_fleet(vans)
     told = {trouble.subject for trouble in found}
     alarms = () if snapshot.alarms is None else snapshot.alarms.alarms
-    found += [trouble for trouble in of_alarms(alarms) if trouble.subject not in told]
+    found += of_alarms(alarm for alarm in alarms if not _is_told(alarm, told))
     return tuple(sorted(found, key=_rank))
+
+
+def _is_told(alarm: Alarm, told: Collection[str]) -> bool:
+    """Whether a trouble found here says the same; dispatcher and database may have several."""
+    return alarm.subject in told and ("/" in alarm.subject or alarm.kind in _OWN)
 
 
 def bus_trouble(snapshot: Snapshot, now_ns: int) -> Trouble | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import logging
 import time
+from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from typing import TYPE_CHECKING
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING
 from dispatcher_daemon import metrics
 from dispatcher_daemon.fleet import FleetFile
 from dispatcher_daemon.planning.cycle import Solving, form_of
+from dispatcher_daemon.service.alarms import CHECKS
 from dispatcher_daemon.service.dispatcher import AlarmSource, Dispatcher, announce_nothing
 from dispatcher_daemon.service.intake import OrderAnswers, OrderIntake
 from dispatcher_daemon.service.on_demand import Gathering
@@ -218,8 +220,15 @@ class DispatcherParts:
         checks["database"] = partial(database_fault, self._reader)
         checks["network"] = lambda: None if self._network.segments else "it has no segment"
         checks["cycle"] = unscheduled
+        for name in CHECKS:
+            checks[name] = partial(self._lacks, name, checks.get(name, lambda: None))
+        self._service.awaited = lambda: self._alarms.awaited
         self._service.on_stop("cycles", self._stop_cycles)
         scheduler.start()
+
+    def _lacks(self, check: str, own: Callable[[], str | None]) -> str | None:
+        """Why a check is not met, by its own look at it or by what is critical now."""
+        return own() or self._alarms.unmet.get(check)
 
     def _stop_cycles(self) -> None:
         """Workers first: a cycle that waits for them must not hold up the end."""
@@ -251,6 +260,7 @@ class DispatcherParts:
             is_live=lambda: dispatcher.is_live(self._scheduler.next_run_ns),
             solver_fault=dispatcher.health.solver_fault,
             checks=self._service.checks,
+            awaited=self._service.awaited,
         )
         self._service.on_stop("the API", api.close)
         api.start(services)

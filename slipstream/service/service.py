@@ -11,7 +11,7 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager, ExitStack
 from functools import partial
 from types import FrameType
@@ -115,6 +115,8 @@ class Service:
         stopping: set when SIGTERM or SIGINT has arrived.
         checks: what the daemon needs for its work, by name: why it does not have it now, in words;
             None: it has it. Asked by /readyz, from another thread.
+        awaited: what a ready daemon has not heard since its start and may hear soon, in words by
+            name; /readyz says it.
         vital: names of checks that /healthz asks too: without it a restart is due.
     """
 
@@ -122,6 +124,7 @@ class Service:
         self.name = name
         self.stopping = threading.Event()
         self.checks: dict[str, Callable[[], str | None]] = {}
+        self.awaited: Callable[[], Mapping[str, str]] = dict
         self.vital: set[str] = set()
         self._parts = ExitStack()
         self._waits_for: str | None = "starting"
@@ -140,7 +143,7 @@ class Service:
         port = self._settings.metrics_port
         if port:
             try:
-                serve_status(port, self._fault, self._not_ready)
+                serve_status(port, self._fault, self._not_ready, self._ready)
             except OSError as error:
                 raise InputError(
                     f"127.0.0.1:{port}",
@@ -252,6 +255,10 @@ class Service:
         """Why the daemon cannot do its work now; None: it can."""
         waits_for = "stopping" if self.stopping.is_set() else self._waits_for or self._silence()
         return self._lacks(self.checks) if waits_for is None else waits_for
+
+    def _ready(self) -> str:
+        """What a daemon says that can do its work."""
+        return "; ".join(["ready", *(f"{name}: {why}" for name, why in self.awaited().items())])
 
     def _lacks(self, names: Iterable[str]) -> str | None:
         """What it does not have of some checks, in words; None: it has all."""

@@ -15,7 +15,10 @@ if TYPE_CHECKING:
 
 
 def serve_status(
-    port: int, fault: Callable[[], str | None], not_ready: Callable[[], str | None]
+    port: int,
+    fault: Callable[[], str | None],
+    not_ready: Callable[[], str | None],
+    ready: Callable[[], str],
 ) -> None:
     """Serve /metrics for Prometheus, /healthz and /readyz for probes on 127.0.0.1, in a thread that
     ends with the process; all other paths are not found.
@@ -23,12 +26,16 @@ def serve_status(
     Args:
         fault: why the daemon does not work, in words; None: it does.
         not_ready: why it cannot do its work now, likewise.
+        ready: what it says where it can.
 
     Raises:
         OSError: the port cannot be bound.
     """
     metrics: WSGIApplication = make_wsgi_app()
-    probes = {"/healthz": (fault, "live"), "/readyz": (not_ready, "ready")}
+    probes: dict[str, tuple[Callable[[], str | None], Callable[[], str]]] = {
+        "/healthz": (fault, lambda: "live"),
+        "/readyz": (not_ready, ready),
+    }
 
     def page(environ: WSGIEnvironment, start_response: StartResponse) -> Iterable[bytes]:
         path = environ.get("PATH_INFO", "").rstrip("/")
@@ -40,7 +47,7 @@ def serve_status(
                 ask, sound = probes[path]
                 problem = ask()
                 status = "200 OK" if problem is None else "503 Service Unavailable"
-                text = problem or sound
+                text = problem or sound()
             start_response(status, [("Content-Type", "text/plain; charset=utf-8")])
             body = [f"{text}\n".encode()]
         return () if environ.get("REQUEST_METHOD") == "HEAD" else body

@@ -14,7 +14,7 @@ from slipstream.errors import InputError
 from slipstream.freshness import STALE_AFTER_S
 
 if TYPE_CHECKING:
-    from slipstream.messages import DispatcherHealth, RsuHealth
+    from slipstream.messages import Alarm, DispatcherHealth, RsuHealth
     from slipstream_cli.running import Running
 
 _SILENT_AFTER_S: Final = 30.0
@@ -48,6 +48,7 @@ class BusHeard:
         connected: a router has answered.
         rsus: the latest health of each.
         dispatcher: its latest health.
+        alarms: that it tells of.
         unreadable: what is wrong with a message, by its key.
         fault: why none has, in words.
         refused: a router is there, and does not let this in.
@@ -57,6 +58,7 @@ class BusHeard:
     connected: bool = False
     rsus: dict[str, RsuHealth] = field(default_factory=dict)
     dispatcher: DispatcherHealth | None = None
+    alarms: tuple[Alarm, ...] = ()
     unreadable: dict[str, str] = field(default_factory=dict)
     fault: str = "no router answers"
     refused: bool = False
@@ -142,8 +144,10 @@ def listen(settings: BusSettings, seconds: float) -> BusHeard:
     from slipstream.bus import Bus
     from slipstream.bus.routers import listening, why_unconnected
     from slipstream.messages import (
+        ALARMS_KEY,
         ALL_RSU_HEALTH,
         DISPATCHER_HEALTH_KEY,
+        Alarms,
         DispatcherHealth,
         RsuHealth,
         decode,
@@ -165,10 +169,17 @@ def listen(settings: BusSettings, seconds: float) -> BusHeard:
         except InputError as error:
             heard.unreadable[key] = f"{error.problem}; {error.mend}"
 
+    def on_alarms(key: str, payload: bytes) -> None:
+        try:
+            heard.alarms = decode(Alarms, payload, key).alarms
+        except InputError as error:
+            heard.unreadable[key] = f"{error.problem}; {error.mend}"
+
     try:
         with Bus.open(settings) as bus:
             bus.subscribe(ALL_RSU_HEALTH, on_rsu)
             bus.subscribe(DISPATCHER_HEALTH_KEY, on_dispatcher)
+            bus.subscribe(ALARMS_KEY, on_alarms)
             end = time.monotonic() + seconds
             while time.monotonic() < end:
                 heard.connected = heard.connected or bus.is_connected
@@ -203,7 +214,9 @@ def _of_process(daemon: Running) -> Finding:
             return Finding(name, True, f"{text}; standby")
         if status >= 400:
             return Finding(name, False, f"{text}; {what}: HTTP {status}, {line}")
-        text += f"; {what}: HTTP {status}"
+        # Just after its start it may wait to hear others, and says so.
+        awaited = line.removeprefix("ready; ") if line.startswith("ready; ") else None
+        text += f"; {what}: HTTP {status}{f', {awaited}' if awaited else ''}"
     return Finding(name, True, text)
 
 
@@ -296,6 +309,10 @@ def of_bus(
         yield Finding("dispatcher (bus)", False, f"paused: no cycle runs; {text}")
     else:
         yield Finding("dispatcher (bus)", True, text)
+    if age_s <= _SILENT_AFTER_S:
+        for alarm in heard.alarms:
+            if alarm.severity == "critical" and alarm.ended_ns is None:
+                yield Finding(f"alarm {alarm.kind}", False, f"{alarm.text}; {alarm.mend}")
 
 
 def _of_rsu(rsu: str, health: RsuHealth | None, now_ns: int) -> Finding:

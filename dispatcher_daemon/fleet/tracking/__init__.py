@@ -10,13 +10,19 @@ from dispatcher_daemon.fleet.tracking.lateness import at_risk, lateness, latenes
 from dispatcher_daemon.fleet.tracking.open_tours import OpenTour, fleet_of
 from dispatcher_daemon.fleet.tracking.order_stops import NO_PLACE, OPENS_LATER, stop_of
 from dispatcher_daemon.fleet.tracking.orders import OrderBook
-from dispatcher_daemon.fleet.tracking.situation import HIDDEN, FleetSituation
+from dispatcher_daemon.fleet.tracking.situation import (
+    HIDDEN,
+    IDLE,
+    FleetSituation,
+    idle_text,
+)
 from dispatcher_daemon.fleet.tracking.tracker import FleetTracker
 from dispatcher_daemon.fleet.tracking.vehicle import FRESH_NS, TrackedVehicle
 
 __all__ = [
     "FRESH_NS",
     "HIDDEN",
+    "IDLE",
     "NO_PLACE",
     "OPENS_LATER",
     "Claim",
@@ -27,6 +33,7 @@ __all__ = [
     "TrackedVehicle",
     "at_risk",
     "fleet_of",
+    "idle_text",
     "lateness",
     "lateness_s",
     "stop_of",

@@ -18,6 +18,10 @@ from slipstream.orders import OrderRecord
 
 HIDDEN: Final = "a caller's order that has not ended has its id"
 """Reason of the file's stops that are not planned for this."""
+IDLE: Final = "; idle: "
+"""In a reason, before what keeps each vehicle that has no work."""
+_MAX_NAMED: Final = 5
+"""Vehicles that are named of those with the same obstacle, and obstacles of an order."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +38,9 @@ class FleetSituation:
         on_road: of these, those on their way to charge or to a hub: others may meet them.
         waiting: reason by order that is due and that the fleet does not have: nothing can be
             planned of it in this cycle.
+        later: likewise by order that is not due yet.
+        idle: reason by vehicle that is left out and has no plan either.
+        nobody: why no vehicle is there for an order.
     """
 
     fleet: Fleet | None
@@ -42,7 +49,24 @@ class FleetSituation:
     on_road: tuple[RoadUser, ...] = ()
     hidden: tuple[str, ...] = ()
     waiting: Mapping[str, str] = field(default_factory=dict)
+    later: Mapping[str, str] = field(default_factory=dict)
+    idle: Mapping[str, str] = field(default_factory=dict)
     nobody: str = "no vehicle is free"
+
+
+def idle_text(found: Mapping[str, str]) -> str:
+    """What keeps each vehicle without work, to be put behind a reason; those alike together."""
+    alike: dict[str, list[str]] = {}
+    for vehicle, why in found.items():
+        alike.setdefault(why, []).append(vehicle)
+    kinds = sorted(alike.items(), key=lambda one: -len(one[1]))
+    texts: list[str] = []
+    for why, names in kinds[:_MAX_NAMED]:
+        more = f" and {len(names) - _MAX_NAMED} more" if len(names) > _MAX_NAMED else ""
+        texts.append(f"{', '.join(names[:_MAX_NAMED])}{more}: {why}")
+    if rest := sum(len(names) for _, names in kinds[_MAX_NAMED:]):
+        texts.append(f"{rest} more: other reasons")
+    return f"{IDLE}{'; '.join(texts)}" if texts else ""
 
 
 def nobody_free(fleet: Fleet | None, left_out: Mapping[str, str], bound: int) -> str:

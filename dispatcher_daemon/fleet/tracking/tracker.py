@@ -21,7 +21,12 @@ from dispatcher_daemon.fleet.tracking.order_stops import (
 from dispatcher_daemon.fleet.tracking.orders import OrderBook
 from dispatcher_daemon.fleet.tracking.plan_life import PlanLife
 from dispatcher_daemon.fleet.tracking.sightings import Sighting, VehicleSightings, where
-from dispatcher_daemon.fleet.tracking.situation import FleetSituation, cycle_fleet, nobody_free
+from dispatcher_daemon.fleet.tracking.situation import (
+    FleetSituation,
+    cycle_fleet,
+    idle_text,
+    nobody_free,
+)
 from dispatcher_daemon.fleet.tracking.vehicle import TrackedVehicle, loaded
 from dispatcher_daemon.fleet.vehicles import Vehicle
 from slipstream.energy.ledger import PlanEnergy
@@ -246,7 +251,8 @@ class FleetTracker:
             reference_ns,
             requested,
         )
-        nobody = nobody_free(fleet, left_out, len(bound))
+        idle = {name: why for name, why in left_out.items() if self._has_no_plan(name)}
+        nobody = nobody_free(fleet, left_out, len(bound)) + idle_text(idle)
         waiting = self._waiting(found, nobody, now_ns)
         open_now = {n: why for n, why in waiting.items() if orders[n].state == "open"}
         self.unplanned = {**open_now, **self.unplanned}
@@ -256,7 +262,14 @@ class FleetTracker:
         hidden = tuple(stop.id for stop in listed if orders[stop.id].request is not None)
         road_users = on_road(plans, now_ns, late_s)
         own = tuple(bound)
-        return FleetSituation(found, own, left_out, road_users, hidden, waiting, nobody)
+        later = {n: why for n, why in self.unplanned.items() if why.startswith(OPENS_LATER)}
+        return FleetSituation(
+            found, own, left_out, road_users, hidden, waiting, later, idle, nobody
+        )
+
+    def _has_no_plan(self, vehicle: str) -> bool:
+        known = self._vehicles[vehicle]
+        return known.offered is None and known.accepted is None
 
     def _waiting(self, found: Fleet | None, nobody: str, now_ns: int) -> dict[str, str]:
         """Reason by order that is due and not in a cycle's fleet, although nobody serves it as far

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
-from dispatcher_daemon.fleet.tracking import HIDDEN
+from dispatcher_daemon.fleet.tracking import HIDDEN, IDLE
 from dispatcher_daemon.planning.cycle.cycle import run_cycle
 from dispatcher_daemon.planning.replay.inputs import (
     CycleRecord,
@@ -59,7 +59,7 @@ def replayed(stored: StoredCycle, plan_of: PlanOf, solve: Solve, executor: Execu
     # What was kept back from the cycle is in its report only.
     stops = cycle.problem.fleet.stop_by_id
     planned = tuple(
-        one.model_copy(update={"reason": NO_VEHICLE}) if one.reason.startswith(NO_VEHICLE) else one
+        one.model_copy(update={"reason": _planned_reason(one.reason)})
         for one in stored.report.unserved
         if one.stop in stops and one.reason != HIDDEN
     )
@@ -83,6 +83,11 @@ def replayed(stored: StoredCycle, plan_of: PlanOf, solve: Solve, executor: Execu
     return Replayed(
         stored.report.cycle, len(stored.plans), tuple(differences), tuple(_notes(record, player))
     )
+
+
+def _planned_reason(reason: str) -> str:
+    """Of a stop without a vehicle, as planning says it, which knows the cycle's fleet alone."""
+    return NO_VEHICLE if reason.startswith(NO_VEHICLE) else reason.partition(IDLE)[0]
 
 
 def _notes(record: CycleRecord, player: Player) -> Iterator[str]:

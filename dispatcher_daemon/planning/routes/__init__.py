@@ -15,6 +15,7 @@ from dispatcher_daemon.planning.routes.pyvrp_search import (
 from dispatcher_daemon.planning.routes.servability import (
     NO_WAY,
     WINDOW_CLOSES,
+    obstacles,
     servable_part,
     unservable,
 )
@@ -31,6 +32,7 @@ __all__ = [
     "VrpModel",
     "base_routes",
     "insert_stops",
+    "obstacles",
     "search_parameters",
     "search_within",
     "servable_part",

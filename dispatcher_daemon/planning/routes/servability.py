@@ -24,11 +24,16 @@ _TOLERANCE_S = 2.0
 
 @dataclass(frozen=True, order=True)
 class _Refusal:
-    """Why one vehicle cannot serve a stop; ordered by how near it is to serving it."""
+    """Why one vehicle cannot serve a stop; ordered by how near it is to serving it.
+
+    Attributes:
+        short: the same of this vehicle alone, which is not named.
+    """
 
     stage: int
     closeness: float
     reason: str
+    short: str
 
 
 def servable_part(
@@ -108,6 +113,40 @@ def unservable(
     return {stop.id: found[stop.id] for stop in fleet.stops if stop.id in found}
 
 
+def obstacles(
+    problem: RoutingProblem,
+    snapshot: TrafficSnapshot,
+    vehicles: Collection[str],
+    stops: Collection[str],
+) -> dict[str, dict[str, str]]:
+    """What keeps each of some vehicles without work from each of some stops, by stop, in words."""
+    fleet = problem.fleet
+    idle = [vehicle for vehicle in fleet.vehicles if vehicle.id in vehicles]
+    kept = {*stops, *(vehicle.first_stop for vehicle in idle)}
+    others = [stop.id for stop in fleet.stops if stop.id not in kept]
+    problem = without(problem, others) if others else problem
+    travel, fleet = fleet_travel(problem, snapshot), problem.fleet
+    first = {v.id: [fleet.stop_by_id[v.first_stop]] if v.first_stop else [] for v in idle}
+
+    def obstacle(vehicle: Vehicle, stop: Stop) -> str:
+        if stop.vehicle not in (None, vehicle.id):
+            return f"kept for {stop.vehicle}"
+        if lacks := [skill for skill in stop.skills if skill not in vehicle.skills]:
+            return f"lacks {', '.join(lacks)}"
+        if not fleet.may_serve(vehicle, stop):
+            return f"not of carrier {stop.carrier}"
+        before = [one for one in first[vehicle.id] if one.id != stop.id]
+        refusal = _refusal(problem, travel, vehicle, [*before, stop])
+        return (
+            "could serve it alone, no plan with it was found" if refusal is None else refusal.short
+        )
+
+    return {
+        name: {vehicle.id: obstacle(vehicle, fleet.stop_by_id[name]) for vehicle in idle}
+        for name in stops
+    }
+
+
 def _whom_it_needs(stop: Stop) -> str:
     if stop.vehicle is not None:
         return f"it is kept for {stop.vehicle!r}, which is not free or may not serve it"
@@ -146,32 +185,35 @@ def _refusal(
     if not math.isfinite(sum(seconds)):
         where = f"depot {depot.id!r}" if len(stops) == 1 else f"stop {stops[-2].id!r}"
         reason = f"{NO_WAY}{last.node!r} cannot be reached from {where}{_by_whom(problem, vehicle)}"
-        return _Refusal(0, 0.0, reason)
+        return _Refusal(0, 0.0, reason, "no way there")
     if not math.isfinite(home_s):
         reason = f"{NO_WAY}{last.node!r} cannot be left for depot {depot.id!r}"
-        return _Refusal(1, 0.0, reason + _by_whom(problem, vehicle))
+        return _Refusal(1, 0.0, reason + _by_whom(problem, vehicle), "no way back")
     demand = sum(stop.demand for stop in stops)
     if vehicle.capacity is not None and demand > vehicle.capacity:
         short = vehicle.capacity - demand
         with_first = "" if len(stops) == 1 else f" (with {stops[-2].id!r} loaded)"
         nearest = f"above every capacity (nearest: {vehicle.capacity} of {vehicle.id!r})"
-        return _Refusal(2, short, f"its demand of {demand}{with_first} is {nearest}")
+        holds = f"holds {vehicle.capacity}"
+        return _Refusal(2, short, f"its demand of {demand}{with_first} is {nearest}", holds)
     overload = problem.fleet.overload(vehicle, stops)
     if overload is not None:
-        return _Refusal(2, -last.mass_kg, f"its load is {overload} (of {vehicle.id!r})")
+        reason = f"its load is {overload} (of {vehicle.id!r})"
+        return _Refusal(2, -last.mass_kg, reason, f"would carry {overload}")
     clock = vehicle.ready_s
     for stop, driven_s in zip(stops, seconds, strict=True):
         arrival = clock + driven_s
         if stop is last and stop.latest_s is not None and arrival > stop.latest_s + _TOLERANCE_S:
             reason = f"{WINDOW_CLOSES} at {stop.latest_s:g} s, the first to arrive"
             reason += f" ({vehicle.id!r}) is there at {arrival:.0f} s"
-            return _Refusal(3, -arrival, reason)
+            return _Refusal(3, -arrival, reason, f"there at {arrival:.0f} s")
         clock = max(arrival, stop.earliest_s) + stop.service_s
     back = clock + home_s
     if vehicle.return_by_s is not None and back > vehicle.return_by_s + _TOLERANCE_S:
         late = back - vehicle.return_by_s
         reason = f"who serves it is back too late ({vehicle.id!r} at {back:.0f} s,"
-        return _Refusal(4, -late, f"{reason} due at {vehicle.return_by_s:g} s)")
+        reason += f" due at {vehicle.return_by_s:g} s)"
+        return _Refusal(4, -late, reason, f"back {late:.0f} s too late")
     return _charge_refusal(problem, travel, vehicle, places)
 
 
@@ -207,4 +249,4 @@ def _charge_refusal(
     need_kwh, usable_kwh = sum(map(energy_kwh, found)), charge_kwh - battery.reserve_kwh
     reason = f"{need_kwh:.2f} kWh are needed there and back, and the most charge above its reserve"
     reason += f" ({vehicle.id!r}) is {max(0.0, usable_kwh):.2f} kWh, with no charging stop in reach"
-    return _Refusal(5, usable_kwh - need_kwh, reason)
+    return _Refusal(5, usable_kwh - need_kwh, reason, "its battery does not last")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -17,6 +17,8 @@ class AlarmKind:
         raise_after_s: how long a condition lasts before it is an alarm, s.
         end_after_s: how long it is gone before the alarm has ended, s.
         many: what several subjects are or have, where one alarm stands for many: "12 `many`".
+        check: that the dispatcher does not meet, and so is not ready, while a condition of the kind
+            is critical.
     """
 
     severity: Severity
@@ -24,6 +26,7 @@ class AlarmKind:
     raise_after_s: float = 0.0
     end_after_s: float = 10.0
     many: str | None = None
+    check: str | None = None
 
 
 @dataclass(frozen=True)
@@ -32,6 +35,8 @@ class Condition:
 
     Attributes:
         subject: as `slipstream.messages.Alarm` has it. There is one of each kind and subject.
+        awaited: the dispatcher has just started, and what is missing may be about to come: it is no
+            alarm yet.
     """
 
     kind: str
@@ -39,8 +44,11 @@ class Condition:
     text: str
     since_ns: int | None = None
     severity: Severity | None = None
+    awaited: bool = False
 
 
+STARTED_S: Final = 60.0
+"""By then after a start each listed RSU and the fleet have been heard, s."""
 _JOURNAL: Final = "journalctl -u slipstream-dispatcher says more"
 
 KINDS: Final[Mapping[str, AlarmKind]] = {
@@ -62,15 +70,25 @@ KINDS: Final[Mapping[str, AlarmKind]] = {
     "vehicle_stopped": AlarmKind(
         "warning", "look at the camera; send help", 10.0, many="roads have a vehicle that stands"
     ),
-    "cycle_failed": AlarmKind("critical", f"mend what it names; {_JOURNAL}", 0.0, 0.0),
+    "rsus_lost": AlarmKind(
+        "critical",
+        "look at their boxes, and at the network between them and here",
+        5.0,
+        check="rsus",
+    ),
+    "cycle_failed": AlarmKind(
+        "critical", f"mend what it names; {_JOURNAL}", 0.0, 0.0, check="cycle"
+    ),
     "cycle_overran": AlarmKind(
         "warning", "raise interval_s, or lower deadline_s or city.search.time_limit_s", 0.0, 0.0
     ),
-    "baseline_only": AlarmKind("warning", "look at what each solver says, or raise deadline_s"),
+    "baseline_only": AlarmKind(
+        "warning", "look at what each solver says, or raise deadline_s", check="cycle"
+    ),
     "paused": AlarmKind("warning", "resume it: POST /v1/control/resume", 0.0, 0.0),
-    "bus_lost": AlarmKind("critical", "systemctl restart slipstream-router", 3.0),
+    "bus_lost": AlarmKind("critical", "systemctl restart slipstream-router", 3.0, check="bus"),
     "database_fault": AlarmKind(
-        "critical", f"make room, or restore a backup; {_JOURNAL}", 0.0, 0.0
+        "critical", f"make room, or restore a backup; {_JOURNAL}", 0.0, 0.0, check="database"
     ),
     "database_set_aside": AlarmKind(
         "warning", "restore a backup, or acknowledge this if the new database shall stay"
@@ -84,9 +102,16 @@ KINDS: Final[Mapping[str, AlarmKind]] = {
     "database_nearly_full": AlarmKind(
         "info", "raise keep_mb, or lower keep_days, if older cycles shall stay", 0.0, 600.0
     ),
-    "disk_nearly_full": AlarmKind("warning", "make room on the disk", 0.0, 60.0),
-    "solver_broken": AlarmKind("warning", "mend what it names, or take it off the solvers"),
+    "disk_nearly_full": AlarmKind("warning", "make room on the disk", 0.0, 60.0, check="database"),
+    "solver_broken": AlarmKind(
+        "warning", "mend what it names, or take it off the solvers", check="solvers"
+    ),
     "cluster_lost": AlarmKind("warning", "restart scheduler and workers", 10.0),
+    "fleet_lost": AlarmKind(
+        "critical",
+        "start the agents, or look at the network that vehicles send over",
+        check="vehicles",
+    ),
     "vehicle_silent": AlarmKind(
         "warning", "call its driver; look at its box", many="vehicles are silent"
     ),
@@ -123,3 +148,15 @@ KINDS: Final[Mapping[str, AlarmKind]] = {
         many="orders have no vehicle",
     ),
 }
+
+CHECKS: Final = tuple(dict.fromkeys(kind.check for kind in KINDS.values() if kind.check))
+
+
+def unmet(conditions: Iterable[Condition]) -> dict[str, str]:
+    """Why the dispatcher is not ready, by check: what is critical now."""
+    found: dict[str, list[str]] = {}
+    for one in conditions:
+        kind = KINDS[one.kind]
+        if kind.check and not one.awaited and (one.severity or kind.severity) == "critical":
+            found.setdefault(kind.check, []).append(one.text)
+    return {check: "; ".join(texts) for check, texts in found.items()}

@@ -7,6 +7,7 @@ from itertools import islice
 from typing import Final
 
 from dispatcher_daemon.fleet.tracking import (
+    FRESH_NS,
     NO_PLACE,
     OPENS_LATER,
     Claim,
@@ -17,7 +18,7 @@ from dispatcher_daemon.fleet.tracking import (
 )
 from dispatcher_daemon.planning.route_form import NO_VEHICLE
 from dispatcher_daemon.planning.routes import NO_WAY, WINDOW_CLOSES
-from dispatcher_daemon.service.alarms.conditions import Condition
+from dispatcher_daemon.service.alarms.conditions import STARTED_S, Condition
 from slipstream.orders import OrderRecord, utc
 
 FAILED_S: Final = 3600.0
@@ -69,6 +70,31 @@ def fleet_conditions(
                 continue  # it says where it is: `vehicle_late` tells of it, sooner
             if (text := lateness(order, tracker, now_ns)) is not None:
                 yield Condition("order_late", f"order/{order.order}", text)
+
+
+def fleet_lost(tracker: FleetTracker, started_ns: int, now_ns: int) -> Iterator[Condition]:
+    """No vehicle of the fleet's file reports, on the bus or over the API, and one should: there is
+    something to do, or none ever has. Vehicles that stand idle may be silent.
+    """
+    heard_ns = [one.answered_ns or 0 for one in tracker.vehicles.values() if one.listed]
+    last_ns = max(heard_ns, default=now_ns)
+    if now_ns - last_ns <= FRESH_NS or (last_ns and not _has_work(tracker)):
+        return
+    count = f"none of the {len(heard_ns)} vehicles" if len(heard_ns) > 1 else "the only vehicle"
+    never = " does not report" if len(heard_ns) == 1 else " reports"
+    when = f"the last was heard at {utc(last_ns)}" if last_ns else "none was ever heard"
+    text = f"{count}{never}, {when}: nobody knows whether they drive"
+    awaited = last_ns < started_ns and now_ns - started_ns <= STARTED_S * 1e9
+    yield Condition("fleet_lost", "dispatcher", text, last_ns or started_ns, awaited=awaited)
+
+
+def _has_work(tracker: FleetTracker) -> bool:
+    """Whether a vehicle has orders, or an order is due."""
+    return any(
+        not tracker.unplanned.get(name, "").startswith(OPENS_LATER)
+        for name, order in tracker.book.orders.items()
+        if not order.ended
+    )
 
 
 def _disputed(tracker: FleetTracker) -> Iterator[Condition]:

@@ -5,18 +5,24 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import islice
 from typing import Final
 
-from dispatcher_daemon.service.alarms.conditions import Condition
+from dispatcher_daemon.service.alarms.conditions import STARTED_S, Condition
 from dispatcher_daemon.traffic import MAX_RSUS, Reception
+from slipstream import freshness
 from slipstream.errors import InputError
-from slipstream.messages import RsuHealth, StoppedVehicles, decode, stopped_key
+from slipstream.messages import (
+    RsuHealth,
+    SegmentState,
+    StoppedVehicles,
+    decode,
+    stopped_key,
+)
 from slipstream.orders import utc
 from slipstream.roads import RoadNetwork
 from slipstream.roads.admission import refusal
 
-STARTED_S: Final = 60.0
-"""By then after a start each listed RSU has been heard, s."""
 AHEAD_S: Final = 0.5
 BEHIND_S: Final = 2.5
 """Arrival less a state's time: above it, its clock is behind, or what it sends is held up, s."""
@@ -25,6 +31,7 @@ MISSED_LEAST: Final = 5
 """Of the states of the last `WINDOW_S`: from so many on, and at this share, an RSU's are missed."""
 WINDOW_S: Final = 60.0
 _STEP_S: Final = 10.0
+_NAMED: Final = 10
 
 Receptions = Sequence[tuple[str, Reception]]
 
@@ -58,6 +65,7 @@ class RoadsideWatch:
     Args:
         rsus: the segments that each RSU may report on; None: any RSU may report on any segment.
         healths: when each RSU was heard last, UTC ns, and what it said.
+        states: the latest one of each segment and RSU.
     """
 
     def __init__(
@@ -68,10 +76,13 @@ class RoadsideWatch:
         healths: Callable[[], Mapping[str, tuple[int, RsuHealth]]],
         refuse: Callable[[InputError], None],
         clock: Callable[[], int],
+        states: Callable[[], Iterable[SegmentState]] = tuple,
     ) -> None:
         self._network, self._rsus, self._silent_ns = network, rsus, silent_s * 1e9
+        self._silent_s, self._states = silent_s, states
         self._refuse, self._clock = refuse, clock
         self._started_ns = clock()
+        self._seen_ns: int | None = None
         self._lock = threading.Lock()
         self._healths = healths
         self._stopped: OrderedDict[tuple[str, str], tuple[int, StoppedVehicles]] = OrderedDict()
@@ -106,6 +117,7 @@ class RoadsideWatch:
         fresh = {
             rsu for rsu, (heard_ns, _) in healths.items() if now_ns - heard_ns <= self._silent_ns
         }
+        yield from self._none_sees(now_ns)
         if now_ns - self._started_ns > STARTED_S * 1e9:
             for rsu in self._rsus or ():
                 if rsu not in healths:
@@ -121,6 +133,22 @@ class RoadsideWatch:
         yield from _standing(
             message for heard_ns, message in stopped if now_ns - heard_ns <= self._silent_ns
         )
+
+    def _none_sees(self, now_ns: int) -> Iterator[Condition]:
+        """No RSU of the settings says now how a road is. One without a picture says so itself."""
+        if not self._rsus:
+            return
+        for state in self._states():
+            fault = freshness.fault(state.time_ns, now_ns, stale_after_s=self._silent_s)
+            if fault is None and state.reason not in ("stale", "no_frames"):
+                self._seen_ns = now_ns
+                return
+        names = ", ".join(islice(self._rsus, _NAMED))
+        names += f" and {len(self._rsus) - _NAMED} more" if len(self._rsus) > _NAMED else ""
+        text = f"no fresh state from any RSU ({names}): all roads are unknown, no gate opens"
+        awaited = self._seen_ns is None and now_ns - self._started_ns <= STARTED_S * 1e9
+        since_ns = self._seen_ns or self._started_ns
+        yield Condition("rsus_lost", "dispatcher", text, since_ns, awaited=awaited)
 
     def _of_reception(
         self, receptions: Receptions, fresh: set[str], now_s: float

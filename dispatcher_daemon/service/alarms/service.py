@@ -17,11 +17,16 @@ DISK_EMPTY_BYTES: Final = 2e8
 """Free room of its disk below which the alarm is critical: some cycles of a large city."""
 
 
+UNANSWERED: Final = 3
+"""Cycles in a row without an answer of any solver that is asked, from which none of them works."""
+
+
 @dataclass(frozen=True)
 class ServiceFacts:
     """The dispatcher and what it needs, at one moment.
 
     Attributes:
+        unanswered: cycles in a row until the last one in which each solver died, raised or hung.
         running_s: how long the cycle that runs now has been; None: none runs.
         paused: by whom, and UTC ns since when; None: it is not.
         storage_fault: why the last cycle could not be stored; None: it could.
@@ -32,6 +37,7 @@ class ServiceFacts:
 
     interval_s: float
     cycle: CycleReport | None = None
+    unanswered: int = 0
     running_s: float | None = None
     paused: tuple[str, int] | None = None
     storage_fault: str | None = None
@@ -88,7 +94,11 @@ def _of_cycle(cycle: CycleReport, facts: ServiceFacts) -> Iterator[Condition]:
         yield Condition("cycle_overran", "dispatcher", text, cycle.started_ns)
     solved = any(run.status in ("optimal", "feasible") for run in cycle.solvers)
     if cycle.status == "baseline" and not solved:
-        yield Condition("baseline_only", "dispatcher", f"cycle {cycle.cycle}: {cycle.reason}")
+        text = f"cycle {cycle.cycle}: {cycle.reason}"
+        severity: Severity | None = None
+        if facts.unanswered >= UNANSWERED:
+            severity, text = "critical", f"no solver answers, for {facts.unanswered} cycles: {text}"
+        yield Condition("baseline_only", "dispatcher", text, severity=severity)
 
 
 def _of_database(facts: ServiceFacts) -> Iterator[Condition]:

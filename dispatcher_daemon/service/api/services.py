@@ -32,6 +32,7 @@ class Services:
     Attributes:
         events: that callers follow; what happens is published there.
         is_live: the condition that feeds the watchdog.
+        awaited: by check, what has not come since the start and may be about to.
     """
 
     settings: DispatcherSettings
@@ -48,6 +49,7 @@ class Services:
     is_live: Callable[[], bool]
     solver_fault: Check
     checks: Mapping[str, Check]
+    awaited: Callable[[], Mapping[str, str]] = dict
 
 
 def _services(request: Request) -> Services:

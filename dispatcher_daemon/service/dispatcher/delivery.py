@@ -50,6 +50,7 @@ class PlanDelivery:
 
     Attributes:
         failed: of the cycles since the start, stored or not.
+        unanswered: cycles in a row that asked solvers, of which each died, raised or hung.
         storage_fault: the database may have to be opened anew.
         unstored: why nothing has been stored since the last cycle that was; None: it was the last.
         replaced: another dispatcher writes the database by now; None: none does.
@@ -73,6 +74,7 @@ class PlanDelivery:
         self.next_number = store.next_cycle_number()
         self.cycles = 0
         self.failed = 0
+        self.unanswered = 0
         self.last: CycleReport | None = None
         self.storage_fault = False
         self.unstored: str | None = None
@@ -173,6 +175,9 @@ class PlanDelivery:
         self.last, self.unstored = report, None
         self.cycles += 1
         self.failed += report.status == "failed"
+        if report.solvers:
+            mute = all(run.status in ("failed", "timeout") for run in report.solvers)
+            self.unanswered = self.unanswered + 1 if mute else 0
         metrics.count_cycle(report)
         saved = "no energy figures"
         if report.energy is not None:

@@ -24,12 +24,17 @@ def idle_report(
     """The report of a cycle that had nothing to dispatch."""
     reason = "no open order, or no free vehicle"
     if waiting:
-        orders = "1 order waits" if len(waiting) == 1 else f"{len(waiting)} orders wait"
-        kinds = [f"{n} as {why}" for why, n in Counter(waiting.values()).most_common()]
-        reason = f"nothing is planned, and {orders}: {'; '.join(kinds)}"
+        reason = f"nothing is planned, and {waits(waiting)}"
     return failed_report(cycle, started_ns, wall_s, reason[:500]).model_copy(
         update={"status": "ok", "gates": snapshot.gates()}
     )
+
+
+def waits(orders: Mapping[str, str]) -> str:
+    """Orders without a vehicle, as many as there are of each reason."""
+    kinds = [f"{n} as {why}" for why, n in Counter(orders.values()).most_common()]
+    count = "1 order waits" if len(orders) == 1 else f"{len(orders)} orders wait"
+    return f"{count}: {'; '.join(kinds)}"
 
 
 def insertion_report(

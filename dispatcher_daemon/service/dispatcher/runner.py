@@ -14,19 +14,20 @@ from typing import Final
 
 from dispatcher_daemon import metrics
 from dispatcher_daemon.fleet import Fleet
-from dispatcher_daemon.fleet.tracking import HIDDEN, FleetSituation, fleet_of
+from dispatcher_daemon.fleet.tracking import HIDDEN, FleetSituation, fleet_of, idle_text
 from dispatcher_daemon.forms import RoutingProblem
 from dispatcher_daemon.planning.cycle import cycle_of, run_cycle
 from dispatcher_daemon.planning.plans import plan_energies
 from dispatcher_daemon.planning.replay import InputEncoder, TraceRecorder
 from dispatcher_daemon.planning.route_form import NO_VEHICLE
-from dispatcher_daemon.planning.routes import insert_stops
+from dispatcher_daemon.planning.routes import insert_stops, obstacles
 from dispatcher_daemon.service.dispatcher.delivery import PlanDelivery, PlannedCycle
 from dispatcher_daemon.service.dispatcher.reports import (
     error_text,
     failed_report,
     idle_report,
     insertion_report,
+    waits,
 )
 from dispatcher_daemon.service.fleet_watch import FleetWatch
 from dispatcher_daemon.settings import DispatcherSettings
@@ -41,6 +42,10 @@ log = logging.getLogger(__name__)
 
 INSERTION_S: Final = 2.0
 """From the begin of an insertion between cycles to the first departure by its plans."""
+
+
+_MAX_ASKED: Final = 100
+"""Stops that are told of each idle vehicle; of more of them, those that are not in the cycle."""
 
 
 @dataclass(frozen=True)
@@ -130,7 +135,8 @@ class CycleRunner:
         problem = self._problem_of(situation.fleet)
         if problem is None:
             wall_s = time.monotonic() - began
-            report = idle_report(number, now_ns, wall_s, snapshot, situation.waiting)
+            kept_back = {**situation.waiting, **situation.later}
+            report = idle_report(number, now_ns, wall_s, snapshot, kept_back)
             return PlannedCycle(_with_kept_back(report, situation), snapshot.states)
         cycle = cycle_of(
             problem,
@@ -144,8 +150,16 @@ class CycleRunner:
         )
         with TraceRecorder(self._around.solve, self._around.executor) as recorder:
             result = run_cycle(cycle, recorder.solve, recorder.executor, recorder.clock)
-        unserved = tuple(_explained(one, situation) for one in result.report.unserved)
+        has_work = {*result.energies, *(own.vehicle for own in situation.commitments)}
+        is_planned = result.report.status != "failed"
+        idle = [v.id for v in problem.fleet.vehicles if is_planned and v.id not in has_work]
+        left = {one.stop: one.reason for one in result.report.unserved}
+        found = _with_idle(left, situation, problem, snapshot, idle)
+        unserved = tuple(Unserved(stop=stop, reason=reason) for stop, reason in found.items())
         report = result.report.model_copy(update={"unserved": unserved})
+        if report.reason is None and situation.later and (idle or situation.idle):
+            names = idle_text({**dict.fromkeys(idle, "free until then"), **situation.idle})
+            report = report.model_copy(update={"reason": f"{waits(situation.later)}{names}"[:500]})
         self._watch.note_unserved({one.stop: one.reason for one in unserved})
         self._stops = result.stops
         return PlannedCycle(
@@ -235,10 +249,32 @@ class CycleRunner:
             return None
 
 
-def _explained(one: Unserved, situation: FleetSituation) -> Unserved:
-    """A stop without a vehicle, with what keeps all vehicles."""
-    why = situation.nobody if one.reason == NO_VEHICLE else one.reason
-    return one.model_copy(update={"reason": why})
+def _with_idle(
+    unserved: Mapping[str, str],
+    situation: FleetSituation,
+    problem: RoutingProblem,
+    snapshot: TrafficSnapshot,
+    idle: Collection[str],
+) -> dict[str, str]:
+    """Reasons of stops without a vehicle, each with what keeps every vehicle that has no work.
+
+    Args:
+        idle: vehicles of the cycle's fleet that it gave none.
+    """
+    explained: Mapping[str, Mapping[str, str]] = {}
+    asked = [stop for stop, why in unserved.items() if why != NO_VEHICLE][:_MAX_ASKED]
+    if idle and asked:
+        try:
+            explained = obstacles(problem, snapshot, idle, asked)
+        except Exception as error:
+            # Words are not worth a plan.
+            log.exception("why vehicles stand idle is not known: %s", error)
+    return {
+        stop: situation.nobody
+        if why == NO_VEHICLE
+        else why + idle_text({**explained.get(stop, {}), **situation.idle})
+        for stop, why in unserved.items()
+    }
 
 
 def _with_kept_back(report: CycleReport, situation: FleetSituation) -> CycleReport:

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import Final, Self
 
 from dispatcher_daemon.fleet.tracking import HIDDEN
 from dispatcher_daemon.service.alarms import (
+    KINDS,
     AlarmWatch,
     Condition,
     RoadsideWatch,
     ServiceFacts,
     fleet_conditions,
+    fleet_lost,
     service_conditions,
+    unmet,
 )
 from dispatcher_daemon.service.dispatcher.dispatcher import Dispatcher
 from dispatcher_daemon.service.dispatcher.publishing import Announce, MessageBus
@@ -36,6 +39,10 @@ RECONNECTED_S: Final = 10.0
 class AlarmSource:
     """Finds conditions and hands them to the alarms, which are stored on a thread that may wait; a
     context manager.
+
+    Attributes:
+        unmet: why the dispatcher is not ready, by check.
+        awaited: what has not come since the start, in words, and may be about to; by check.
     """
 
     def __init__(
@@ -53,6 +60,8 @@ class AlarmSource:
         self._dispatcher, self._settings, self._store = dispatcher, settings, store
         self._bus_fault, self._job_manager = bus_fault, job_manager
         self._cluster_slots = cluster_slots
+        self.unmet: Mapping[str, str] = {}
+        self.awaited: Mapping[str, str] = {}
         self._unstored = False
         self._unconnected_s = -RECONNECTED_S
         self._of_others: tuple[Condition, ...] = ()
@@ -70,7 +79,9 @@ class AlarmSource:
             dispatcher.receiver.healths,
             dispatcher.receiver.refuse,
             time.time_ns,
+            dispatcher.receiver.latest.latest,
         )
+        self._started_ns = time.time_ns()
 
     def close(self) -> None:
         """Store what is not stored yet, and end the thread."""
@@ -86,7 +97,10 @@ class AlarmSource:
     def update(self) -> None:
         """Find what is wrong now. Errors are logged and do not stop the dispatcher."""
         try:
-            self.alarms.update(self._conditions())
+            found = list(self._conditions())
+            self.unmet = unmet(found)
+            self.awaited = {KINDS[c.kind].check or c.kind: c.text for c in found if c.awaited}
+            self.alarms.update(one for one in found if not one.awaited)
         except Exception as error:
             if self._limiter.allow("alarms"):
                 log.exception("the alarms could not be brought up to date: %s", error)
@@ -112,7 +126,10 @@ class AlarmSource:
         # What is hidden is a stop of the file; the order of that name is a caller's.
         unserved = {stop.stop: stop.reason for stop in reported if stop.reason != HIDDEN}
         found = dispatcher.fleet_watch.read_soon(
-            lambda tracker: tuple(fleet_conditions(tracker, unserved, number, now_ns))
+            lambda tracker: (
+                *fleet_lost(tracker, self._started_ns, now_ns),
+                *fleet_conditions(tracker, unserved, number, now_ns),
+            )
         )
         # While a cycle is being stored, as it was before that.
         self._of_fleet = self._of_fleet if found is None else found
@@ -124,6 +141,7 @@ class AlarmSource:
         return ServiceFacts(
             interval_s=self._settings.interval_s,
             cycle=dispatcher.delivery.last,
+            unanswered=dispatcher.delivery.unanswered,
             running_s=None if began is None else time.monotonic() - began,
             paused=None if paused is None else (paused.by, paused.since_ns),
             storage_fault=dispatcher.delivery.unstored,

@@ -111,3 +111,18 @@ def test_the_dispatchers_alarms_are_told_worst_first(world, now_ns):
     snapshot = _well(world, now_ns, alarms=Alarms(time_ns=now_ns, alarms=alarms))
     told = [(one.subject, one.level) for one in _troubles(snapshot, now_ns)]
     assert told == [("database", "bad"), ("cluster", "warn"), ("vehicle/van-a", "warn")]
+    # A lesser trouble of the dispatcher hides no alarm of it; the same told twice is one.
+    busy = world.dispatcher(now_ns).model_copy(update={"messages_lost": 3})
+    both = Alarms(
+        time_ns=now_ns, alarms=(alarm("no solver works", "critical", "dispatcher"), alarms[0])
+    )
+    found = _troubles(_well(world, now_ns, alarms=both, dispatcher=busy), now_ns)
+    assert [one.text for one in found][:2] == [
+        "no solver works",
+        "The dispatcher has 3 messages lost",
+    ]
+    paused = world.dispatcher(now_ns).model_copy(update={"paused": True})
+    same = (alarms[0].model_copy(update={"kind": "paused", "subject": "dispatcher"}),)
+    told = Alarms(time_ns=now_ns, alarms=same)
+    (only,) = _troubles(_well(world, now_ns, alarms=told, dispatcher=paused), now_ns)
+    assert only.text == "Planning is paused"

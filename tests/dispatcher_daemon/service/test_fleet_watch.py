@@ -176,6 +176,8 @@ def test_a_fleet_that_is_silent_does_not_look_well(demo: RoutingProblem, url: st
         health = bus.sent[-1]
     assert {one.stop for one in report.unserved} == set(orders)
     assert f"{len(orders)} orders wait" in str(report.reason)
+    # They have a plan: they do not stand idle.
+    assert "idle" not in str(report.reason)
     assert isinstance(health, DispatcherHealth)
     assert not health.unheard
     assert health.vehicles_silent == len(health.silent) == 2

@@ -161,6 +161,9 @@ def test_readiness_names_what_the_daemon_waits_for() -> None:
         assert probe() == (503, "bus: no router answers; database: there is none\n")
         why[0] = None
         assert probe() == (200, "ready\n")
+        service.awaited = lambda: {"rsus": "none heard yet"}
+        assert probe() == (200, "ready; rsus: none heard yet\n")
+        service.awaited = dict
         service.wait_for("standby")
         assert probe() == (503, "standby\n")
         service.ready()

@@ -26,7 +26,10 @@ class CheckResult(BaseModel):
     """One condition of readiness."""
 
     ok: bool
-    detail: str | None = Field(description="Why it is not met; null: it is.")
+    detail: str | None = Field(
+        description="Why it is not met, or what has not been heard yet just after the start; null: "
+        "nothing."
+    )
 
 
 class Readiness(BaseModel):
@@ -49,11 +52,13 @@ def healthz(dispatch: Dispatch) -> Liveness:
 
 @router.get("/readyz", responses={503: {"model": Readiness, "description": "It is not ready."}})
 def readyz(dispatch: Dispatch) -> Response:
-    """Whether database, bus, network, schedule and solvers are usable; 503 if one is not."""
-    checks = {}
+    """Whether database, bus, network, cycles and solvers work, an RSU of the settings sees its road
+    and a vehicle reports; 503 if not.
+    """
+    checks, awaited = {}, dispatch.awaited()
     for name, check in dispatch.checks.items():
         detail = check()
-        checks[name] = CheckResult(ok=detail is None, detail=detail)
+        checks[name] = CheckResult(ok=detail is None, detail=detail or awaited.get(name))
     ready = all(result.ok for result in checks.values())
     paused = dispatch.control.paused is not None
     answer = Readiness(ready=ready, paused=paused, checks=checks)

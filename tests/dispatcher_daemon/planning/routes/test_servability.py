@@ -6,7 +6,7 @@ import pytest
 
 from dispatcher_daemon.fleet import fleet_from
 from dispatcher_daemon.forms.problem import RoutingProblem
-from dispatcher_daemon.planning.routes.servability import unservable
+from dispatcher_daemon.planning.routes.servability import obstacles, unservable
 from dispatcher_daemon.traffic.snapshot import take_snapshot
 from slipstream.roads import RoadNetwork, Segment, build_network
 
@@ -26,8 +26,8 @@ def network() -> RoadNetwork:
     )
 
 
-def found(network: RoadNetwork, **changes: Any) -> dict[str, str]:
-    """What is unservable for one depot, stops at a and b, one van, with changes to them."""
+def problem_of(network: RoadNetwork, **changes: Any) -> RoutingProblem:
+    """One depot, stops at a and b, one van, with changes to them."""
     data: dict[str, Any] = {
         "depots": [{"node": "d"}, *changes.get("depots", [])],
         "stops": [
@@ -37,9 +37,40 @@ def found(network: RoadNetwork, **changes: Any) -> dict[str, str]:
         ],
         "vehicles": [{"id": "van", **changes.get("van", {})}, *changes.get("vehicles", [])],
     }
-    fleet = fleet_from(data, network, "fleet.toml")
+    return RoutingProblem(network, fleet_from(data, network, "fleet.toml"))
+
+
+def found(network: RoadNetwork, **changes: Any) -> dict[str, str]:
+    """What is unservable."""
     snapshot = take_snapshot(network, [], 0, stale_after_s=5.0)
-    return unservable(RoutingProblem(network, fleet), snapshot)
+    return unservable(problem_of(network, **changes), snapshot)
+
+
+@pytest.mark.parametrize(
+    ("order", "van", "expected"),
+    [
+        ({}, {}, "could serve it alone, no plan with it was found"),
+        ({"skills": ["cold"]}, {}, "lacks cold"),
+        ({"carrier": "a"}, {"carrier": "b"}, "not of carrier a"),
+        ({"vehicle": "other"}, {}, "kept for other"),
+        ({"demand": 9}, {"capacity": 5}, "holds 5"),
+        ({"latest_s": 50.0}, {}, "there at 108 s"),
+        ({}, {"return_by_s": 200.0}, "back 75 s too late"),
+        ({"mass_kg": 5000.0}, {"type": "van"}, "would carry 5000 kg, more than its payload of"),
+        ({"node": "far"}, {}, "no way there"),
+        ({"node": "trap"}, {}, "no way back"),
+    ],
+)
+def test_what_keeps_an_idle_vehicle_from_an_order(
+    network: RoadNetwork, order: dict[str, Any], van: dict[str, Any], expected: str
+) -> None:
+    """Each of the vehicles that are asked for, and no stop but those."""
+    able = {"skills": ["cold"], "carrier": "a"}
+    problem = problem_of(network, near=order, van=van, vehicles=[{"id": "other", **able}])
+    snapshot = take_snapshot(network, [], 0, stale_after_s=5.0)
+    told = obstacles(problem, snapshot, ["van"], ["near"])
+    assert (list(told), list(told["near"])) == (["near"], ["van"])
+    assert told["near"]["van"].startswith(expected)
 
 
 def test_a_sound_fleet_has_no_unservable_stop(network: RoadNetwork) -> None:

@@ -14,7 +14,8 @@ from dispatcher_daemon.fleet.tracking.vehicle import FRESH_NS
 from dispatcher_daemon.forms.problem import RoutingProblem
 from dispatcher_daemon.planning.route_form.fleet_plan import NO_ROOM
 from dispatcher_daemon.planning.routes import NO_WAY, WINDOW_CLOSES
-from dispatcher_daemon.service.alarms import fleet_conditions
+from dispatcher_daemon.service.alarms import fleet_conditions, fleet_lost
+from dispatcher_daemon.service.alarms.conditions import STARTED_S
 from dispatcher_daemon.service.alarms.fleet import CLOSES_S, WAITED_S
 from dispatcher_daemon.service.dispatcher import Dispatcher
 from slipstream.messages import (
@@ -71,6 +72,44 @@ def test_a_van_that_falls_silent_with_its_plan(running: Running) -> None:
     assert f"plan of cycle {plan.cycle}" in text
     assert f"on {plan.segments[0].segment}" in text
     assert f"{len(plan.service_stops)} orders" in text
+
+
+def lost(dispatcher: Dispatcher, after_s: float, started_s: float = -STARTED_S) -> list[bool]:
+    """Whether no vehicle is heard, some time from now: as what is only awaited, or not."""
+    started_ns, now_ns = (time.time_ns() + round(1e9 * s) for s in (started_s, after_s))
+    return dispatcher.fleet_watch.read(
+        lambda tracker: [c.awaited for c in fleet_lost(tracker, started_ns, now_ns)]
+    )
+
+
+def test_no_vehicle_reports(running: Running) -> None:
+    """One is enough, whichever way it reports; after a start they are awaited."""
+    dispatcher, plan, _ = running
+    assert lost(dispatcher, 1.0) == [False]
+    assert lost(dispatcher, STARTED_S - 1.0, started_s=0.0) == [True]
+    accept(dispatcher, plan)
+    tell(dispatcher, at(plan, plan.segments[0].segment, 0.4))
+    silent_s = 1e-9 * FRESH_NS + 1.0
+    assert lost(dispatcher, silent_s - 2.0) == []
+    assert lost(dispatcher, silent_s) == [False]
+    # Heard in the run before only.
+    assert lost(dispatcher, silent_s + 2.0, started_s=silent_s) == [True]
+
+
+def test_vehicles_that_have_nothing_to_do_may_be_silent(running: Running) -> None:
+    """But for a fleet that was never heard at all; one without vehicles misses none."""
+    dispatcher, plan, _ = running
+
+    def end_all(tracker: FleetTracker) -> None:
+        for name in tracker.book.orders:
+            tracker.book.settle(name, time.time_ns(), served=True, reason=None)
+
+    dispatcher.fleet_watch.read(end_all)
+    assert lost(dispatcher, 3600.0) == [False]
+    accept(dispatcher, plan)
+    assert lost(dispatcher, 3600.0) == []
+    dispatcher.fleet_watch.read(lambda tracker: tracker.list_fleet(None, time.time_ns()))
+    assert lost(dispatcher, 3600.0, started_s=-9999.0) == []
 
 
 def test_a_van_that_refuses_its_plan(running: Running) -> None:

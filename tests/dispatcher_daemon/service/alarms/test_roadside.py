@@ -5,24 +5,23 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from dispatcher_daemon.forms.problem import RoutingProblem
 from dispatcher_daemon.service.alarms import RoadsideWatch
-from dispatcher_daemon.service.alarms.roadside import (
-    MISSED_LEAST,
-    STARTED_S,
-    WINDOW_S,
-    MissedRates,
-)
+from dispatcher_daemon.service.alarms.conditions import STARTED_S
+from dispatcher_daemon.service.alarms.roadside import MISSED_LEAST, WINDOW_S, MissedRates
 from dispatcher_daemon.traffic.reception import Reception
 from slipstream.errors import InputError
 from slipstream.messages import (
     RsuHealth,
+    SegmentState,
     StoppedVehicle,
     StoppedVehicles,
     stopped_key,
 )
 from tests.dispatcher_daemon.service.feeds.states import health as rsu_health
+from tests.dispatcher_daemon.service.feeds.states import state
 
 NOW_NS = 1_800_000_000_000_000_000
 SILENT_S = 5.0
@@ -35,6 +34,7 @@ class Roadside:
         self.now_s = 0.0
         self.refused: list[InputError] = []
         self.healths: dict[str, tuple[int, RsuHealth]] = {}
+        self.states: list[SegmentState] = []
         self.watch = RoadsideWatch(
             demo.network,
             rsus,
@@ -42,6 +42,7 @@ class Roadside:
             lambda: self.healths,
             self.refused.append,
             lambda: self.now_ns,
+            lambda: self.states,
         )
 
     @property
@@ -52,6 +53,11 @@ class Roadside:
         """A health comes in."""
         health = rsu_health(rsu, **{"time_ns": self.now_ns, "source": "rtsp://a", **changes})
         self.healths[rsu] = self.now_ns, health
+
+    def know(self, reason: str = "uncertain") -> None:
+        """A state of a road comes in; unknown for a reason."""
+        known = state(y_e=None, reason=reason, rsu="a")
+        self.states = [replace(known, time_ns=self.now_ns)]
 
     def see(self, *stopped_s: float, segment: str = "avenue_east", y_e: int | None = 1) -> None:
         """Vehicles stand since some seconds ago."""
@@ -102,13 +108,51 @@ def test_a_listed_rsu_that_never_came(demo: RoutingProblem) -> None:
     """It is missed soon after the start, and for ever."""
     roadside = Roadside(demo, {"a": ("avenue_east",), "b": ("avenue_west",)})
     roadside.hear("a")
+    roadside.know()
     assert roadside.kinds() == []
     roadside.now_s = STARTED_S + 1
     roadside.hear("a")
+    roadside.know()
     (only,) = roadside.watch.conditions((), roadside.now_s)
     assert (only.kind, only.subject, only.since_ns) == ("rsu_silent", "rsu/b", NOW_NS)
     roadside.now_s += 2 * 86_400.0
-    assert [c.subject for c in roadside.watch.conditions((), 0.0)] == ["rsu/b", "rsu/a"]
+    told = [c.subject for c in roadside.watch.conditions((), 0.0)]
+    assert told == ["dispatcher", "rsu/b", "rsu/a"]
+
+
+def test_no_listed_rsu_sees_its_road(demo: RoutingProblem) -> None:
+    """It is awaited after a start, and an alarm at once where states were there; one without a
+    picture sees nothing, one that knows too little does.
+    """
+    roadside = Roadside(demo, {"a": ("avenue_east",), "b": ("avenue_west",)})
+
+    def lost() -> list[bool]:
+        found = [c for c in roadside.watch.conditions((), 0.0) if c.kind == "rsus_lost"]
+        assert all("(a, b)" in one.text for one in found)
+        return [one.awaited for one in found]
+
+    assert lost() == [True]
+    roadside.know("too_few_vehicles")
+    assert lost() == []
+    roadside.know("stale")
+    assert lost() == [False]
+    roadside.know()
+    roadside.now_s = SILENT_S + 0.1
+    assert lost() == [False]
+    roadside = Roadside(demo, {"a": ("avenue_east",), "b": ("avenue_west",)})
+    roadside.now_s = STARTED_S
+    roadside.know("no_frames")
+    assert lost() == [True]
+    roadside.now_s += 0.1
+    assert lost() == [False]
+
+
+@pytest.mark.parametrize("rsus", [None, {}])
+def test_where_no_rsu_is_configured_none_is_lost(demo: RoutingProblem, rsus: Any) -> None:
+    """However long none is heard."""
+    roadside = Roadside(demo, rsus)
+    roadside.now_s = 10 * STARTED_S
+    assert roadside.kinds() == []
 
 
 @pytest.mark.parametrize(

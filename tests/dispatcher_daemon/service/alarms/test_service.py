@@ -7,7 +7,15 @@ from typing import Any
 
 import pytest
 
-from dispatcher_daemon.service.alarms import KINDS, ServiceFacts, service_conditions
+from dispatcher_daemon.service.alarms import (
+    CHECKS,
+    KINDS,
+    Condition,
+    ServiceFacts,
+    service_conditions,
+    unmet,
+)
+from dispatcher_daemon.service.alarms.service import DISK_EMPTY_BYTES, UNANSWERED
 from dispatcher_daemon.service.dispatcher.reports import failed_report
 from slipstream.messages import CycleReport, HardwareHealth, SolverReport
 from storage import Room
@@ -99,3 +107,28 @@ def test_a_cycle_that_could_not_be_stored_is_one_alarm() -> None:
     """The database's."""
     facts = replace(WELL, cycle=failed_report(8, 5, 1.0, "not stored"), storage_fault="not stored")
     assert [found.kind for found in service_conditions(facts)] == ["database_fault"]
+
+
+def test_what_is_critical_is_what_the_dispatcher_is_not_ready_for() -> None:
+    """Each kind that may be critical has a check; lesser ones and what is only awaited do not
+    count.
+    """
+    assert all(kind.check for kind in KINDS.values() if kind.severity == "critical")
+    assert set(CHECKS) == {"rsus", "vehicles", "cycle", "bus", "database", "solvers"}
+    full = Room(10**6, int(DISK_EMPTY_BYTES) - 1)
+    facts = replace(WELL, solver_fault="no solver works", room=full, storage_fault="disk is full")
+    found = unmet(service_conditions(facts))
+    assert found == {
+        "solvers": "no solver works",
+        "database": "disk is full; 200 MB are left on the disk of the database",
+    }
+    assert unmet(service_conditions(replace(WELL, room=Room(10**6, 999_000_000)))) == {}
+    assert unmet([Condition("fleet_lost", "dispatcher", "none yet", awaited=True)]) == {}
+
+
+@pytest.mark.parametrize(("cycles", "severity"), [(UNANSWERED - 1, None), (UNANSWERED, "critical")])
+def test_solvers_that_never_answer(cycles: int, severity: str | None) -> None:
+    """One cycle may be too short; several in a row are no working solver."""
+    late = cycle(status="baseline", reason="no answer", solvers=(run("timeout"), run("failed")))
+    found = service_conditions(replace(WELL, cycle=late, unanswered=cycles))
+    assert [c.severity for c in found if c.kind == "baseline_only"] == [severity]

@@ -44,6 +44,14 @@ def test_readiness_names_each_condition(serve: Callable[..., Api]) -> None:
     }
 
 
+def test_readiness_says_what_is_awaited(serve: Callable[..., Api]) -> None:
+    """Just after the start it is no reason for 503."""
+    api = serve(checks={"rsus": lambda: None}, awaited=lambda: {"rsus": "none heard yet"})
+    answer = api.get("/readyz")
+    assert answer.status == 200
+    assert answer.json["checks"] == {"rsus": {"ok": True, "detail": "none heard yet"}}
+
+
 def test_metrics_are_the_process_own(serve: Callable[..., Api]) -> None:
     """The page is what the metrics port serves."""
     answer = serve().get("/metrics")

@@ -115,7 +115,7 @@ def test_a_dispatcher_turns_states_into_plans_serves_them_and_ends_in_time(
     with _dispatcher(tmp_path, router.endpoint, port) as process:
         _until(lambda: _ask(port, "/readyz")[0] == 200, process)
         assert set(_ask(port, "/readyz")[1]["checks"]) == {
-            *("database", "bus", "network", "cycle", "solvers")
+            *("database", "bus", "network", "cycle", "solvers", "rsus", "vehicles")
         }
         _until(is_calm, process)
         found = last()

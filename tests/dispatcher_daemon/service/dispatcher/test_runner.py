@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 
+from dispatcher_daemon.fleet import Fleet
+from dispatcher_daemon.fleet.tracking import idle_text
 from dispatcher_daemon.forms.problem import RoutingProblem, routing_problem
 from dispatcher_daemon.service.dispatcher import CycleRunner, PlanDelivery, Surroundings
 from dispatcher_daemon.service.fleet_watch import FleetWatch
@@ -64,3 +67,26 @@ def test_a_fault_of_planning_is_stored_and_handed_over(demo: RoutingProblem) -> 
         assert outcome.stored is not None
         assert (outcome.stored.cycle, outcome.stored.status) == (number, "failed")
         assert outcome.stored.reason == "RuntimeError: no roads"
+
+
+def test_what_keeps_idle_vehicles_is_told_of_each_order(demo: RoutingProblem) -> None:
+    """A cycle that leaves orders and vehicles over is no plain "ok"."""
+    stops = tuple(s.model_copy(update={"latest_s": 1.0}) for s in demo.fleet.stops)
+    hurried = replace(demo, fleet=Fleet(**demo.fleet.parts | {"stops": stops}))
+    runner = alone(hurried, Log(), lambda now_ns: traffic_by(SETTINGS, demo.network, [], now_ns))
+    report = runner.run(NOW_NS).planned.report
+    assert {one.stop for one in report.unserved} == {stop.id for stop in stops}
+    for one in report.unserved:
+        _, _, told = one.reason.partition("; idle: ")
+        assert all(vehicle.id in told for vehicle in demo.fleet.vehicles), one.reason
+        assert "there at" in told
+
+
+def test_vehicles_with_the_same_obstacle_stand_together() -> None:
+    """However many there are, the text stays short."""
+    assert idle_text({}) == ""
+    some = idle_text({"a": "silent", "b": "lacks cold", "c": "silent"})
+    assert some == "; idle: a, c: silent; b: lacks cold"
+    many = idle_text({f"v{n}": f"there at {n % 9} s" for n in range(900)})
+    assert many.count("and 95 more: there at") == 5
+    assert many.endswith("; 400 more: other reasons")
