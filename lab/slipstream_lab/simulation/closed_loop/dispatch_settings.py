@@ -7,6 +7,7 @@ from typing import Final
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
 from dispatcher_daemon.solvers import ExactSolver, configured_solvers
 from dispatcher_daemon.solvers.workers import Solve, solve_in_process
+from slipstream_lab.simulation.closed_loop.policy import Policy
 
 DEFAULT_TIME_WORTH_KW: Final = 10.0
 """Value of driving time in a city at the limit; see `history_file.time_worth_kw`."""
@@ -50,6 +51,24 @@ def evaluation_settings(solver: str = "exact") -> DispatcherSettings:
         solvers=("exact",),
         city=city,
     )
+
+
+def installed_settings(policy: Policy, seed: int) -> DispatcherSettings:
+    """An installation's default settings, signals' priority by the policy. Alone the clock ends no
+    search, so that a day is the same again; vehicles leave `deadline_s` of an installation after a
+    cycle begins all the same.
+    """
+    settings = DispatcherSettings(seed=seed)
+    city, advice = settings.city, settings.advice
+    search = city.search.model_copy(update={"time_limit_s": _AMPLE_S})
+    unhurried = {"search": search, "block_deadline_s": _AMPLE_S}
+    asked = {"signal_priority": "priority" in policy.levers}
+    changed = {
+        "deadline_s": _AMPLE_S,
+        "city": city.model_copy(update=unhurried),
+        "advice": advice.model_copy(update=asked),
+    }
+    return settings.model_copy(update=changed)
 
 
 def evaluation_solve(settings: DispatcherSettings | None = None) -> Solve:

@@ -29,6 +29,7 @@ from slipstream_lab.simulation.closed_loop.dispatch_settings import (
     DEFAULT_TIME_WORTH_KW,
     evaluation_settings,
     evaluation_solve,
+    installed_settings,
 )
 from slipstream_lab.simulation.closed_loop.gates import WINDOW_S, SimulatedRoadside
 from slipstream_lab.simulation.closed_loop.history_file import time_worth_kw
@@ -64,8 +65,16 @@ class Dispatching:
         self._deliveries, self._network, self._roadside = deliveries, network, roadside
         self._policy = policy
         history = history if "routes" in policy.levers else None
-        worth_kw = 0.0 if history is None else time_worth_kw(history, network)
-        self._settings = settings = settings_of(policy, worth_kw, prices, seed)
+        if policy.installed:
+            settings = installed_settings(policy, seed)
+            self.interval_s, delay_s = settings.interval_s, DispatcherSettings().deadline_s
+            learning = None
+        else:
+            worth_kw = 0.0 if history is None else time_worth_kw(history, network)
+            settings = settings_of(policy, worth_kw, prices, seed)
+            self.interval_s, delay_s = deliveries.settings.cycle_s, 0.0
+            learning = _AnotherDay(history, network)
+        self._settings = settings
         self._now_ns = 0
         self._over: Collection[str] = ()
         self._sent = _Sent(send)
@@ -75,7 +84,8 @@ class Dispatching:
             0,
             lambda: self._now_ns,
             _refuse,
-            learning=_AnotherDay(history, network),
+            settings.orders.plan_ahead_s,
+            learning,
         )
         self._delivery = PlanDelivery(self._sent, _Store(database), self._watch)
         self._runner = CycleRunner(
@@ -89,7 +99,7 @@ class Dispatching:
                 evaluation_solve(settings),
                 executor,
             ),
-            reference_delay_s=0.0,
+            reference_delay_s=delay_s,
             # Its problem is the policy's, which settings do not say all of.
             keep_inputs=False,
         )
@@ -142,7 +152,9 @@ class Dispatching:
     def _listed(self, now_ns: int) -> Fleet | None:
         now_s = now_ns / 1e9
         everybody = dict.fromkeys(self._deliveries.vehicles, now_s)
-        return fleet_at(self._deliveries, now_s, everybody, self._over)
+        # Times count from when vehicles may leave; what is ordered until then is not known yet.
+        to_come = [one.id for one in self._deliveries.orders if 1e9 * one.release_s > self._now_ns]
+        return fleet_at(self._deliveries, now_s, everybody, {*self._over, *to_come})
 
     def snapshot(self, now_ns: int) -> TrafficSnapshot:
         """The traffic as the dispatcher knows it; all gates closed where it may not platoon."""
@@ -242,11 +254,11 @@ def settings_of(
         coasting_budget=policy.coasting_budget if "coasting" in levers else 0.0,
         signal_priority="priority" in levers,
         departure_window_s=DEPARTURE_WINDOW_S if "departures" in levers else 0.0,
-        value_of_time_kw=worth_kw,
     )
+    # Without the lever "routes" they are those of agents' departures alone.
     prices = PriceSettings(
         energy_kwh=1.0,
-        driving_hour=time_worth_kw,
+        driving_hour=worth_kw,
         waiting_hour=worth_kw if waiting.waiting_kw is None else waiting.waiting_kw,
         standing_hour=waiting.standing_kw,
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from dispatcher_daemon.settings import AdviceSettings
 from slipstream.errors import InputError
 from slipstream_lab.simulation.closed_loop.policy import (
     LEVERS,
@@ -11,6 +12,7 @@ from slipstream_lab.simulation.closed_loop.policy import (
     Gating,
     Lever,
     Policy,
+    installed_levers,
 )
 
 SHORTEST: Final = "A"
@@ -25,6 +27,11 @@ NOISES: Final = (0.1, 0.2, 0.3)
 
 EXOGENOUS: Final = "exogenous"
 """Asks for the paper's kind of evaluation too: `slipstream_lab.simulation.evaluation.exogenous`."""
+
+INSTALLED: Final = "installed"
+"""The dispatcher with the settings that an installation has by default."""
+INSTALLED_PRIORITY: Final = "installed+"
+"""The same with signal priority."""
 
 QUANTUM: Final = "C-lc-qaoa"
 """The cooperative arm with circuits for blocks. Slow: only by its name, in no selection."""
@@ -57,6 +64,10 @@ def noisy(noise: float) -> str:
     return COOPERATIVE if noise == 0 else f"{COOPERATIVE}-noise-{round(100 * noise)}"
 
 
+def _installed(name: str, advice: AdviceSettings) -> Policy:
+    return Policy(name, installed_levers(advice), installed=True)
+
+
 def _policies() -> tuple[Policy, ...]:
     every = frozenset(LEVERS)
     return (
@@ -65,6 +76,8 @@ def _policies() -> tuple[Policy, ...]:
         *(Policy(paced(pace), pace=pace) for pace in PACES),
         Policy(COOPERATIVE, WITHOUT_PRIORITY),
         Policy(EVERY_LEVER, every),
+        _installed(INSTALLED, AdviceSettings()),
+        _installed(INSTALLED_PRIORITY, AdviceSettings(signal_priority=True)),
         *(Policy(only(lever), frozenset({lever})) for lever in LEVERS),
         *(Policy(without(lever), every - {lever}) for lever in LEVERS if lever != "priority"),
         *(Policy(gated(gating), WITHOUT_PRIORITY, gating=gating) for gating in _GATINGS),
@@ -82,6 +95,7 @@ _LEVERS: Final = (EVERY_LEVER, *map(only, LEVERS), *map(without, LEVERS))
 SELECTIONS: Final[dict[str, tuple[str, ...]]] = {
     "all": tuple(name for name in POLICIES if name != QUANTUM),
     "main": (SHORTEST, *_COMMON, EVERY_LEVER),
+    "installed": (BASELINE, *map(paced, PACES), INSTALLED, INSTALLED_PRIORITY),
     "levers": (*_COMMON, *_LEVERS),
     "gating": (*_COMMON, *map(gated, _GATINGS)),
     "noise": (*_COMMON, *map(noisy, NOISES)),

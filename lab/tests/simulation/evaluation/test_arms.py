@@ -7,6 +7,8 @@ import pytest
 from slipstream.errors import InputError
 from slipstream_lab.simulation.closed_loop.policy import LEVERS
 from slipstream_lab.simulation.evaluation.arms import (
+    INSTALLED,
+    INSTALLED_PRIORITY,
     POLICIES,
     QUANTUM,
     SELECTIONS,
@@ -37,6 +39,17 @@ def test_arms_that_are_compared_differ_in_one_thing_only() -> None:
             assert changes.count(True) == 1
         if policy.pace != 1:
             assert (policy.levers, policy.search) == (base.levers, base.search)
+
+
+def test_installed_arms_have_the_levers_of_an_installation() -> None:
+    """Eco-approach, coasting and platoons by default, and signals asked by the one switch."""
+    installed, priority = POLICIES[INSTALLED], POLICIES[INSTALLED_PRIORITY]
+    assert installed.levers == {"platoons", "eco_approach", "coasting"}
+    assert priority.levers == installed.levers | {"priority"}
+    assert {name for name, policy in POLICIES.items() if policy.installed} == {
+        INSTALLED,
+        INSTALLED_PRIORITY,
+    }
 
 
 def test_selections_and_names_mix_in_the_order_of_the_tables() -> None:
