@@ -12,7 +12,7 @@ from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.fleet.learning import HOUR_NS, History, Learned, Learning
 from dispatcher_daemon.forms import RoutingProblem, routing_problem
 from dispatcher_daemon.service.dispatcher import CycleRunner, FleetWatch, PlanDelivery, Surroundings
-from dispatcher_daemon.settings import AdviceSettings, DispatcherSettings
+from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.traffic import TrafficSnapshot, take_snapshot
 from slipstream.errors import InputError
 from slipstream.messages import (
@@ -27,6 +27,7 @@ from slipstream.prices import PriceSettings
 from slipstream.roads import RoadNetwork
 from slipstream_lab.simulation.closed_loop.dispatch_settings import (
     DEFAULT_TIME_WORTH_KW,
+    advice_of,
     evaluation_settings,
     evaluation_solve,
     installed_settings,
@@ -38,7 +39,6 @@ from slipstream_lab.simulation.closed_loop.policy import AS_DRIVING, Policy, Wai
 from slipstream_lab.simulation.closed_loop.record import LoopCycleRecord
 from slipstream_lab.simulation.scenarios.demand import Deliveries, fleet_at
 from storage import Database, StorageError
-from vehicle_agent.signals import DEPARTURE_WINDOW_S
 
 
 class Dispatching:
@@ -247,14 +247,7 @@ def settings_of(
     """The dispatcher's settings in an arm; without the lever "routes" vans are routed as the paper
     routes them, by an objective in which time has no price.
     """
-    levers = policy.levers
     worth_kw = time_worth_kw or DEFAULT_TIME_WORTH_KW
-    advice = AdviceSettings(
-        eco_approach="eco_approach" in levers,
-        coasting_budget=policy.coasting_budget if "coasting" in levers else 0.0,
-        signal_priority="priority" in levers,
-        departure_window_s=DEPARTURE_WINDOW_S if "departures" in levers else 0.0,
-    )
     # Without the lever "routes" they are those of agents' departures alone.
     prices = PriceSettings(
         energy_kwh=1.0,
@@ -262,8 +255,8 @@ def settings_of(
         waiting_hour=worth_kw if waiting.waiting_kw is None else waiting.waiting_kw,
         standing_hour=waiting.standing_kw,
     )
-    objective = "energy" if "routes" in levers else "paper"
-    changed = {"advice": advice, "prices": prices, "objective": objective, "seed": seed}
+    objective = "energy" if "routes" in policy.levers else "paper"
+    changed = {"advice": advice_of(policy), "prices": prices, "objective": objective, "seed": seed}
     return evaluation_settings(policy.solver).model_copy(update=changed)
 
 

@@ -68,8 +68,8 @@ class Policy:
         noise: the paper's, on the six features: each times 1 + noise · N(0, 1).
         pace: the fleet's desired speed over the limit, in every arm 1 but in those that the
             baseline is slowed or hurried in to compare at equal travel time.
-        installed: whether its dispatcher is set as an installation's is by default; `levers` are
-            then those of `installed_levers`.
+        installed: whether its dispatcher is set as an installation's is by default, which has
+            `installed_levers`.
     """
 
     name: str

@@ -32,6 +32,8 @@ INSTALLED: Final = "installed"
 """The dispatcher with the settings that an installation has by default."""
 INSTALLED_PRIORITY: Final = "installed+"
 """The same with signal priority."""
+INSTALLED_OFF: Final = "installed-off"
+"""The same dispatcher without advice and platoons: what dispatching alone makes of B."""
 
 QUANTUM: Final = "C-lc-qaoa"
 """The cooperative arm with circuits for blocks. Slow: only by its name, in no selection."""
@@ -76,6 +78,7 @@ def _policies() -> tuple[Policy, ...]:
         *(Policy(paced(pace), pace=pace) for pace in PACES),
         Policy(COOPERATIVE, WITHOUT_PRIORITY),
         Policy(EVERY_LEVER, every),
+        Policy(INSTALLED_OFF, installed=True),
         _installed(INSTALLED, AdviceSettings()),
         _installed(INSTALLED_PRIORITY, AdviceSettings(signal_priority=True)),
         *(Policy(only(lever), frozenset({lever})) for lever in LEVERS),
@@ -89,13 +92,13 @@ def _policies() -> tuple[Policy, ...]:
 POLICIES: Final = {policy.name: policy for policy in _policies()}
 """Every arm by its name, in the order of the tables."""
 
+_INSTALLED: Final = (INSTALLED_OFF, INSTALLED, INSTALLED_PRIORITY)
 _COMMON: Final = (BASELINE, *map(paced, PACES), COOPERATIVE)
 _LEVERS: Final = (EVERY_LEVER, *map(only, LEVERS), *map(without, LEVERS))
 
 SELECTIONS: Final[dict[str, tuple[str, ...]]] = {
     "all": tuple(name for name in POLICIES if name != QUANTUM),
-    "main": (SHORTEST, *_COMMON, EVERY_LEVER),
-    "installed": (BASELINE, *map(paced, PACES), INSTALLED, INSTALLED_PRIORITY),
+    "main": (SHORTEST, *_COMMON, EVERY_LEVER, *_INSTALLED),
     "levers": (*_COMMON, *_LEVERS),
     "gating": (*_COMMON, *map(gated, _GATINGS)),
     "noise": (*_COMMON, *map(noisy, NOISES)),

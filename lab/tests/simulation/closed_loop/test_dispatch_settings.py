@@ -92,7 +92,9 @@ def test_what_waiting_costs_reaches_the_problem(
 
 @pytest.mark.parametrize("name", [INSTALLED, INSTALLED_PRIORITY])
 def test_an_installed_arm_is_set_as_an_installation(name: str) -> None:
-    """Key by key, but for the clock that ends searches, the seed, and the priority asked for."""
+    """Key by key, but for the clock that ends searches, circuits beside the exact solver, the seed,
+    and the priority asked for.
+    """
     own, default = (
         settings.model_dump()
         for settings in (installed_settings(POLICIES[name], 7), DispatcherSettings())
@@ -104,8 +106,9 @@ def test_an_installed_arm_is_set_as_an_installation(name: str) -> None:
         if own.get(path) != default.get(path)
     }
     clocks = ["city.block_deadline_s", "city.search.time_limit_s", "deadline_s"]
-    assert sorted(differ.keys() - {"advice.signal_priority"}) == [*clocks, "seed"]
+    assert sorted(differ.keys() - {"advice.signal_priority"}) == [*clocks, "seed", "solvers"]
     assert all(longer > usual for longer, usual in map(differ.__getitem__, clocks))
+    assert set(differ["solvers"][0]) < set(differ["solvers"][1])
     priority = {"advice.signal_priority": (True, False)} if name == INSTALLED_PRIORITY else {}
     assert {k: v for k, v in differ.items() if k.startswith("advice")} == priority
 
