@@ -20,19 +20,38 @@ from dispatcher_daemon.settings.solvers import (
 from dispatcher_daemon.settings.tuned import TunedSettings
 from slipstream.config import BusSettings, ServiceSettings, Settings
 from slipstream.freshness import STALE_AFTER_S
-from slipstream.messages import DrivingAdvice, NonNegative
+from slipstream.messages import DrivingAdvice
 from slipstream.prices import PriceSettings
 from slipstream.roads.admission import Rsus
 from slipstream.spacing import ADVISED_GAP_M
 
 
-class AdviceSettings(DrivingAdvice):
+class AdviceSettings(Settings):
     """Advice in plans for signals, turns and stops (``[advice]``)."""
 
-    value_of_time_kw: NonNegative | None = Field(  # type: ignore[assignment]
-        default=None,
-        description="Price of the time until it arrives, by which that second is chosen, kWh an "
-        "hour. Not given: as driving costs, `prices.driving_hour` / `prices.energy_kwh`.",
+    eco_approach: bool = Field(
+        default=True, description="Time the approach to signals by what their RSU broadcasts."
+    )
+    coasting_budget: float = Field(
+        default=0.06,
+        ge=0,
+        le=0.5,
+        allow_inf_nan=False,
+        description="Share of a leg's planned time that coasting to turns and stops may add; 0: no "
+        "coasting.",
+    )
+    signal_priority: bool = Field(
+        default=False,
+        description="Ask signals for green. Needs the city: its signals answer requests where it "
+        "grants them.",
+    )
+    departure_window_s: float = Field(
+        default=0.0,
+        ge=0,
+        le=600,
+        allow_inf_nan=False,
+        description="A leg driven alone may begin so much later than planned, at the second that "
+        "suits the signals best at the price of driving time, s. Nine are tried, 4 s apart.",
     )
 
 
@@ -210,11 +229,9 @@ class DispatcherSettings(TunedSettings):
 
     @property
     def priced_advice(self) -> DrivingAdvice:
-        """`advice` for plans; where it has no price of time, at that of driving time."""
-        given = self.advice.model_dump()
-        if given["value_of_time_kw"] is None:
-            given["value_of_time_kw"] = self.prices.price_of_time_kw
-        return DrivingAdvice.model_validate(given)
+        """`advice` for plans, with the price of driving time."""
+        price_kw = self.prices.price_of_time_kw
+        return DrivingAdvice(**self.advice.model_dump(), value_of_time_kw=price_kw)
 
     @model_validator(mode="after")
     def _has_effort(self) -> Self:

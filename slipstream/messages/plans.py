@@ -107,7 +107,9 @@ class PlannedStop(Model):
 
 
 class DrivingAdvice(Model):
-    """How to drive a plan's legs, beside where and when: each part a lever of its own."""
+    """How to drive a plan's legs, beside where and when: each part a lever of its own. What a plan
+    does not say is not done.
+    """
 
     eco_approach: bool = Field(
         default=False, description="Time the approach to signals by what their RSU broadcasts."
@@ -124,10 +126,17 @@ class DrivingAdvice(Model):
         description="A leg driven alone may begin so much later than planned, at the second that "
         "suits the signals best, s. Nine are tried, 4 s apart.",
     )
-    value_of_time_kw: NonNegative = Field(
-        default=10.0,
-        description="Price of the time until it arrives, by which that second is chosen.",
+    value_of_time_kw: NonNegative | None = Field(
+        default=None,
+        description="Price of the time until it arrives, by which that second is chosen, kWh an "
+        "hour; a plan with a departure window has one.",
     )
+
+    @model_validator(mode="after")
+    def _window_has_a_price(self) -> Self:
+        if self.departure_window_s > 0 and self.value_of_time_kw is None:
+            raise ValueError("departure_window_s needs value_of_time_kw")
+        return self
 
 
 class VehiclePlan(Model):

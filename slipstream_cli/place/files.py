@@ -106,6 +106,8 @@ def files_of(site: PlaceSite) -> dict[str, str]:
                 "state": folder / "agents",
             }
         },
+        # At its defaults, each key with its meaning: signal priority is for the city to allow.
+        dispatcher={"advice": {}},
         metrics_ports=METRICS_PORTS,
     )
     check(fleet, Fleet, "fleet.toml")

@@ -51,10 +51,11 @@ class LegDeparture:
         return self._decided[1]
 
     def _choose(self, leg: Leg, advice: DrivingAdvice, now_ns: int, slack_ns: int) -> int:
-        window_s = min(advice.departure_window_s, slack_ns / 1e9)
-        if window_s <= 0 or any(segment.platoon is not None for segment in leg.planned):
+        window_s, price_kw = min(advice.departure_window_s, slack_ns / 1e9), advice.value_of_time_kw
+        planned = any(segment.platoon is not None for segment in leg.planned)
+        if window_s <= 0 or price_kw is None or planned:
             return now_ns
-        now_s, value_w = now_ns / 1e9, 1000 * advice.value_of_time_kw
+        now_s, value_w = now_ns / 1e9, 1000 * price_kw
         return round(self.best_s(leg, now_s, now_s + window_s, value_w) * 1e9)
 
     def best_s(self, leg: Leg, now_s: float, latest_s: float, value_of_time_w: float) -> float:

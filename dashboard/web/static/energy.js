@@ -53,6 +53,7 @@ export class EnergyPanel {
       h("div.sums", {}, [["today", "Today"], ["week", "This week"], ["total", "Since the start"]].map(([key, title]) => h("section", {},
         h("h3", {}, title, key === "total" && energy?.since ? h("span.muted", {}, `, ${f.date(energy.since)}`) : null),
         energy?.[key] ? energyParts(energy[key], f) : h("p.empty", {}, "No plan has been driven yet.")))),
+      h("p.muted", {}, "Counted of plans. What vehicles save by their advice (approach to signals, coasting, priority) is not in it."),
       energy?.last_cycle ? h("section", {}, h("h3", {}, "The last cycle's plans, not driven yet"), energyParts(energy.last_cycle, f, true)) : null,
       this._charts(),
       this._report()));

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import pytest
+from pydantic import ValidationError
 
 from dashboard.settings import DashboardSettings
 from dispatcher_daemon.settings import AdviceSettings, DispatcherSettings
@@ -50,24 +51,44 @@ def test_bad_settings_are_named(data: dict[str, object], part: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_advice_has_the_price_of_driving_unless_it_has_its_own() -> None:
+def test_advice_has_the_price_of_driving() -> None:
     """Departure seconds are chosen by the same price of time as routes."""
     prices = PriceSettings(energy_kwh=0.25, driving_hour=5.0)
-    advice = AdviceSettings(departure_window_s=32.0)
+    advice = AdviceSettings(eco_approach=False, coasting_budget=0.0, departure_window_s=32.0)
     priced = DispatcherSettings(prices=prices, advice=advice).priced_advice
     assert priced == DrivingAdvice(departure_window_s=32.0, value_of_time_kw=20.0)
-    own = AdviceSettings(value_of_time_kw=10.0)
-    priced = DispatcherSettings(prices=prices, advice=own).priced_advice
-    assert priced == DrivingAdvice(value_of_time_kw=10.0)
+
+
+def test_what_saves_without_a_city_is_on_by_default() -> None:
+    """Eco-approach and coasting are; signals are asked by one key; no departure waits. A plan that
+    says nothing of it has none.
+    """
+    assert DispatcherSettings().priced_advice == DrivingAdvice(
+        eco_approach=True, coasting_budget=0.06, value_of_time_kw=2.0
+    )
+    data = {"advice": {"signal_priority": True}}
+    assert check(data, DispatcherSettings, "site.toml").priced_advice == DrivingAdvice(
+        eco_approach=True, coasting_budget=0.06, signal_priority=True, value_of_time_kw=2.0
+    )
+    said_nothing = DrivingAdvice()
+    assert not said_nothing.eco_approach
+    assert (said_nothing.coasting_budget, said_nothing.value_of_time_kw) == (0.0, None)
+
+
+def test_a_window_without_a_price_is_refused() -> None:
+    """Nobody guesses what a second costs."""
+    with pytest.raises(ValidationError, match="departure_window_s needs value_of_time_kw"):
+        DrivingAdvice(departure_window_s=32.0)
 
 
 def test_a_printed_default_is_the_one_in_force() -> None:
-    """No price of time is printed, as it is that of driving: none that the daemon never takes."""
+    """All but the price of time, which is that of driving."""
     printed = {key.path: key.default for part in sections(DispatcherSettings) for key in part.keys}
     in_force = DispatcherSettings().priced_advice.model_dump()
-    assert printed["advice.value_of_time_kw"] == "–"
-    for name in in_force.keys() - {"value_of_time_kw"}:
-        assert printed[f"advice.{name}"].strip("`") == str(in_force[name]).lower()
+    of_advice = {path for path in printed if path.startswith("advice.")}
+    assert of_advice == {f"advice.{name}" for name in in_force.keys() - {"value_of_time_kw"}}
+    for path in of_advice:
+        assert printed[path].strip("`") == str(in_force[path.removeprefix("advice.")]).lower()
 
 
 def test_a_kilowatt_hour_has_one_price() -> None:

@@ -156,13 +156,10 @@ def place_of_demo(
 
 def _of_town() -> dict[str, object]:
     """Settings of its dispatcher."""
-    from slipstream_lab.simulation.closed_loop.policy import Policy
-
     return {
         "form": "route",
         # Two thirds less time than the default, and half of the samples valid: decision 292.
         "lc_qaoa": {"variant": "one-hot", "layers": 1, "iterations": 20, "shots": 512},
-        "advice": {"coasting_budget": Policy("town").coasting_budget},
     }
 
 

@@ -24,7 +24,6 @@ def place_of_world(
 ) -> SiteSpec:
     """What the world's site.toml says."""
     from slipstream_lab.simulation.closed_loop.gates import WINDOW_S
-    from slipstream_lab.simulation.closed_loop.policy import Policy
 
     keep_s = {rsu.id: rsu.keep_s for rsu in order.rsus}
     return SiteSpec(
@@ -54,10 +53,6 @@ def place_of_world(
             "deadline_s": min(10.0, interval_s / 2),
             "form": "route",
             "solvers": ["exact"],
-            "advice": {
-                "eco_approach": True,
-                "coasting_budget": Policy("live").coasting_budget,
-                "signal_priority": order.priority,
-            },
+            **({"advice": {"signal_priority": True}} if order.priority else {}),
         },
     )

@@ -188,7 +188,7 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
                 if "platoons" in policy.levers and roadside.states is not states:
                     states = roadside.states
                     exchange.send_states(roadside.told)
-                if now_s % deliveries.settings.cycle_s == 0:
+                if now_s % dispatching.interval_s == 0:
                     dispatching.cycle(now_s, over.union(world.begun_s))
                 if now_s % CHECK_S == 0 and now_s > order.begin_s:
                     report_time(now_s)

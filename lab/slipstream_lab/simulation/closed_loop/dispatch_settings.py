@@ -4,9 +4,16 @@ from __future__ import annotations
 
 from typing import Final
 
-from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
-from dispatcher_daemon.solvers import ExactSolver, configured_solvers
+from dispatcher_daemon.settings import (
+    AdviceSettings,
+    CitySettings,
+    DispatcherSettings,
+    SearchSettings,
+)
+from dispatcher_daemon.solvers import BASELINE_SOLVER, ExactSolver, configured_solvers
 from dispatcher_daemon.solvers.workers import Solve, solve_in_process
+from slipstream_lab.simulation.closed_loop.policy import Policy
+from vehicle_agent.signals import DEPARTURE_WINDOW_S
 
 DEFAULT_TIME_WORTH_KW: Final = 10.0
 """Value of driving time in a city at the limit; see `history_file.time_worth_kw`."""
@@ -49,6 +56,37 @@ def evaluation_settings(solver: str = "exact") -> DispatcherSettings:
         form="route",
         solvers=("exact",),
         city=city,
+    )
+
+
+def installed_settings(policy: Policy, seed: int) -> DispatcherSettings:
+    """An installation's default settings, with the advice that the policy has.
+
+    But the clock ends no search, so that a day is the same again, and no circuits run beside the
+    exact solver, whose answer to a block none of theirs is better than. Vehicles leave `deadline_s`
+    of an installation after a cycle begins all the same.
+    """
+    settings = DispatcherSettings(seed=seed)
+    city = settings.city
+    search = city.search.model_copy(update={"time_limit_s": _AMPLE_S})
+    unhurried = {"search": search, "block_deadline_s": _AMPLE_S}
+    changed = {
+        "deadline_s": _AMPLE_S,
+        "solvers": (BASELINE_SOLVER,),
+        "city": city.model_copy(update=unhurried),
+        "advice": advice_of(policy),
+    }
+    return settings.model_copy(update=changed)
+
+
+def advice_of(policy: Policy) -> AdviceSettings:
+    """The advice in an arm's plans."""
+    levers = policy.levers
+    return AdviceSettings(
+        eco_approach="eco_approach" in levers,
+        coasting_budget=policy.coasting_budget if "coasting" in levers else 0.0,
+        signal_priority="priority" in levers,
+        departure_window_s=DEPARTURE_WINDOW_S if "departures" in levers else 0.0,
     )
 
 

@@ -12,7 +12,7 @@ from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.fleet.learning import HOUR_NS, History, Learned, Learning
 from dispatcher_daemon.forms import RoutingProblem, routing_problem
 from dispatcher_daemon.service.dispatcher import CycleRunner, FleetWatch, PlanDelivery, Surroundings
-from dispatcher_daemon.settings import AdviceSettings, DispatcherSettings
+from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.traffic import TrafficSnapshot, take_snapshot
 from slipstream.errors import InputError
 from slipstream.messages import (
@@ -27,8 +27,10 @@ from slipstream.prices import PriceSettings
 from slipstream.roads import RoadNetwork
 from slipstream_lab.simulation.closed_loop.dispatch_settings import (
     DEFAULT_TIME_WORTH_KW,
+    advice_of,
     evaluation_settings,
     evaluation_solve,
+    installed_settings,
 )
 from slipstream_lab.simulation.closed_loop.gates import WINDOW_S, SimulatedRoadside
 from slipstream_lab.simulation.closed_loop.history_file import time_worth_kw
@@ -37,7 +39,6 @@ from slipstream_lab.simulation.closed_loop.policy import AS_DRIVING, Policy, Wai
 from slipstream_lab.simulation.closed_loop.record import LoopCycleRecord
 from slipstream_lab.simulation.scenarios.demand import Deliveries, fleet_at
 from storage import Database, StorageError
-from vehicle_agent.signals import DEPARTURE_WINDOW_S
 
 
 class Dispatching:
@@ -64,8 +65,16 @@ class Dispatching:
         self._deliveries, self._network, self._roadside = deliveries, network, roadside
         self._policy = policy
         history = history if "routes" in policy.levers else None
-        worth_kw = 0.0 if history is None else time_worth_kw(history, network)
-        self._settings = settings = settings_of(policy, worth_kw, prices, seed)
+        if policy.installed:
+            settings = installed_settings(policy, seed)
+            self.interval_s, delay_s = settings.interval_s, DispatcherSettings().deadline_s
+            learning = None
+        else:
+            worth_kw = 0.0 if history is None else time_worth_kw(history, network)
+            settings = settings_of(policy, worth_kw, prices, seed)
+            self.interval_s, delay_s = deliveries.settings.cycle_s, 0.0
+            learning = _AnotherDay(history, network)
+        self._settings = settings
         self._now_ns = 0
         self._over: Collection[str] = ()
         self._sent = _Sent(send)
@@ -75,7 +84,8 @@ class Dispatching:
             0,
             lambda: self._now_ns,
             _refuse,
-            learning=_AnotherDay(history, network),
+            settings.orders.plan_ahead_s,
+            learning,
         )
         self._delivery = PlanDelivery(self._sent, _Store(database), self._watch)
         self._runner = CycleRunner(
@@ -89,7 +99,7 @@ class Dispatching:
                 evaluation_solve(settings),
                 executor,
             ),
-            reference_delay_s=0.0,
+            reference_delay_s=delay_s,
             # Its problem is the policy's, which settings do not say all of.
             keep_inputs=False,
         )
@@ -142,7 +152,9 @@ class Dispatching:
     def _listed(self, now_ns: int) -> Fleet | None:
         now_s = now_ns / 1e9
         everybody = dict.fromkeys(self._deliveries.vehicles, now_s)
-        return fleet_at(self._deliveries, now_s, everybody, self._over)
+        # Times count from when vehicles may leave; what is ordered until then is not known yet.
+        to_come = [one.id for one in self._deliveries.orders if 1e9 * one.release_s > self._now_ns]
+        return fleet_at(self._deliveries, now_s, everybody, {*self._over, *to_come})
 
     def snapshot(self, now_ns: int) -> TrafficSnapshot:
         """The traffic as the dispatcher knows it; all gates closed where it may not platoon."""
@@ -235,23 +247,16 @@ def settings_of(
     """The dispatcher's settings in an arm; without the lever "routes" vans are routed as the paper
     routes them, by an objective in which time has no price.
     """
-    levers = policy.levers
     worth_kw = time_worth_kw or DEFAULT_TIME_WORTH_KW
-    advice = AdviceSettings(
-        eco_approach="eco_approach" in levers,
-        coasting_budget=policy.coasting_budget if "coasting" in levers else 0.0,
-        signal_priority="priority" in levers,
-        departure_window_s=DEPARTURE_WINDOW_S if "departures" in levers else 0.0,
-        value_of_time_kw=worth_kw,
-    )
+    # Without the lever "routes" they are those of agents' departures alone.
     prices = PriceSettings(
         energy_kwh=1.0,
-        driving_hour=time_worth_kw,
+        driving_hour=worth_kw,
         waiting_hour=worth_kw if waiting.waiting_kw is None else waiting.waiting_kw,
         standing_hour=waiting.standing_kw,
     )
-    objective = "energy" if "routes" in levers else "paper"
-    changed = {"advice": advice, "prices": prices, "objective": objective, "seed": seed}
+    objective = "energy" if "routes" in policy.levers else "paper"
+    changed = {"advice": advice_of(policy), "prices": prices, "objective": objective, "seed": seed}
     return evaluation_settings(policy.solver).model_copy(update=changed)
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, Literal
 
+from dispatcher_daemon.settings import AdviceSettings
+
 Lever = Literal["routes", "departures", "platoons", "eco_approach", "coasting", "priority"]
 
 LEVERS: Final[tuple[Lever, ...]] = (
@@ -21,6 +23,21 @@ eco_approach: speed towards signals by their broadcast timing; coasting: rolling
 and stops, within a time budget; priority: asking signals for green."""
 
 WITHOUT_PRIORITY: Final = frozenset(LEVERS) - {"priority"}
+
+
+def installed_levers(advice: AdviceSettings) -> frozenset[Lever]:
+    """Levers of a dispatcher with this advice. It has not "routes": what roads cost beyond their
+    lengths and limits it learns on its way, not on another day.
+    """
+    has: dict[Lever, bool] = {
+        "departures": advice.departure_window_s > 0,
+        "platoons": True,
+        "eco_approach": advice.eco_approach,
+        "coasting": advice.coasting_budget > 0,
+        "priority": advice.signal_priority,
+    }
+    return frozenset(lever for lever, on in has.items() if on)
+
 
 Gating = Literal["rsu", "open", "random"]
 """Which segments platoons may form on: those that RSUs report as stable; all that are watched; as
@@ -51,6 +68,8 @@ class Policy:
         noise: the paper's, on the six features: each times 1 + noise · N(0, 1).
         pace: the fleet's desired speed over the limit, in every arm 1 but in those that the
             baseline is slowed or hurried in to compare at equal travel time.
+        installed: whether its dispatcher is set as an installation's is by default, which has
+            `installed_levers`.
     """
 
     name: str
@@ -59,5 +78,6 @@ class Policy:
     gating: Gating = "rsu"
     noise: float = 0.0
     pace: float = 1.0
-    coasting_budget: float = 0.06
+    coasting_budget: float = AdviceSettings().coasting_budget
     solver: str = "exact"
+    installed: bool = False

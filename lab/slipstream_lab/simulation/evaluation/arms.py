@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from dispatcher_daemon.settings import AdviceSettings
 from slipstream.errors import InputError
 from slipstream_lab.simulation.closed_loop.policy import (
     LEVERS,
@@ -11,6 +12,7 @@ from slipstream_lab.simulation.closed_loop.policy import (
     Gating,
     Lever,
     Policy,
+    installed_levers,
 )
 
 SHORTEST: Final = "A"
@@ -25,6 +27,13 @@ NOISES: Final = (0.1, 0.2, 0.3)
 
 EXOGENOUS: Final = "exogenous"
 """Asks for the paper's kind of evaluation too: `slipstream_lab.simulation.evaluation.exogenous`."""
+
+INSTALLED: Final = "installed"
+"""The dispatcher with the settings that an installation has by default."""
+INSTALLED_PRIORITY: Final = "installed+"
+"""The same with signal priority."""
+INSTALLED_OFF: Final = "installed-off"
+"""The same dispatcher without advice and platoons: what dispatching alone makes of B."""
 
 QUANTUM: Final = "C-lc-qaoa"
 """The cooperative arm with circuits for blocks. Slow: only by its name, in no selection."""
@@ -57,6 +66,10 @@ def noisy(noise: float) -> str:
     return COOPERATIVE if noise == 0 else f"{COOPERATIVE}-noise-{round(100 * noise)}"
 
 
+def _installed(name: str, advice: AdviceSettings) -> Policy:
+    return Policy(name, installed_levers(advice), installed=True)
+
+
 def _policies() -> tuple[Policy, ...]:
     every = frozenset(LEVERS)
     return (
@@ -65,6 +78,9 @@ def _policies() -> tuple[Policy, ...]:
         *(Policy(paced(pace), pace=pace) for pace in PACES),
         Policy(COOPERATIVE, WITHOUT_PRIORITY),
         Policy(EVERY_LEVER, every),
+        Policy(INSTALLED_OFF, installed=True),
+        _installed(INSTALLED, AdviceSettings()),
+        _installed(INSTALLED_PRIORITY, AdviceSettings(signal_priority=True)),
         *(Policy(only(lever), frozenset({lever})) for lever in LEVERS),
         *(Policy(without(lever), every - {lever}) for lever in LEVERS if lever != "priority"),
         *(Policy(gated(gating), WITHOUT_PRIORITY, gating=gating) for gating in _GATINGS),
@@ -76,12 +92,13 @@ def _policies() -> tuple[Policy, ...]:
 POLICIES: Final = {policy.name: policy for policy in _policies()}
 """Every arm by its name, in the order of the tables."""
 
+_INSTALLED: Final = (INSTALLED_OFF, INSTALLED, INSTALLED_PRIORITY)
 _COMMON: Final = (BASELINE, *map(paced, PACES), COOPERATIVE)
 _LEVERS: Final = (EVERY_LEVER, *map(only, LEVERS), *map(without, LEVERS))
 
 SELECTIONS: Final[dict[str, tuple[str, ...]]] = {
     "all": tuple(name for name in POLICIES if name != QUANTUM),
-    "main": (SHORTEST, *_COMMON, EVERY_LEVER),
+    "main": (SHORTEST, *_COMMON, EVERY_LEVER, *_INSTALLED),
     "levers": (*_COMMON, *_LEVERS),
     "gating": (*_COMMON, *map(gated, _GATINGS)),
     "noise": (*_COMMON, *map(noisy, NOISES)),

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from dispatcher_daemon.forms import routing_problem
 from dispatcher_daemon.planning.cycle.cycle import cycle_of, run_cycle
+from dispatcher_daemon.settings import DispatcherSettings
 from slipstream_lab.research.cities.generator import CityShape, generate_city
 from slipstream_lab.simulation.closed_loop.dispatch_settings import (
     DEFAULT_TIME_WORTH_KW,
     evaluation_settings,
     evaluation_solve,
+    installed_settings,
 )
 from slipstream_lab.simulation.closed_loop.dispatching import settings_of
 from slipstream_lab.simulation.closed_loop.policy import AS_DRIVING, Policy, WaitingPrices
+from slipstream_lab.simulation.evaluation.arms import INSTALLED, INSTALLED_PRIORITY, POLICIES
 from slipstream_lab.simulation.scenarios.demand import draw_deliveries, fleet_at
 from slipstream_lab.simulation.scenarios.scenario import load_scenario
 
@@ -83,5 +87,37 @@ def test_what_waiting_costs_reaches_the_problem(
     paper = settings_of(Policy("C"), 0.0, waiting, 1)
     problem = routing_problem(scenario.network, fleet, paper)
     assert (problem.objective, problem.price_of_waiting_kw) == ("paper", 0.0)
-    assert paper.advice is not None
-    assert paper.advice.value_of_time_kw == DEFAULT_TIME_WORTH_KW
+    assert paper.priced_advice.value_of_time_kw == DEFAULT_TIME_WORTH_KW
+
+
+@pytest.mark.parametrize("name", [INSTALLED, INSTALLED_PRIORITY])
+def test_an_installed_arm_is_set_as_an_installation(name: str) -> None:
+    """Key by key, but for the clock that ends searches, circuits beside the exact solver, the seed,
+    and the priority asked for.
+    """
+    own, default = (
+        settings.model_dump()
+        for settings in (installed_settings(POLICIES[name], 7), DispatcherSettings())
+    )
+    differ = {
+        path: (own[path], default[path])
+        for own, default in [(_flat(own), _flat(default))]
+        for path in own.keys() | default.keys()
+        if own.get(path) != default.get(path)
+    }
+    clocks = ["city.block_deadline_s", "city.search.time_limit_s", "deadline_s"]
+    assert sorted(differ.keys() - {"advice.signal_priority"}) == [*clocks, "seed", "solvers"]
+    assert all(longer > usual for longer, usual in map(differ.__getitem__, clocks))
+    assert set(differ["solvers"][0]) < set(differ["solvers"][1])
+    priority = {"advice.signal_priority": (True, False)} if name == INSTALLED_PRIORITY else {}
+    assert {k: v for k, v in differ.items() if k.startswith("advice")} == priority
+
+
+def _flat(tables: dict[str, Any], prefix: str = "") -> dict[str, object]:
+    flat: dict[str, object] = {}
+    for key, value in tables.items():
+        if isinstance(value, dict):
+            flat |= _flat(value, f"{prefix}{key}.")
+        else:
+            flat[f"{prefix}{key}"] = value
+    return flat

@@ -7,6 +7,9 @@ import pytest
 from slipstream.errors import InputError
 from slipstream_lab.simulation.closed_loop.policy import LEVERS
 from slipstream_lab.simulation.evaluation.arms import (
+    INSTALLED,
+    INSTALLED_OFF,
+    INSTALLED_PRIORITY,
     POLICIES,
     QUANTUM,
     SELECTIONS,
@@ -14,6 +17,8 @@ from slipstream_lab.simulation.evaluation.arms import (
     only,
     without,
 )
+
+_INSTALLED = (INSTALLED_OFF, INSTALLED, INSTALLED_PRIORITY)
 
 
 def test_each_lever_is_there_alone_and_left_out() -> None:
@@ -39,13 +44,23 @@ def test_arms_that_are_compared_differ_in_one_thing_only() -> None:
             assert (policy.levers, policy.search) == (base.levers, base.search)
 
 
+def test_installed_arms_have_the_levers_of_an_installation() -> None:
+    """Eco-approach, coasting and platoons by default, and signals asked by the one switch."""
+    off, installed, priority = (POLICIES[name] for name in _INSTALLED)
+    assert off.levers == frozenset()
+    assert installed.levers == {"platoons", "eco_approach", "coasting"}
+    assert priority.levers == installed.levers | {"priority"}
+    assert {name for name, policy in POLICIES.items() if policy.installed} == {*_INSTALLED}
+
+
 def test_selections_and_names_mix_in_the_order_of_the_tables() -> None:
     """Each arm once, the baseline always, names before or after selections alike."""
     assert [p.name for p in choose("C+,A,C+")] == ["A", "B", "C+"]
     assert {p.name for p in choose("noise,A")} == {*SELECTIONS["noise"], "A"}
     assert [p.name for p in choose("all")] == [name for name in POLICIES if name != QUANTUM]
     assert [p.name for p in choose(QUANTUM)] == ["B", QUANTUM]
-    assert {p.name for p in choose("main")} == {"A", "B", "B-0.88", "B-0.94", "B-1.06", "C", "C+"}
+    paces = {"B-0.88", "B-0.94", "B-1.06"}
+    assert {p.name for p in choose("main")} == {"A", "B", *paces, "C", "C+", *_INSTALLED}
 
 
 @pytest.mark.parametrize(("asked", "said"), [("main,D", "no arm 'D'"), (" , ", "no arm named")])

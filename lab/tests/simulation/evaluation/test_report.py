@@ -216,7 +216,7 @@ def test_without_paces_or_arms_there_is_no_headline(tmp_path: Path) -> None:
     assert "no saving can be told; seeds 1, 2, 3: no pace of B was simulated beside it" in line
     fill(tmp_path / "other", choose("B"))
     assert headlines(read(tmp_path / "other")) == [
-        "no saving can be told: neither C nor C+ is there"
+        "no saving can be told: none of C, C+, installed is there"
     ]
 
 

@@ -5,7 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from slipstream_lab.simulation.evaluation.arms import BASELINE, COOPERATIVE, EVERY_LEVER
+from slipstream_lab.simulation.evaluation.arms import (
+    BASELINE,
+    COOPERATIVE,
+    EVERY_LEVER,
+    INSTALLED,
+    INSTALLED_PRIORITY,
+)
 from slipstream_lab.simulation.evaluation.measures import Evaluation, no_platoons
 from slipstream_lab.simulation.evaluation.report.ablation_tables import (
     gating_table,
@@ -74,6 +80,8 @@ def headlines(evaluation: Evaluation) -> list[str]:
     for name, words in (
         (COOPERATIVE, "every lever but signal priority"),
         (EVERY_LEVER, "every lever"),
+        (INSTALLED, "as a dispatcher is set by default"),
+        (INSTALLED_PRIORITY, "the same with signal priority"),
     ):
         if name not in evaluation:
             continue
@@ -92,7 +100,8 @@ def headlines(evaluation: Evaluation) -> list[str]:
             )
             said += f"; not in it: {missing}" if missing else ""
         lines.append(said)
-    return lines or [f"no saving can be told: neither {COOPERATIVE} nor {EVERY_LEVER} is there"]
+    some = f"none of {COOPERATIVE}, {EVERY_LEVER}, {INSTALLED} is there"
+    return lines or [f"no saving can be told: {some}"]
 
 
 def platoonless(evaluation: Evaluation) -> list[str]:

@@ -9,6 +9,8 @@ from slipstream_lab.simulation.evaluation.arms import (
     BASELINE,
     COOPERATIVE,
     EVERY_LEVER,
+    INSTALLED,
+    INSTALLED_PRIORITY,
     SHORTEST,
 )
 from slipstream_lab.simulation.evaluation.measures import Compared, Evaluation, Measures
@@ -63,7 +65,8 @@ LOSSES: Final[tuple[Callable[[Measures], float], ...]] = (
 
 def day_table(evaluation: Evaluation) -> ReportTable:
     """The paper's summary of its day, its columns beside ours."""
-    names = [n for n in (SHORTEST, BASELINE, COOPERATIVE, EVERY_LEVER) if n in evaluation]
+    ours = (SHORTEST, BASELINE, COOPERATIVE, EVERY_LEVER, INSTALLED, INSTALLED_PRIORITY)
+    names = [name for name in ours if name in evaluation]
     papers = (PAPER_BASELINE, PAPER_COOPERATIVE)
 
     def row(
@@ -103,7 +106,8 @@ def day_table(evaluation: Evaluation) -> ReportTable:
         '"24-Hour Microscopic Fleet Simulation Summary"',
         (
             f"{MEANS} A: shortest time, uncoordinated. B: the paper's baseline. C: every lever "
-            f"but signal priority. C+: every lever. {EQUAL_TIME}",
+            "but signal priority. C+: every lever. installed: as a dispatcher is set by default. "
+            f"installed+: the same with signal priority. {EQUAL_TIME}",
             *missing_notes(evaluation, names),
         ),
     )
