@@ -19,9 +19,9 @@ CLIENTS: Final = DAEMONS[1:]
 ON_CABLES: Final = ("rsu-east", AGENTS, DASHBOARD)
 """Where there are network namespaces; the others are on proxies."""
 ON_PROXIES: Final = ("rsu-west", DISPATCHER)
-WITH_FAKED_CLOCKS: Final = ("rsu-west", AGENTS)
-"""Not the dispatcher's: where a machine is busy, libfaketime ends with EINVAL the sleep of the
-library that keeps its worker processes."""
+WITH_FAKED_CLOCKS: Final = ("rsu-west",)
+"""Where a machine is busy, libfaketime ends Python's `time.sleep` with EINVAL. The thread that has
+the dispatcher's workers would die of it, and the one that receives the agents' messages."""
 RECOVERY_S: Final = 5.0
 PARTITION_RECOVERY_S: Final = 15.0
 

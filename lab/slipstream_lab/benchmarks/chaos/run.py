@@ -129,7 +129,10 @@ def run_chaos(
         for at, fault in enumerate(faults, 1):
             if time.monotonic() > until_s:
                 break
-            outcome = _one(site, watch, caller, flags, fault)
+            try:
+                outcome = _one(site, watch, caller, flags, fault)
+            except KeyboardInterrupt:
+                break  # what came of those before is reported
             outcomes.append(outcome)
             say(f"{at} of {len(faults)}: {fault}: {_words(outcome)}")
         told, cycles = dict(caller.told), watch.seen.cycles
