@@ -8,7 +8,7 @@ TRAIN := .venv-train
 MINUTES ?= 5
 PORT ?= 8080
 
-.PHONY: setup run check test test-lab test-long test-all attack coverage mutants lint js format soak bench-perception train train-venv clean bench-accuracy allowances bench-routing bench-quantum bench-world bench-agents bench-service bench-dashboard bench-storage bench-coordination bench-real
+.PHONY: setup run check test test-lab test-long test-all attack coverage mutants lint js format soak chaos bench-perception train train-venv clean bench-accuracy allowances bench-routing bench-quantum bench-world bench-agents bench-service bench-dashboard bench-storage bench-coordination bench-real
 
 setup: $(VENV)/.ready
 
@@ -107,9 +107,16 @@ openapi: setup
 fuzz: setup
 	FUZZ_CALLS=10000 $(BIN)/python -m pytest tests/dispatcher_daemon/service/api/test_fuzz.py
 
-# The same processes on recorded video for MINUTES, sampled each second; fails on growth.
+# The same processes on recorded video for MINUTES, sampled each second; fails unless it is sure that
+# nothing grows: that takes an hour.
 soak: setup
 	$(BIN)/python -m slipstream_lab.benchmarks.soak --minutes $(MINUTES)
+
+# FAULTS into the running daemons, one after the other; fails where something is lost or late. As
+# root, or where a user may have namespaces; apt: iproute2, libfaketime.
+FAULTS ?= 200
+chaos: setup
+	$(BIN)/python -m slipstream_lab.benchmarks.chaos --faults $(FAULTS)
 
 # Speed of the edge beside Ultralytics, two cameras live for MINUTES, memory for MEMORY_MINUTES; all
 # on an idle machine. PEER is a Python that has Ultralytics; without it its rows are left out.

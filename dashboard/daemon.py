@@ -32,6 +32,7 @@ from slipstream.http.server import HttpServer
 from slipstream.roads.admission import check_rsus, refusal
 from slipstream.roads.sumo_net import load_network
 from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
+from slipstream.service.memory import configure_allocator
 
 log = logging.getLogger(__name__)
 
@@ -50,6 +51,7 @@ def run_dashboard(settings: DashboardSettings) -> None:
             database URL or the bus is not usable.
         OSError: another process took the 3D view's port during a restart of its server.
     """
+    configure_allocator()
     configure_logging("dashboard", settings.service)
     network = load_network(settings.network)
     scene = make_scene(network, settings.fleet, settings.depots)
@@ -126,6 +128,7 @@ def show_finished_run(settings: DashboardSettings) -> None:
             usable, no run is stored there, or it was none in this network.
         StorageError: the database cannot be read.
     """
+    configure_allocator()
     configure_logging("dashboard", settings.service)
     network = load_network(settings.network)
     scene = make_scene(network, settings.fleet, settings.depots)

@@ -21,7 +21,7 @@ from edge_daemon.detection import Detections, Detector, detect_stream, open_dete
 from edge_daemon.frame import Frame
 from edge_daemon.pipeline import Pipeline
 from edge_daemon.publishing import Previews, StoppedPublisher
-from edge_daemon.runtime import TRIM_INTERVAL_S, StageTimer, configure_allocator, trim_memory
+from edge_daemon.runtime import StageTimer
 from edge_daemon.settings import EdgeSettings
 from edge_daemon.sources import FrameSource, mark_repeats, open_source
 from edge_daemon.tracking import HIGH_SCORE
@@ -38,6 +38,7 @@ from slipstream.messages import (
     state_key,
 )
 from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
+from slipstream.service.memory import configure_allocator
 from slipstream.service.tracing import span
 
 log = logging.getLogger(__name__)
@@ -119,7 +120,6 @@ class EdgeDaemon:
         self._limiter = LogLimiter()
         self._stages = StageTimer()
         self._skipped = 0
-        self._trimmed_s = time.monotonic()
 
     def run(self) -> None:
         """Process frames until the service stops or the source ends."""
@@ -273,9 +273,6 @@ class EdgeDaemon:
         metrics.RECONNECTS.set(health.reconnects)
         # Connecting to an absent camera is progress too: a restart would not help.
         stall_timeout_s = self._settings.source.stall_timeout_s
-        if now - self._trimmed_s >= TRIM_INTERVAL_S:
-            trim_memory()
-            self._trimmed_s = now
         if (
             status == "ok"
             or now - self._source.counters.tried_s < 2 * stall_timeout_s + _RECONNECT_S

@@ -5,6 +5,7 @@ The kernel or the server frees an owner's lock when its process ends, however th
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 import threading
@@ -16,12 +17,13 @@ from sqlalchemy import Engine, text
 from sqlalchemy.exc import SQLAlchemyError
 
 from slipstream.errors import InputError
-from storage.engine import is_sqlite, parse_url, sqlite_path
+from storage.engine import StorageError, is_sqlite, parse_url, sqlite_path
 
 _ADVISORY_LOCK: Final = 0x51195712EA4
 """Key of the PostgreSQL lock; such locks belong to one database of a server."""
 WRITE_LOCK: Final = _ADVISORY_LOCK + 1
 """Key of the lock that a transaction that writes holds for its length."""
+_DISK_FAULTS: Final = frozenset((errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.EIO))
 _MEND: Final = "stop that one, or give this one a database of its own"
 _DEAD_AFTER: Final = (
     "tcp_keepalives_idle=3",
@@ -44,6 +46,7 @@ class FileOwner:
     Raises:
         OwnedError: another process owns it.
         InputError: the lock file cannot be made.
+        StorageError: its disk is full, read-only or faulty, which may pass.
     """
 
     def __init__(self, path: Path) -> None:
@@ -60,6 +63,9 @@ class FileOwner:
         try:
             self._descriptor = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o640)
         except OSError as error:
+            if error.errno in _DISK_FAULTS:
+                line = f"{lock}: {error.strerror}; is the disk full, or its file system read-only?"
+                raise StorageError(line) from None
             raise InputError(
                 lock, f"cannot be opened: {error.strerror}", "make it and its folder writable"
             ) from None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import threading
 import time
@@ -23,6 +24,7 @@ from slipstream.messages import (
     sensing_key,
 )
 from slipstream.service import LogLimiter, Service, configure_logging
+from slipstream.service.memory import configure_allocator
 from vehicle_agent import metrics
 from vehicle_agent.agent import DEFAULT_LENGTH_M, AgentParameters
 from vehicle_agent.host import AgentHost
@@ -162,10 +164,14 @@ def is_news(message: VehicleSensing, before: VehicleSensing | None, now_ns: int)
 
 def run_agents(settings: AgentSettings) -> None:
     """Run until SIGTERM or SIGINT."""
+    configure_allocator()
     configure_logging("agent", settings.service)
     with Service("agent", settings.service) as service:
         bus = service.start("bus", partial(Bus.open, settings.bus), Bus.fault)
         daemon = AgentDaemon(settings, bus)
+        # Loaded modules stay: to scan them in each collection would hold up advice.
+        gc.collect()
+        gc.freeze()
         service.ready()
         while not service.stopping.is_set():
             daemon.step(INTERVAL_S)

@@ -37,6 +37,7 @@ from slipstream.roads import RoadNetwork
 from slipstream.roads.admission import check_rsus
 from slipstream.roads.sumo_net import load_network
 from slipstream.service import Service, configure_logging
+from slipstream.service.memory import configure_allocator
 from storage import StorageError, open_reader
 
 if TYPE_CHECKING:
@@ -295,6 +296,7 @@ def run_dispatcher(settings: DispatcherSettings, *, standby: bool = False) -> No
             port or file of tokens cannot be used.
         StorageError: another dispatcher has taken over the database meanwhile.
     """
+    configure_allocator()
     configure_logging("dispatcher", settings.service)
     # The scheduler's own faults are counted and logged by CycleScheduler.
     logging.getLogger("apscheduler").setLevel(logging.CRITICAL)

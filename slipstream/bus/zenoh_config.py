@@ -30,7 +30,7 @@ zenoh drops what finds no room, and tells nobody; once one has waited in vain, t
 until there is room again. Its defaults, 2 batches and 1 ms, are overrun by 1,000 states at once.
 """
 
-RETRY: Final = {"period_init_ms": 500, "period_max_ms": 4000}
+RETRY: Final = {"period_init_ms": 250, "period_max_ms": 1000}
 """Between attempts to reach a router, ms."""
 
 _RECEIVE_LIMIT = "transport/link/rx/max_message_size"

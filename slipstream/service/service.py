@@ -22,6 +22,7 @@ import psutil
 from slipstream.config import ServiceSettings
 from slipstream.errors import InputError
 from slipstream.service.logs import JsonFormatter, log_uncaught
+from slipstream.service.memory import TRIM_INTERVAL_S, trim_memory
 from slipstream.service.status import serve_status
 from slipstream.service.tracing import Tracing
 
@@ -134,6 +135,7 @@ class Service:
         self._watchdog_s = int(os.environ.get("WATCHDOG_USEC", "0")) / 1e6 / 4
         self._fed_at = 0.0
         self._progress_at: float | None = None
+        self._trimmed_at = time.monotonic()
         self._previous: dict[int, object] = {}
 
     def __enter__(self) -> Self:
@@ -225,7 +227,8 @@ class Service:
         self._waits_for = what
 
     def progress(self, status: str | None = None) -> None:
-        """Report progress of the pipeline; call it from the work itself, at any rate.
+        """Report progress of the pipeline; call it from the work itself, at any rate, between two
+        pieces of it: twice a minute freed memory goes back to the system first.
 
         It feeds the watchdog of systemd or `slipstream run`: a stuck pipeline is restarted.
 
@@ -233,6 +236,9 @@ class Service:
             status: one line for ``systemctl status``.
         """
         now = time.monotonic()
+        if now - self._trimmed_at >= TRIM_INTERVAL_S:
+            trim_memory()
+            self._trimmed_at = now
         self._progress_at = now
         if now - self._fed_at < (self._watchdog_s or 10.0):
             return

@@ -1,17 +1,13 @@
-"""Stages that take long are reported, and freed memory is returned to the system."""
+"""Stages that take long are reported."""
 
 from __future__ import annotations
 
 import gc
-import sys
 import time
 
-import numpy as np
 import pytest
 
-from edge_daemon import runtime
-from edge_daemon.runtime import StageTimer, trim_memory
-from slipstream.service import rss_mb
+from edge_daemon.runtime import StageTimer
 
 
 def test_the_longest_of_each_part_is_told_once_and_longest_first() -> None:
@@ -50,29 +46,3 @@ def test_collections_are_noticed_while_asked_for() -> None:
     gc.collect()
     assert stages.report() == ""
     assert gc.callbacks == before
-
-
-@pytest.mark.skipif(runtime._TRIM is None, reason="this C library has nothing to give back")
-def test_freed_memory_that_the_heap_kept_goes_back() -> None:
-    """40 MB in pieces too small for pages of their own, every thousandth of them kept."""
-    pieces = [np.ones(1000) for _ in range(5_000)]
-    kept = pieces[::1000]
-    full = rss_mb()
-    del pieces
-    trim_memory()
-    assert rss_mb() < full - 20
-    assert len(kept) == 5
-
-
-def test_what_was_freed_is_given_back_by_python_too() -> None:
-    """Freed tuples wait for their like in lists of thousands, which nothing else empties."""
-    gc.collect()
-    gc.disable()
-    try:
-        before = sys.getallocatedblocks()
-        tuples = [(object(),) * length for length in range(1, 20) for _ in range(2000)]
-        del tuples
-        trim_memory()
-        assert sys.getallocatedblocks() - before < 2000
-    finally:
-        gc.enable()

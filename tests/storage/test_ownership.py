@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import sqlite3
@@ -16,6 +17,8 @@ from sqlalchemy import event
 import storage
 from slipstream.errors import InputError
 from slipstream_cli.main import main
+from storage import StorageError, ownership
+from storage.ownership import FileOwner
 
 OWNER = """
 import sys
@@ -213,3 +216,18 @@ def test_what_replaced_the_database_is_checked(url, make_cycle):
         database.record_cycle(*make_cycle(4))
     with storage.open_reader(url) as reader:
         assert [report.cycle for report in reader.cycles(limit=9)] == [1, 4]
+
+
+@pytest.mark.parametrize("fault", [errno.EROFS, errno.ENOSPC, errno.EIO])
+def test_a_faulty_disk_is_nobodys_bad_input(tmp_path, monkeypatch, fault):
+    """It may pass: a daemon that ends for it is started again. Denied access does not pass."""
+
+    def refuse(*_):
+        raise OSError(fault, os.strerror(fault))
+
+    monkeypatch.setattr(ownership.os, "open", refuse)
+    with pytest.raises(StorageError, match=os.strerror(fault)):
+        FileOwner(tmp_path / "slipstream.db")
+    fault = errno.EACCES
+    with pytest.raises(InputError, match=os.strerror(fault)):
+        FileOwner(tmp_path / "slipstream.db")

@@ -30,7 +30,7 @@ UNHEARD_AFTER_S: Final = 10.0
 answers again, s: units that start with the page load their detector before."""
 SETTLE_S: Final = 5.0
 """For so long after an outage of the bus silence tells nothing, s: each sender tries again to reach
-the router, every 4 s at most."""
+the router within a second."""
 
 _KnownOrder = tuple[OrderRecord, Serving | None, int | None, Row]
 """An order, its vehicle, UTC at which the clock changes its row, and that."""

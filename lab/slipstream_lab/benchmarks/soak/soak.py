@@ -6,15 +6,18 @@ import json
 import os
 import platform
 import shlex
+import shutil
+import signal
 import subprocess
 import sys
 import time
 import tomllib
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import psutil
@@ -24,6 +27,7 @@ from slipstream.bus import Bus, free_port
 from slipstream.config import BusSettings
 from slipstream.errors import InputError
 from slipstream.service import die_with_parent
+from slipstream.site import names_of
 from slipstream_cli.place.site_file import daemons_of
 from slipstream_lab.benchmarks.aims import Load
 from slipstream_lab.benchmarks.observer import BusObserver
@@ -35,6 +39,17 @@ _START_LIMIT_S: Final = 600.0
 _STOP_LIMIT_S: Final = 20.0
 # The run stops a little earlier by its own clock: its last seconds are not evaluated.
 _MARGIN_S: Final = 2.0
+_LEAK: Final = """
+import sys, threading, time
+
+def leak(kept=[]):
+    while True:
+        kept.append(bytearray({bytes}))
+        time.sleep(0.1)
+
+if "dashboard" in sys.orig_argv:
+    threading.Thread(target=leak, daemon=True).start()
+"""
 
 
 @dataclass(frozen=True)
@@ -44,15 +59,19 @@ class SoakSettings:
     Attributes:
         out: folder for the report, the run's log and its state; made if missing.
         clips: folder with the demo's clips; they are rendered into it where they are missing.
+        interval_s: between two cycles. What grows with each grows six times as fast as with the
+            demo's 30 s; and the 200 cycles that the page keeps are there before it is judged.
+        planted_mb_per_h: the page's daemon leaks so much, to see that it is found.
         warm_up_s: not judged; None: the first third, at least a minute, at most half.
     """
 
     seconds: float
     out: Path = Path(".slipstream/soak")
     clips: Path = Path(".slipstream/clips")
-    interval_s: float = 30.0
+    interval_s: float = 5.0
     period_s: float = 1.0
     warm_up_s: float | None = None
+    planted_mb_per_h: float = 0.0
 
 
 @dataclass
@@ -72,8 +91,11 @@ def run_soak(
     state = _prepare(settings)
     load = Load()
     samples: list[ProcessSample] = []
-    with _run(settings, state) as running:
-        configs = _wait_for_daemons(running, settings)
+    with ExitStack() as stack:
+        running = stack.enter_context(_run(settings, state))
+        tables = _wait_for_daemons(running, settings)
+        port = int(tables["dashboard"]["port"])
+        browser = stack.enter_context(browser_on(f"http://127.0.0.1:{port}/", settings.out))
         began = time.monotonic()
 
         def clock() -> float:
@@ -82,7 +104,7 @@ def run_soak(
         observer = BusObserver(clock)
         tree = ProcessTree(running.process.pid)
         end_s = settings.seconds - _MARGIN_S
-        with Bus.open(BusSettings(connect=_endpoints(configs))) as bus:
+        with Bus.open(BusSettings(connect=_endpoints(tables))) as bus:
             observer.listen(bus)
             try:
                 while (now_s := clock()) < end_s and running.process.poll() is None:
@@ -98,8 +120,8 @@ def run_soak(
     verdict = judge(
         samples,
         observer,
-        expected={"supervisor", *configs},
-        rsus={c["rsu"] for c in configs.values() if "rsu" in c},
+        expected={"supervisor", *(name or command for command, name in daemons_of(tables))},
+        rsus=names_of(tables, "edge"),
         window=window,
         restarted=int(figures.get("processes_restarted", 0)),
     )
@@ -111,6 +133,7 @@ def run_soak(
         "machine": f"{os.cpu_count()} cores, {psutil.virtual_memory().total / 1e9:.1f} GB, "
         f"{platform.platform()}, Python {platform.python_version()}",
         **load.figures(),
+        "page": browser,
         "slipstream": __version__,
         "the run's own figures": json.dumps(figures),
     }
@@ -139,6 +162,33 @@ def _prepare(settings: SoakSettings) -> Path:
 
 
 @contextmanager
+def browser_on(address: str, folder: Path) -> Iterator[str]:
+    """A browser that shows a page; in words, or why there is none."""
+    chromium = shutil.which("chromium")
+    if chromium is None:
+        yield "in no browser: chromium is not installed"
+        return
+    with TemporaryDirectory() as profile, (folder / "browser.log").open("wb") as log:
+        process = subprocess.Popen(
+            [
+                *(chromium, "--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run"),
+                *("--remote-debugging-port=0", f"--user-data-dir={profile}", address),
+            ],
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=log,
+            start_new_session=True,
+            preexec_fn=partial(die_with_parent, os.getpid()),
+        )
+        try:
+            yield "in a headless browser, which is not judged"
+        finally:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+
+
+@contextmanager
 def _run(settings: SoakSettings, state: Path) -> Iterator[_Running]:
     command = [
         *(sys.executable, "-m", "slipstream_cli", "run", "--state", str(state)),
@@ -153,6 +203,7 @@ def _run(settings: SoakSettings, state: Path) -> Iterator[_Running]:
             stderr=log,
             text=True,
             start_new_session=True,
+            env=os.environ | _leaking(settings),
             preexec_fn=partial(die_with_parent, os.getpid()),
         )
         try:
@@ -167,6 +218,17 @@ def _run(settings: SoakSettings, state: Path) -> Iterator[_Running]:
                 process.wait()
             assert process.stdout is not None
             process.stdout.close()
+
+
+def _leaking(settings: SoakSettings) -> dict[str, str]:
+    """The environment in which Python plants a leak into the page's daemon as it starts."""
+    if not settings.planted_mb_per_h:
+        return {}
+    folder = (settings.out / "planted").absolute()
+    folder.mkdir(exist_ok=True)
+    code = _LEAK.format(bytes=round(settings.planted_mb_per_h * 1e6 / 36_000))
+    (folder / "sitecustomize.py").write_text(code, encoding="utf-8")
+    return {"PYTHONPATH": os.pathsep.join([str(folder), *filter(None, sys.path)])}
 
 
 def _wait_for_daemons(running: _Running, settings: SoakSettings) -> dict[str, Any]:

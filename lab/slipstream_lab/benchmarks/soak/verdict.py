@@ -13,7 +13,13 @@ import numpy as np
 from slipstream_lab.benchmarks.observer import BusObserver, StateArrival
 from slipstream_lab.benchmarks.perception.slope import MIN_VALUES
 from slipstream_lab.benchmarks.soak.processes import ProcessSample
-from slipstream_lab.benchmarks.soak.trend import Trend, count_trend, memory_trend
+from slipstream_lab.benchmarks.soak.trend import (
+    CANNOT_TELL,
+    GROWS,
+    Trend,
+    count_trend,
+    memory_trend,
+)
 
 MAX_SILENCE_S: Final = 5.0
 MAX_SKIPPED_SHARE: Final = 0.1
@@ -42,10 +48,11 @@ class SoakWindow:
 
 @dataclass(frozen=True)
 class ProcessFigures:
-    """One process in the window; its restarts are counted from the start."""
+    """One process in the window; its restarts are counted from the start. `rss_mb`: largest."""
 
     name: str
     memory_mb: Trend
+    rss_mb: float
     descriptors: Trend
     threads: Trend
     cpu_share: float
@@ -82,7 +89,7 @@ class SegmentFigures:
 
 @dataclass(frozen=True)
 class SoakVerdict:
-    """Result of a soak."""
+    """Result of a soak. `doubts`: what can be told neither way."""
 
     window: SoakWindow
     processes: tuple[ProcessFigures, ...]
@@ -92,11 +99,12 @@ class SoakVerdict:
     cycles_failed: int
     bad_messages: int
     faults: tuple[str, ...] = field(default=())
+    doubts: tuple[str, ...] = field(default=())
 
     @property
-    def green(self) -> bool:
-        """True without a fault."""
-        return not self.faults
+    def colour(self) -> str:
+        """RED with a fault, "cannot tell" with a doubt, else green."""
+        return "RED" if self.faults else "cannot tell" if self.doubts else "green"
 
 
 def judge(
@@ -109,8 +117,9 @@ def judge(
 ) -> SoakVerdict:
     """Judge a soak."""
     faults: list[str] = []
+    doubts: list[str] = []
     inside = [sample for sample in samples if window.holds(sample.at_s)]
-    processes = _processes(samples, inside, faults)
+    processes = _processes(samples, inside, faults, doubts)
     _missing(inside, {*expected, *(p.name for p in processes)}, window, faults)
     segments = tuple(
         _segment(name, arrivals, window) for name, arrivals in sorted(observer.states.items())
@@ -151,11 +160,15 @@ def judge(
         cycles_failed=health.cycles_failed if health else 0,
         bad_messages=bad,
         faults=tuple(faults),
+        doubts=tuple(doubts),
     )
 
 
 def _processes(
-    samples: Sequence[ProcessSample], inside: Sequence[ProcessSample], faults: list[str]
+    samples: Sequence[ProcessSample],
+    inside: Sequence[ProcessSample],
+    faults: list[str],
+    doubts: list[str],
 ) -> tuple[ProcessFigures, ...]:
     pids: dict[str, set[int]] = defaultdict(set)
     for sample in samples:
@@ -173,7 +186,8 @@ def _processes(
         times = [sample.at_s for sample in last_run]
         figures = ProcessFigures(
             name=name,
-            memory_mb=memory_trend(times, [s.rss_mb for s in last_run]),
+            memory_mb=memory_trend(times, [s.memory_mb for s in last_run]),
+            rss_mb=max(s.rss_mb for s in last_run),
             descriptors=count_trend([s.descriptors for s in last_run]),
             threads=count_trend([s.threads for s in last_run]),
             cpu_share=float(np.mean([s.cpu_share for s in last_run])),
@@ -182,11 +196,14 @@ def _processes(
         found.append(figures)
         if len(last_run) < MIN_VALUES:
             faults.append(f"{name}: only {len(last_run)} samples, too few to judge")
-        if figures.memory_mb.growing and figures.memory_mb.slope is not None:
-            per_h = figures.memory_mb.slope.per_h
-            faults.append(f"{name}: memory grows by {per_h:.1f} MB an hour")
+        if (memory := figures.memory_mb.slope) is not None:
+            interval = f"{memory.low_per_h:.1f} to {memory.high_per_h:.1f}"
+            if figures.memory_mb.word == GROWS:
+                faults.append(f"{name}: memory grows by {memory.per_h:.1f} MB an hour ({interval})")
+            elif figures.memory_mb.word == CANNOT_TELL:
+                doubts.append(f"{name}: memory changes by {interval} MB an hour: soak for longer")
         for what, trend in (("descriptors", figures.descriptors), ("threads", figures.threads)):
-            if trend.growing:
+            if trend.word == GROWS:
                 faults.append(f"{name}: {what} grow from {trend.start:.0f} to {trend.end:.0f}")
     return tuple(found)
 

@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from slipstream.errors import InputError
+from slipstream.service.memory import TRIM_INTERVAL_S, trim_memory
 from slipstream_cli.place.site_file import scene_port_of
 from slipstream_lab.commands.live.supervisor import Supervisor
 
@@ -87,7 +88,7 @@ def watch(
     began = time.monotonic()
     status: int | None = None
     announced = False
-    asked_s = 0.0
+    asked_s = trimmed_s = 0.0
     while not stopping.is_set() and supervisor.refused is None:
         elapsed = time.monotonic() - began
         if seconds is not None and elapsed >= seconds:
@@ -99,6 +100,9 @@ def watch(
                 announced = True
                 text = f"the dashboard is at {address}, its 3D view at {scene} (Ctrl-C stops all)"
                 supervisor.say("slipstream", text)
+        if elapsed - trimmed_s >= TRIM_INTERVAL_S:
+            trimmed_s = elapsed
+            trim_memory()
         supervisor.poll()
         look(elapsed)
         stopping.wait(_POLL_S)

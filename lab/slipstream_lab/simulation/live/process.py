@@ -15,6 +15,7 @@ from typing import Final
 
 from slipstream.errors import InputError
 from slipstream.service import die_with_parent
+from slipstream.service.memory import configure_allocator
 from slipstream_lab.simulation.live.world_spec import CameraEndpoint, WorldCounts, WorldSpec
 from slipstream_lab.simulation.sumo import check_files
 
@@ -127,6 +128,7 @@ class WorldProcess:
 def _serve(connection: Connection, parent: int) -> None:
     """Run in the other process, and send what goes wrong: its terminal is SUMO's."""
     die_with_parent(parent)
+    configure_allocator()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
     from slipstream_lab.simulation.live.world import run_world

@@ -42,11 +42,12 @@ _FULL_S: Final = 560.0
 before its first wave, which finds cameras that have seen the avenue."""
 
 
-def town(folder: Path, bus: BusSettings, seed: int = 1) -> WorldSpec:
-    """Write the files of the town into a folder."""
+def town(folder: Path, bus: BusSettings, seed: int = 1, vans: int = VANS) -> WorldSpec:
+    """Write the files of the town into a folder; with fewer vans it has fewer orders."""
     folder.mkdir(parents=True, exist_ok=True)
     network = load_network(DEMO_NETWORK)
-    deliveries = named_anew(draw_deliveries(_FLEET, network, seed, "town"))
+    fleet = _FLEET.model_copy(update={"vehicles": vans, "orders": _FLEET.orders * vans // VANS})
+    deliveries = named_anew(draw_deliveries(fleet, network, seed, "town"))
     types = folder / "town.rou.xml"
     types.write_text(f"<routes>\n{TYPES['cav'].xml()}\n</routes>\n", encoding="utf-8")
     orders = folder / "fleet.json"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import time
 from collections.abc import Callable, Mapping
@@ -17,6 +18,7 @@ from slipstream.bus import Bus
 from slipstream.osm import largest_part
 from slipstream.roads import RoadNetwork
 from slipstream.roads.sumo_net import load_network
+from slipstream.service.memory import TRIM_INTERVAL_S, trim_memory
 from slipstream_lab.simulation.fleet.van import yards
 from slipstream_lab.simulation.fleet.world import FleetWorld
 from slipstream_lab.simulation.live.agents import BusAgents, BusGates
@@ -106,7 +108,10 @@ class _World:
         """Step by step, until the other end says something or is gone. Raises InputError: SUMO
         refuses a vehicle, or nothing moves any more.
         """
-        reported_s = 0.0
+        # The network stays: looking through it would hold up a step twice a minute.
+        gc.collect()
+        gc.freeze()
+        reported_s, trimmed_s = 0.0, time.monotonic()
         while not connection.poll(self._pace.wait_s()):
             now_s = self._session.time_s
             self._signals.step(now_s, time.time_ns() - round(now_s * 1e9))
@@ -124,6 +129,9 @@ class _World:
             if time.monotonic() - reported_s >= _REPORT_S:
                 reported_s = time.monotonic()
                 self._report_time(connection)
+            if time.monotonic() - trimmed_s >= TRIM_INTERVAL_S:
+                trimmed_s = time.monotonic()
+                trim_memory()
 
     def _look_for_gridlock(self) -> None:
         now_s = self._session.time_s
