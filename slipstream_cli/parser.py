@@ -128,12 +128,8 @@ class Parser(argparse.ArgumentParser):
             return
         known = [str(choice) for choice in action.choices]
         if isinstance(action, _Commands):
-            message = f"no such command: {value}{nearest(str(value), known)}"
-            self.error(
-                message
-                if "did you" in message
-                else f"{message}; there are {', '.join(known)}{self._more}"
-            )
+            hint = nearest(str(value), known) or f"; there are {', '.join(known)}"
+            self.error(f"no such command: {value}{hint}{self._more}")
         raise argparse.ArgumentError(
             action, f"{value!r} is none of {', '.join(known)}{nearest(str(value), known)}"
         )

@@ -107,7 +107,9 @@ HANDED = {
         *CLUSTER,
     },
     "slipstream-edge@.service": {"bus/edge-%i", "site.toml"},
-    "slipstream-router.service": {"bus/users", "router.json5", "tls/router.key"},
+    "slipstream-router.service": {
+        *("access.json", "bus/users", "router.json5", "tls/router.key"),
+    },
     "slipstream-scheduler.service": {"site.toml", *CLUSTER},
     "slipstream-worker.service": {"site.toml", *CLUSTER},
 }
@@ -125,7 +127,7 @@ def test_each_unit_gets_its_own_secrets_only(unit: Path) -> None:
     assert defaults == {
         name
         for name, path in credentials(unit).items()
-        if any(part in path for part in ("bus/", "tls/", "api-tokens"))
+        if any(part in path for part in ("bus/", "tls/", "api-tokens", "access.json"))
     }
     # Instances of a template share a user, and so their secrets, unless they are told not to.
     if "@" in unit.name:
