@@ -332,7 +332,7 @@ def test_page_shows_the_vans(site: Site, tool: Callable[[str], str], tmp_path: P
         page = browser.new_page()
         page.set_default_timeout(120_000)
         faults: list[object] = []
-        page.on("pageerror", faults.append)
+        page.on("pageerror", lambda error: faults.append(error))
         page.goto(PAGE)
         page.get_by_text("van-a").first.wait_for()
         browser.close()
