@@ -126,6 +126,9 @@ def writer_engine(url: URL) -> Engine:
     return engine
 
 
+_MAY_NOT_WRITE: Final = (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY)
+
+
 def reader_engine(url: URL) -> Engine:
     """Engine that cannot write and keeps no connection open between two reads.
 
@@ -137,13 +140,20 @@ def reader_engine(url: URL) -> Engine:
         return _create(url).execution_options(
             postgresql_readonly=True, isolation_level="REPEATABLE READ"
         )
-    address = f"file:{quote(str(sqlite_path(url).absolute()))}?mode=ro"
+    path = sqlite_path(url).absolute()
+    address = f"file:{quote(str(path))}?mode=ro"
+    log_file = path.with_name(f"{path.name}-wal")
 
     def connect() -> sqlite3.Connection:
-        connection = sqlite3.connect(address, uri=True, timeout=BUSY_TIMEOUT_MS / 1000)
-        connection.isolation_level = None
-        _pragmas(connection, f"busy_timeout={BUSY_TIMEOUT_MS}", "query_only=ON")
-        return connection
+        try:
+            return _reading(address)
+        except sqlite3.OperationalError as error:
+            # Who may not write beside it cannot open a file in WAL mode whose writer has ended; as
+            # nobody writes, it can be read as one that does not change.
+            is_refused = error.sqlite_errorcode & 0xFF in _MAY_NOT_WRITE
+            if not is_refused or not path.exists() or log_file.exists():
+                raise
+            return _reading(f"{address}&immutable=1")
 
     engine = create_engine("sqlite://", creator=connect, poolclass=NullPool)
     _report_undecodable_text(engine)
@@ -154,6 +164,14 @@ def reader_engine(url: URL) -> Engine:
         connection.exec_driver_sql("BEGIN")  # type: ignore[attr-defined]
 
     return engine
+
+
+def _reading(address: str) -> sqlite3.Connection:
+    connection = sqlite3.connect(address, uri=True, timeout=BUSY_TIMEOUT_MS / 1000)
+    connection.isolation_level = None
+    # The first of them that reads the file says whether it can be opened.
+    _pragmas(connection, f"busy_timeout={BUSY_TIMEOUT_MS}", "query_only=ON", "schema_version")
+    return connection
 
 
 def sqlite_faults(connection: Connection) -> list[str]:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -33,6 +36,29 @@ def test_last_cycles_oldest_first(any_url, make_cycle):
         for number in range(1, 6):
             database.record_cycle(*make_cycle(number))
         assert [cycle.cycle for cycle in reader.cycles(limit=3)] == [3, 4, 5]
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can become another user")
+def test_who_may_not_write_beside_it_reads_on_when_the_writer_has_ended(make_cycle):
+    """As the dashboard's user does in the dispatcher's folder while the dispatcher is stopped."""
+    folder = Path(tempfile.mkdtemp())
+    try:
+        url = f"sqlite:///{folder / 'x.db'}"
+        with storage.open_database(url) as database:
+            database.record_cycle(*make_cycle(1))
+        folder.chmod(0o755)
+        (folder / "x.db").chmod(0o644)
+        with storage.open_reader(url) as reader:
+            os.seteuid(65534)
+            try:
+                assert reader.latest_cycle() == make_cycle(1)[0]
+            finally:
+                os.seteuid(0)
+            with storage.open_database(url) as database:
+                database.record_cycle(*make_cycle(2))
+                assert reader.latest_cycle() == make_cycle(2)[0]
+    finally:
+        shutil.rmtree(folder)
 
 
 def test_a_file_that_is_no_database(tmp_path):
