@@ -73,7 +73,7 @@ case $1 in
             --only-binary :all: --require-hashes -r deploy/locks/all.txt
         build/sbom/bin/python -m pip install --quiet --disable-pip-version-check --no-deps \
             "dist/slipstream-$version-py3-none-any.whl"
-        "$tools/bin/cyclonedx-py" environment --PEP-639 --output-reproducible --output-format JSON \
+        "$tools/bin/cyclonedx-py" environment --output-reproducible --output-format JSON \
             --output-file build/sbom.json build/sbom/bin/python
         "$tools/bin/python" deploy/sbom.py build/sbom.json build/sbom "$version" >"dist/slipstream-$version.cdx.json"
         ;;

@@ -27,6 +27,12 @@ LICENCES = {
     "0BSD": "lzma",
 }
 """SPDX expression: the libraries' names without `lib`, or what these begin with."""
+UNDECLARED = {
+    "antlr4-python3-runtime": "BSD-3-Clause",
+    "partd": "BSD-3-Clause",
+    "qiskit-qasm3-import": "Apache-2.0",
+}
+"""Licences of Python packages that declare none in a form that a list can have."""
 NAME = re.compile(r"lib(?P<name>[A-Za-z_0-9]+?)(?:-[0-9a-f]{8})*(?:-r0-[0-9a-f]+)?\W")
 
 
@@ -74,6 +80,11 @@ def main() -> None:
     parser.add_argument("version")
     options = parser.parse_args()
     bom = json.loads(options.packages.read_text())
+    for package in bom["components"]:
+        if not package.get("licenses"):
+            if package["name"] not in UNDECLARED:
+                sys.exit(f"deploy/sbom.py: {package['name']} has no licence; add it to UNDECLARED")
+            package["licenses"] = [{"expression": UNDECLARED[package["name"]]}]
     bom["components"] += natives(options.environment)
     bom["metadata"]["component"] = {
         "type": "application",
