@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 import time
+import tomllib
 from collections import defaultdict
 from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-import zenoh
 
 from slipstream.bus import Bus, free_port
 from slipstream.config import BusSettings
@@ -23,6 +24,8 @@ from slipstream.messages import (
     platoon_controls_on,
     sensing_key,
 )
+from slipstream_cli.daemons import router
+from slipstream_cli.place.bus_files import ACCESS, access_of
 from tests.vehicle_agent.tours import plan, sensing
 
 from .conftest import DEPLOY
@@ -51,6 +54,8 @@ def test_the_examples_carry_a_vehicles_plan_and_advice(etc: Path, tmp_path: Path
         text = text.replace(old, new)
     (tmp_path / "router.json5").write_text(text)
     settings = etc / "site-agent.toml"
+    access = access_of(tomllib.loads(settings.read_text()))
+    (tmp_path / ACCESS).write_text(json.dumps(access))
     toml = settings.read_text().replace(":7447", f":{port}")
     toml = toml.replace('"bus-password"', f'"{passwords / "agent-depot-1"}"')
     settings.write_text(toml.replace("metrics_port = 9467", "metrics_port = 0"))
@@ -61,7 +66,7 @@ def test_the_examples_carry_a_vehicles_plan_and_advice(etc: Path, tmp_path: Path
         heard[key.rpartition("/")[2]] += 1
 
     with ExitStack() as stack:
-        stack.enter_context(zenoh.open(zenoh.Config.from_file(str(tmp_path / "router.json5"))))
+        stack.enter_context(router.open_router(tmp_path / "router.json5"))
         dispatcher, dashboard, vehicle = (
             stack.enter_context(
                 Bus.open(

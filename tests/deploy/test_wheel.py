@@ -31,6 +31,7 @@ CALLS = {
     "init": "--osm none.osm",
     "import": "osm none.osm --out nets",
     "net": "show --net none.net.xml",
+    "rsu": "remove none --config site.toml",
     "calibrate": "--image none.png --out camera.toml",
     "track": "none.mp4 --camera none.toml",
     "check": "site.toml",
