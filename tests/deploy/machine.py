@@ -33,7 +33,7 @@ T = TypeVar("T")
 
 
 class Unavailable(Exception):
-    """This machine can boot no container."""
+    """This machine can boot no container, or the checkout has no history."""
 
 
 def wait_for(what: str, ask: Callable[[], T | None], seconds: float = DEADLINE_S) -> T:
@@ -81,7 +81,10 @@ def wheels() -> Path:
 def git(*words: str) -> bytes:
     """What git says of this checkout."""
     command = ["git", "-c", f"safe.directory={ROOT}", "-C", str(ROOT), *words]
-    return subprocess.run(command, capture_output=True, check=True).stdout
+    done = subprocess.run(command, capture_output=True)
+    if done.returncode != 0:
+        raise Unavailable(f"git: {done.stderr.decode().strip()[-300:]}")
+    return done.stdout
 
 
 def copy_checkout(target: Path) -> None:
@@ -96,6 +99,7 @@ def copy_checkout(target: Path) -> None:
 def copy_version_before(target: Path) -> str:
     """Copy the last commit of the version before; returns that version."""
     change = ("-1", "--format=%H", "-G^__version__", "--", "slipstream/__init__.py")
+    # In a shallow clone the parent is missing, which git says.
     commit = f"{git('log', *change).decode().strip()}^"
     with tarfile.open(fileobj=io.BytesIO(git("archive", commit))) as archive:
         archive.extractall(target, filter="data")
