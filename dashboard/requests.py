@@ -17,6 +17,7 @@ from typing import Any, Final
 import viser
 import websockets.asyncio.server
 from websockets.asyncio.server import ServerConnection
+from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from dashboard import selection
@@ -287,7 +288,7 @@ class OneLine(logging.Filter):
     """Makes one line of a traceback, and lets one a minute through.
 
     What a client sends is no fault of ours: viser raises for it in a connection's handler, and in
-    tasks of its own.
+    tasks of its own. That a browser leaves, even while it is answered, is no fault at all.
     """
 
     def __init__(self) -> None:
@@ -295,10 +296,12 @@ class OneLine(logging.Filter):
         self._limiter = LogLimiter()
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Rewrite a record that has an exception."""
+        """Rewrite a record that has an exception, or leave it out."""
         error = record.exc_info[1] if record.exc_info else None
         if error is None:
             return True
+        if isinstance(error, ConnectionClosed):
+            return False
         if not self._limiter.allow(record.name):
             return False
         said, before = record.getMessage().partition("\n")[0], self._limiter.suppressed(record.name)

@@ -6,6 +6,7 @@ import gc
 import gzip
 import logging
 import socket
+import struct
 import threading
 import time
 import urllib.request
@@ -18,7 +19,7 @@ import msgspec
 import pytest
 import viser
 from websockets.datastructures import Headers
-from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.exceptions import ConnectionClosed, ConnectionClosedError, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin, Subprotocol
 
@@ -308,6 +309,29 @@ def test_garbage_instead_of_a_request_writes_no_traceback(
                         pass
     assert "Traceback" not in caplog.text
     assert len(lines_of(caplog)) <= 2
+
+
+def test_browsers_that_leave_while_they_are_answered_write_nothing(
+    server: viser.ViserServer, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Neither at the end of a handshake nor within a file."""
+    monkeypatch.setattr("dashboard.requests.MAX_BROWSERS", 1000)
+    request = (
+        "GET / HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n"
+        f"Sec-WebSocket-Protocol: {VERSION}\r\n\r\n"
+    ).encode()
+    with caplog.at_level(logging.INFO):
+        for sent in (request, b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n") * 50:
+            with socket.create_connection(("127.0.0.1", server.get_port()), 60) as client:
+                client.sendall(sent)
+                # A reset at once, not a close that waits for what is on its way.
+                client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        assert becomes("HTTP/1.1 200 OK", server)
+        # What websockets writes where the reset comes just before its answer, which is rare.
+        connections = logging.getLogger("dashboard.server.connections")
+        connections.error("opening handshake failed", exc_info=ConnectionClosedError(None, None))
+    assert lines_of(caplog) == []
 
 
 def test_a_page_of_another_version_is_told_so(
