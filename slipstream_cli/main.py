@@ -89,8 +89,18 @@ _PACKAGE_OF: Final = {
 }
 
 
-def parser() -> argparse.ArgumentParser:
-    """The whole command line; sub-commands load their daemons only when they run."""
+def parser(command: str | None = None) -> argparse.ArgumentParser:
+    """The whole command line; sub-commands load their daemons only when they run.
+
+    Args:
+        command: the one of this product that is asked for: others are left out, as loading them
+            takes a tenth of a daemon's start.
+    """
+    if command in COMMANDS:
+        top = Parser(prog="slipstream")
+        commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
+        import_module(f"slipstream_cli.{COMMANDS[command]}").add_to(commands)
+        return top
     groups = {title: tuple(commands) for title, commands in GROUPS.items()}
     top = Parser(
         prog="slipstream",
@@ -145,7 +155,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # A file's name may hold what is no text.
         sys.stdout.reconfigure(errors="backslashreplace")
         _keep_libraries_out(sys.stdout)
-    options = parser().parse_args(arguments)
+    given = sys.argv[1:] if arguments is None else list(arguments)
+    options = parser(next(iter(given), None)).parse_args(given)
     _name_stdout(options)
     try:
         return int(options.run(options))

@@ -88,4 +88,4 @@ def check(url: str) -> CheckReport:
         faults = [str(error.orig)]
     finally:
         engine.dispose()
-    return CheckReport(source, version, schema.head(), tuple(faults), cycles, first, last, size)
+    return CheckReport(source, version, schema.HEAD, tuple(faults), cycles, first, last, size)

@@ -70,7 +70,7 @@ def open_path(url: URL, *, create: bool, owned: bool) -> tuple[Engine, Owner | N
                     if is_sqlite(url) and (faults := sqlite_faults(connection)):
                         raise damaged(source, faults[0])
             with engine.begin() as connection:
-                if schema.current(connection) != schema.head():
+                if schema.current(connection) != schema.HEAD:
                     schema.upgrade(connection)
         except DBAPIError as error:
             raise open_error(source, error) from None

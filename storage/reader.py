@@ -370,7 +370,7 @@ class Reader:
                 revision = schema.current(session.connection())
                 if revision is None:
                     yield None
-                elif revision != schema.head():
+                elif revision != schema.HEAD:
                     raise StorageError(f"{source}: its writer has not upgraded it yet")
                 else:
                     yield session

@@ -91,10 +91,11 @@ class FleetWatch:
         clock: Callable[[], int],
         refuse: Callable[[InputError], None],
         plan_ahead_s: float = 0.0,
+        bundle_s: float = 0.0,
         learning: Learning | None = None,
     ) -> None:
         self.fleet: Fleet | None = None
-        self._tracker = FleetTracker(network, records, started_ns, plan_ahead_s)
+        self._tracker = FleetTracker(network, records, started_ns, plan_ahead_s, bundle_s)
         self._learning = learning or Learning(network, records)
         self._lock = threading.Lock()
         self._clock, self._refuse = clock, refuse

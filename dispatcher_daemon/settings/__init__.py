@@ -12,6 +12,7 @@ from dispatcher_daemon.settings.dispatcher import (
     ApiSettings,
     DispatcherSettings,
     FeedSettings,
+    OrderSettings,
     Scope,
 )
 from dispatcher_daemon.settings.hardware import HardwareSettings
@@ -37,6 +38,7 @@ __all__ = [
     "HardwareSettings",
     "LcQaoaSettings",
     "LcQaoaVariant",
+    "OrderSettings",
     "QaoaSettings",
     "SchedulerSettings",
     "Scope",

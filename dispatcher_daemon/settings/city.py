@@ -21,8 +21,8 @@ class SearchSettings(TunedSettings):
     routes."""
     max_penalty_kwh: float = 0.1
     """Maximum penalty of one unit of excess load, or of 0.1 s of lateness, before the routes
-    are feasible, kWh. Where vehicles carry few units, it has to reach the energy of some
-    detours. Ten times as much where the stops fill all vehicles, or are more than a part has,
+    are feasible, kWh, where stops have five units each or more; as much for a stop where they
+    have fewer. Ten times as much where the stops fill all vehicles, or are more than a part has,
     but no more than 1,000."""
     part_stops: int = 250
     """Maximum mean number of stops of a round's parts."""

@@ -66,6 +66,15 @@ class OrderSettings(Settings):
         description="An order is planned from so long before its window opens, s: longer than the "
         "way there, and not so long that vehicles wait at its door.",
     )
+    bundle_s: float = Field(
+        default=300.0,
+        ge=0,
+        le=3600,
+        allow_inf_nan=False,
+        description="An order that no vehicle has waits for others until the next multiple of this "
+        "time, s, but for a quarter of the time to its window's end at most; 0: not at all. It "
+        "joins a tour that has not begun before.",
+    )
 
 
 class FeedSettings(Settings):

@@ -11,6 +11,7 @@ import socket
 import sys
 import threading
 import time
+import traceback
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager, ExitStack
 from functools import partial
@@ -36,6 +37,9 @@ SUPERVISED = "SLIPSTREAM_SUPERVISED"
 """Process id of `slipstream run`: what it starts ends with it, however it ends."""
 
 _PR_SET_PDEATHSIG = 1
+_OWN: Final = frozenset(
+    {"dashboard", "dispatcher_daemon", "edge_daemon", "slipstream", "storage", "vehicle_agent"}
+)
 
 
 def configure_logging(name: str, settings: ServiceSettings) -> None:
@@ -110,7 +114,8 @@ class Service:
     loop.
 
     Parts start in order and are stopped in reverse when it ends, however that comes: a part that
-    does not start stops those that have.
+    does not start stops those that have. A thread that dies ends the service too, with status 1: a
+    daemon that goes on without its receiver would look well.
 
     Attributes:
         stopping: set when SIGTERM or SIGINT has arrived.
@@ -137,11 +142,14 @@ class Service:
         self._progress_at: float | None = None
         self._trimmed_at = time.monotonic()
         self._previous: dict[int, object] = {}
+        self._excepthook = threading.excepthook
+        self._died: str | None = None
 
     def __enter__(self) -> Self:
         """Raises InputError if the metrics port is taken, or traces are asked for in vain."""
         for number in (signal.SIGTERM, signal.SIGINT):
             self._previous[number] = signal.signal(number, self._on_signal)
+        self._excepthook, threading.excepthook = threading.excepthook, self._on_thread_fault
         port = self._settings.metrics_port
         if port:
             try:
@@ -156,15 +164,19 @@ class Service:
         self._tracing.__enter__()
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if not self._told:
             notify("STOPPING=1")
         try:
             self._parts.close()
         finally:
+            threading.excepthook = self._excepthook
             self._tracing.__exit__()
             for number, handler in self._previous.items():
                 signal.signal(number, handler)  # type: ignore[arg-type]
+        if self._died is not None and kind is None:
+            log.error("ended, as a thread died: %s", self._died)
+            raise SystemExit(1)
 
     def start(
         self,
@@ -210,6 +222,16 @@ class Service:
             stop()
         except Exception:
             log.exception("%s: does not stop in order", name)
+
+    def _on_thread_fault(self, fault: threading.ExceptHookArgs) -> None:
+        """A library's own thread may end as it likes."""
+        self._excepthook(fault)
+        frames = traceback.walk_tb(fault.exc_traceback)
+        modules = {str(frame.f_globals.get("__name__")).partition(".")[0] for frame, _ in frames}
+        if fault.exc_type is not SystemExit and not modules.isdisjoint(_OWN):
+            name = "" if fault.thread is None else fault.thread.name
+            self._died = self._died or f"{name}: {fault.exc_type.__name__}: {fault.exc_value}"
+            self.stopping.set()
 
     def _on_signal(self, number: int, _frame: FrameType | None) -> None:
         self._told = True

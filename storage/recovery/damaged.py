@@ -93,7 +93,7 @@ def _readable(path: Path, read: Callable[[Session], T]) -> T | None:
     engine = reader_engine(parse_url(f"sqlite:///{path}"))
     try:
         with Session(engine) as session:
-            if schema.current(session.connection()) != schema.head():
+            if schema.current(session.connection()) != schema.HEAD:
                 return None
             return read(session)
     except (DBAPIError, ValueError, TypeError):

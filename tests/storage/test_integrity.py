@@ -90,7 +90,7 @@ def test_the_command_says_it_in_a_sentence(url, make_cycle, tmp_path, capsys, mo
     sound = f"{path}: sound, schema {head}, 2 cycles from {begins} to {ends}, {size}"
     assert told() == (0, sound)
     with monkeypatch.context() as patch:
-        patch.setattr("storage.schema.head", lambda: "0999")
+        patch.setattr("storage.schema.HEAD", "0999")
         status, line = told()
         refused = pytest.raises(storage.StorageError, match="has not upgraded it yet")
         with storage.open_reader(url) as reader, refused:

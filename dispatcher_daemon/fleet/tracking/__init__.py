@@ -8,7 +8,12 @@ from __future__ import annotations
 from dispatcher_daemon.fleet.tracking.claims import Claim
 from dispatcher_daemon.fleet.tracking.lateness import at_risk, lateness, lateness_s
 from dispatcher_daemon.fleet.tracking.open_tours import OpenTour, fleet_of
-from dispatcher_daemon.fleet.tracking.order_stops import NO_PLACE, OPENS_LATER, stop_of
+from dispatcher_daemon.fleet.tracking.order_stops import (
+    NO_PLACE,
+    NOT_YET,
+    bundled_until_ns,
+    stop_of,
+)
 from dispatcher_daemon.fleet.tracking.orders import OrderBook
 from dispatcher_daemon.fleet.tracking.situation import (
     HIDDEN,
@@ -23,8 +28,8 @@ __all__ = [
     "FRESH_NS",
     "HIDDEN",
     "IDLE",
+    "NOT_YET",
     "NO_PLACE",
-    "OPENS_LATER",
     "Claim",
     "FleetSituation",
     "FleetTracker",
@@ -32,6 +37,7 @@ __all__ = [
     "OrderBook",
     "TrackedVehicle",
     "at_risk",
+    "bundled_until_ns",
     "fleet_of",
     "idle_text",
     "lateness",

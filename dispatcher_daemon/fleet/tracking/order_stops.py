@@ -10,9 +10,12 @@ from dispatcher_daemon.fleet.stops import DEPOT, Stop
 from slipstream.orders import OrderRecord, utc
 
 OPENS_LATER: Final = "its window opens later"
-"""Begin of the reason of an order that is not planned yet."""
+BUNDLED: Final = "others may join it"
+NOT_YET: Final = (OPENS_LATER, BUNDLED)
+"""Begins of the reasons of orders that are not planned yet."""
 NO_PLACE: Final = ("the network has no junction", "another place of the fleet's file has its id")
 """Begins of reasons for which an order has no place in any plan."""
+_SLACK_SHARE: Final = 4
 _DAY_S: Final = 86_400.0
 
 
@@ -107,6 +110,31 @@ def outside_windows(fleet: Fleet, reference_ns: int, ahead_s: float) -> dict[str
     return found
 
 
+def is_bundled(order: OrderRecord, reference_ns: int, bundle_s: float) -> bool:
+    """Whether an order that no vehicle has may wait for others still."""
+    return order.state == "open" and _bundled_until_ns(order, bundle_s) > reference_ns
+
+
+def _bundled_until_ns(order: OrderRecord, bundle_s: float) -> int:
+    received_ns = order.received_ns
+    return 0 if received_ns is None else bundled_until_ns(received_ns, order.latest_ns, bundle_s)
+
+
+def bundled_until_ns(received_ns: int, latest_ns: int | None, bundle_s: float) -> int:
+    """When an order is planned that may wait for others: at the next multiple of a time since 1970,
+    but before a quarter of the time to its window's end has passed.
+
+    Orders of one vehicle trip have to be known together; each alone needs a trip of its own.
+    """
+    bundle_ns = round(1e9 * bundle_s)
+    if bundle_ns == 0:
+        return received_ns
+    until_ns = -(-received_ns // bundle_ns) * bundle_ns
+    if latest_ns is None:
+        return until_ns
+    return min(until_ns, received_ns + max(0, latest_ns - received_ns) // _SLACK_SHARE)
+
+
 def requested_stops(
     orders: Iterable[OrderRecord],
     may_plan: Callable[[str], bool],
@@ -114,6 +142,7 @@ def requested_stops(
     junctions: Collection[str],
     reference_ns: int,
     ahead_s: float,
+    bundle_s: float,
 ) -> tuple[list[Stop], dict[str, str]]:
     """(callers' orders as stops of a cycle, why others that are open are not among them)."""
     places = _places(fleet)
@@ -131,6 +160,9 @@ def requested_stops(
             kept[order.order] = f"{OPENS_LATER}: it is planned from {begins} on"
         elif order.latest_ns is not None and order.latest_ns <= reference_ns:
             kept[order.order] = "its window closes before a plan can be out"
+        elif is_bundled(order, reference_ns, bundle_s):
+            begins = utc(_bundled_until_ns(order, bundle_s))
+            kept[order.order] = f"{BUNDLED}: it is planned from {begins} on"
         else:
             found.append(requested_stop(order, reference_ns))
     return found, kept

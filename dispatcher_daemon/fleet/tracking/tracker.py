@@ -14,7 +14,8 @@ from dispatcher_daemon.fleet.tracking.claims import Claims
 from dispatcher_daemon.fleet.tracking.committing import behind_s, commitment
 from dispatcher_daemon.fleet.tracking.open_tours import OpenTour, open_tours
 from dispatcher_daemon.fleet.tracking.order_stops import (
-    OPENS_LATER,
+    NOT_YET,
+    is_bundled,
     outside_windows,
     requested_stops,
 )
@@ -59,9 +60,10 @@ class FleetTracker:
         records: FleetRecords | None = None,
         started_ns: int = 0,
         plan_ahead_s: float = 0.0,
+        bundle_s: float = 0.0,
     ) -> None:
         stored = records or FleetRecords()
-        self._network, self._plan_ahead_s = network, plan_ahead_s
+        self._network, self._plan_ahead_s, self._bundle_s = network, plan_ahead_s, bundle_s
         self.unplanned: Mapping[str, str] = {}
         self.book = OrderBook(stored.orders)
         self.claims = Claims(self.book, network)
@@ -239,6 +241,7 @@ class FleetTracker:
             self._network.junctions,
             reference_ns,
             self._plan_ahead_s,
+            self._bundle_s,
         )
         self.unplanned = {**outside, **kept_back}
         found = cycle_fleet(
@@ -262,7 +265,7 @@ class FleetTracker:
         hidden = tuple(stop.id for stop in listed if orders[stop.id].request is not None)
         road_users = on_road(plans, now_ns, late_s)
         own = tuple(bound)
-        later = {n: why for n, why in self.unplanned.items() if why.startswith(OPENS_LATER)}
+        later = {n: why for n, why in self.unplanned.items() if why.startswith(NOT_YET)}
         return FleetSituation(
             found, own, left_out, road_users, hidden, waiting, later, idle, nobody
         )
@@ -283,7 +286,7 @@ class FleetTracker:
             vehicle = None if order.vehicle is None else self._vehicles.get(order.vehicle)
             if order.state == "open":
                 reason = self.unplanned.get(name, nobody)
-                if not reason.startswith(OPENS_LATER):
+                if not reason.startswith(NOT_YET):
                     waiting[name] = reason
             elif vehicle is not None and vehicle.answered_ns and not vehicle.is_fresh(now_ns):
                 since = utc(vehicle.answered_ns)
@@ -309,10 +312,15 @@ class FleetTracker:
             self._network.junctions,
             reference_ns,
             self._plan_ahead_s,
+            bundle_s=0.0,
         )
         self.unplanned = {**self.unplanned, **kept}
         vehicles = self._vehicles.values()
         tours = open_tours(fleet, vehicles, self._available, self.book, cycle, now_ns, reference_ns)
+        orders = self.book.orders
+        if all(is_bundled(orders[stop.id], reference_ns, self._bundle_s) for stop in stops):
+            # Others may join them: they are no reason to send an idle vehicle.
+            tours = (tour for tour in tours if tour.stops)
         return list(tours) if stops else [], stops
 
     def settle(self, order: str, now_ns: int, *, served: bool, reason: str | None = None) -> None:

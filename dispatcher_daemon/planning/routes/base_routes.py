@@ -169,7 +169,8 @@ class _Search:
         # more than can be searched at once were not measured with it.
         in_parts = settings.part_stops < len(stops) <= _WHOLE_STOPS
         full = in_parts or are_full(problem.fleet, stops)
-        self._penalties = low_penalties(settings, full=full)
+        demand = sum(problem.fleet.stop_by_id[stop].demand for stop in stops)
+        self._penalties = low_penalties(settings, demand / max(1, len(stops)), full=full)
         self.ends = clock() + settings.time_limit_s
 
     def first(

@@ -21,18 +21,25 @@ HIGH_PENALTIES: Final = pyvrp.PenaltyParams(max_penalty=1e9)
 """The penalty starts at half of this: one excess unit costs more than an unserved stop."""
 
 
-_FULL_FACTOR: Final = 10
+_FULL_FACTOR: Final = 10.0
+_MEASURED_LOAD: Final = 5.0
 
 
-def low_penalties(settings: SearchSettings, *, full: bool) -> pyvrp.PenaltyParams:
+def low_penalties(settings: SearchSettings, load: float, *, full: bool) -> pyvrp.PenaltyParams:
     """Low penalties: the search may pass through infeasible routes, and gets further.
 
+    The setting was chosen with stops of some five units each. Where stops have fewer, a vehicle
+    that takes one stop too many has fewer units too many, but saves the same detour.
+
     Args:
+        load: mean demand of the stops.
         full: whether stops fill the vehicles, or the routes of a large city. One unit too many then
             saves so much that a lower penalty leaves nearly all routes that are searched
             infeasible.
     """
-    factor = _FULL_FACTOR if full else 1
+    factor = _FULL_FACTOR if full else 1.0
+    if 0 < load < _MEASURED_LOAD:
+        factor *= _MEASURED_LOAD / load
     return pyvrp.PenaltyParams(max_penalty=factor * settings.max_penalty_kwh * MWH_PER_KWH)
 
 

@@ -9,7 +9,7 @@ from typing import Final
 from dispatcher_daemon.fleet.tracking import (
     FRESH_NS,
     NO_PLACE,
-    OPENS_LATER,
+    NOT_YET,
     Claim,
     FleetTracker,
     TrackedVehicle,
@@ -91,7 +91,7 @@ def fleet_lost(tracker: FleetTracker, started_ns: int, now_ns: int) -> Iterator[
 def _has_work(tracker: FleetTracker) -> bool:
     """Whether a vehicle has orders, or an order is due."""
     return any(
-        not tracker.unplanned.get(name, "").startswith(OPENS_LATER)
+        not tracker.unplanned.get(name, "").startswith(NOT_YET)
         for name, order in tracker.book.orders.items()
         if not order.ended
     )
@@ -116,7 +116,7 @@ def _disputed(tracker: FleetTracker) -> Iterator[Condition]:
 
 def _unserved(order: OrderRecord, reason: str, now_ns: int) -> str | None:
     """What is wrong with an open order; None: it waits, and there is time."""
-    if reason.startswith(OPENS_LATER):
+    if reason.startswith(NOT_YET):
         return None
     if reason.startswith(FOR_GOOD):
         return reason

@@ -74,6 +74,7 @@ class Dispatcher:
             time.time_ns,
             self.receiver.refuse,
             settings.orders.plan_ahead_s,
+            settings.orders.bundle_s,
         )
         self.fleet_watch.fleet = fleet
         self.delivery = PlanDelivery(bus, store, self.fleet_watch, announce)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from dispatcher_daemon.forms.problem import RoutingProblem
 from dispatcher_daemon.service.dispatcher import Dispatcher
-from dispatcher_daemon.settings import DispatcherSettings
+from dispatcher_daemon.settings import DispatcherSettings, OrderSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.workers.pool import Solve, solve_in_process
 from slipstream.energy.ledger import PlanEnergy
@@ -25,7 +25,7 @@ from storage import CycleInputs, Event, RollUp, Room, StorageError
 State = Callable[..., SegmentState]
 
 
-SETTINGS = DispatcherSettings(solvers=("exact",))
+SETTINGS = DispatcherSettings(solvers=("exact",), orders=OrderSettings(bundle_s=0.0))
 
 
 @dataclass

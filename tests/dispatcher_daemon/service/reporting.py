@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from dispatcher_daemon.forms.problem import RoutingProblem
 from dispatcher_daemon.service.dispatcher import Dispatcher
-from dispatcher_daemon.settings import DispatcherSettings
+from dispatcher_daemon.settings import DispatcherSettings, OrderSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.workers.pool import solve_in_process
 from slipstream.messages import (
@@ -22,7 +22,7 @@ from slipstream.messages import (
 )
 from storage import Database
 
-SETTINGS = DispatcherSettings(solvers=("exact",))
+SETTINGS = DispatcherSettings(solvers=("exact",), orders=OrderSettings(bundle_s=0.0))
 
 
 @dataclass

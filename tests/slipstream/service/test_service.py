@@ -8,6 +8,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
 from functools import partial
@@ -16,7 +17,7 @@ from pathlib import Path
 import pytest
 
 from slipstream.bus import free_port
-from slipstream.config import ServiceSettings
+from slipstream.config import ServiceSettings, check
 from slipstream.errors import InputError
 from slipstream.service import LogLimiter, Service, notify
 
@@ -237,6 +238,29 @@ def test_a_part_that_does_not_start_stops_those_that_have(
         run()
     assert life == ["+a", "+b", "-b", "-a"]
     assert [record.getMessage() for record in caplog.records] == line
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_a_thread_that_dies_ends_the_daemon(caplog: pytest.LogCaptureFixture) -> None:
+    """With status 1, so that it is started again; a library's thread may end as it likes."""
+    before = threading.excepthook
+
+    def serve() -> None:
+        with Service("x", ServiceSettings()) as service:
+            foreign = threading.Thread(target=int, args=("x",))
+            foreign.start()
+            foreign.join()
+            assert not service.stopping.is_set()
+            own = threading.Thread(target=check, args=(None, None, "x"), name="receiver")
+            own.start()
+            assert service.stopping.wait(60)
+            own.join()
+
+    with pytest.raises(SystemExit) as ended:
+        serve()
+    assert ended.value.code == 1
+    assert "ended, as a thread died: receiver: " in caplog.text
+    assert threading.excepthook is before
 
 
 def test_each_part_says_how_it_is() -> None:

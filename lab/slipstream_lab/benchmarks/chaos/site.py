@@ -157,6 +157,7 @@ def _place(
             "solvers": ["exact"],
             "interval_s": INTERVAL_S,
             "deadline_s": INTERVAL_S / 2,
+            "orders": {"bundle_s": 0.0},
             "api": {"port": ports["api"], "tokens": str((folder / "tokens.toml").absolute())},
         },
     )

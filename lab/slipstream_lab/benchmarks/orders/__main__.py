@@ -18,7 +18,7 @@ import numpy as np
 
 from dispatcher_daemon.service.dispatcher import Dispatcher
 from dispatcher_daemon.service.intake import OrderIntake
-from dispatcher_daemon.settings import DispatcherSettings
+from dispatcher_daemon.settings import DispatcherSettings, OrderSettings
 from dispatcher_daemon.solvers import configured_solvers
 from dispatcher_daemon.solvers.workers import SolverPool, WorkerExecutor
 from slipstream.messages import Message, OrderRequest, VehiclePlan
@@ -77,7 +77,7 @@ def measure(vehicles: int, stops: int, orders: int, seed: int) -> InsertionFigur
     def request(name: str) -> OrderRequest:
         return OrderRequest(id=name, node=str(rng.choice(nodes)), demand=1)
 
-    settings = DispatcherSettings(form="route", deadline_s=20.0)
+    settings = DispatcherSettings(form="route", deadline_s=20.0, orders=OrderSettings(bundle_s=0.0))
     executor = WorkerExecutor(settings.city.search.workers)
     parallel = dict.fromkeys(settings.city.solvers, settings.city.search.workers)
     with (

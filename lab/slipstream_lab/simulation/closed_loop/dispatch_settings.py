@@ -8,6 +8,7 @@ from dispatcher_daemon.settings import (
     AdviceSettings,
     CitySettings,
     DispatcherSettings,
+    OrderSettings,
     SearchSettings,
 )
 from dispatcher_daemon.solvers import BASELINE_SOLVER, ExactSolver, configured_solvers
@@ -32,8 +33,6 @@ def evaluation_settings(solver: str = "exact") -> DispatcherSettings:
         rounds=3,
         iterations_per_stop=30,
         iterations_to_feasible=2000,
-        # A parcel too many saves a detour of some tenths of a kWh.
-        max_penalty_kwh=10.0,
         workers=1,
         time_limit_s=_AMPLE_S,
     )
@@ -56,6 +55,7 @@ def evaluation_settings(solver: str = "exact") -> DispatcherSettings:
         form="route",
         solvers=("exact",),
         city=city,
+        orders=OrderSettings(bundle_s=0.0),
     )
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.fleet.learning import HOUR_NS, History, Learned, Learning
+from dispatcher_daemon.fleet.tracking import bundled_until_ns
 from dispatcher_daemon.forms import RoutingProblem, routing_problem
 from dispatcher_daemon.service.dispatcher import CycleRunner, FleetWatch, PlanDelivery, Surroundings
 from dispatcher_daemon.settings import DispatcherSettings
@@ -85,7 +86,7 @@ class Dispatching:
             lambda: self._now_ns,
             _refuse,
             settings.orders.plan_ahead_s,
-            learning,
+            learning=learning,
         )
         self._delivery = PlanDelivery(self._sent, _Store(database), self._watch)
         self._runner = CycleRunner(
@@ -153,7 +154,13 @@ class Dispatching:
         now_s = now_ns / 1e9
         everybody = dict.fromkeys(self._deliveries.vehicles, now_s)
         # Times count from when vehicles may leave; what is ordered until then is not known yet.
-        to_come = [one.id for one in self._deliveries.orders if 1e9 * one.release_s > self._now_ns]
+        bundle_s = self._settings.orders.bundle_s
+        to_come = [
+            one.id
+            for one in self._deliveries.orders
+            if bundled_until_ns(round(1e9 * one.release_s), round(1e9 * one.latest_s), bundle_s)
+            > self._now_ns
+        ]
         return fleet_at(self._deliveries, now_s, everybody, {*self._over, *to_come})
 
     def snapshot(self, now_ns: int) -> TrafficSnapshot:

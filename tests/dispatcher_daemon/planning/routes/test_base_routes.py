@@ -16,7 +16,7 @@ from dispatcher_daemon.planning.roads.routes import RoadLeg, lateness_s, timed
 from dispatcher_daemon.planning.roads.travel import Travel
 from dispatcher_daemon.planning.routes.base_routes import BaseRoutes, base_routes
 from dispatcher_daemon.planning.routes.parts import FleetPart, parts_of_stops
-from dispatcher_daemon.planning.routes.pyvrp_search import SearchAttempt
+from dispatcher_daemon.planning.routes.pyvrp_search import SearchAttempt, low_penalties
 from dispatcher_daemon.settings import SearchSettings
 from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
 from slipstream_lab.research.cities.generator import CityShape, generate_city
@@ -343,3 +343,14 @@ def test_a_city_in_parts_is_searched_deeply_in_the_second_half() -> None:
     assert not any(a.deep for a in whole.attempts)
     low, high = (sorted({a.penalty.max_penalty for a in w.attempts})[0] for w in (whole, parts))
     assert high == pytest.approx(10 * low)
+
+
+@pytest.mark.parametrize(
+    ("load", "factor"), [(0.0, 1.0), (1.0, 5.0), (2.5, 2.0), (5.0, 1.0), (80.0, 1.0)]
+)
+def test_a_stop_too_many_costs_as_much_where_stops_have_few_units(
+    load: float, factor: float
+) -> None:
+    """At least: a unit of five or more costs what was measured, and of none there is no load."""
+    measured = low_penalties(SHORT, 5.0, full=False).max_penalty
+    assert low_penalties(SHORT, load, full=False).max_penalty == pytest.approx(factor * measured)

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from dispatcher_daemon.fleet.tracking import OPENS_LATER, FleetTracker, lateness_s
+from dispatcher_daemon.fleet.tracking import NOT_YET, FleetTracker, lateness_s
 from dispatcher_daemon.fleet.tracking.vehicle import FRESH_NS
 from dispatcher_daemon.forms.problem import RoutingProblem
 from dispatcher_daemon.planning.route_form.fleet_plan import NO_ROOM
@@ -175,7 +175,7 @@ def test_an_order_that_waits_is_wrong_when_it_waits_too_long(
         assert "it has waited for a vehicle since" in late["order/waits"]
         cannot = f"{WINDOW_CLOSES} at 60 s, the first to arrive is there at 90 s"
         assert conditions(dispatcher, closes=cannot) == [("order_unserved", "order/closes", cannot)]
-        later = f"{OPENS_LATER}: it is planned from tomorrow on"
+        later = f"{NOT_YET[0]}: it is planned from tomorrow on"
         assert [s for _, s, _ in conditions(dispatcher, WAITED_S + 60, waits=later)] == [
             "order/closes"
         ]

@@ -24,7 +24,7 @@ from dispatcher_daemon.service.api import (
 from dispatcher_daemon.service.api.solving import SolveJobs
 from dispatcher_daemon.service.dispatcher import AlarmSource, Dispatcher
 from dispatcher_daemon.service.intake import OrderIntake
-from dispatcher_daemon.settings import DispatcherSettings
+from dispatcher_daemon.settings import DispatcherSettings, OrderSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.workers.pool import solve_in_process
 from slipstream.http.conventions import Conventions
@@ -162,7 +162,9 @@ def serve(
         ) -> Api:
             (tmp_path / "d.db").write_bytes(empty_database)
             url = f"sqlite:///{tmp_path}/d.db"
-            settings = DispatcherSettings(solvers=("exact",), database_url=url)
+            settings = DispatcherSettings(
+                solvers=("exact",), database_url=url, orders=OrderSettings(bundle_s=0.0)
+            )
             database = stack.enter_context(open_database(url))
             solve = solve_in_process([ExactSolver()])
             path = tmp_path / "tokens.toml"

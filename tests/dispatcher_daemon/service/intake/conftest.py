@@ -8,7 +8,12 @@ import pytest
 
 from dispatcher_daemon.fleet import fleet_from
 from dispatcher_daemon.forms.problem import RoutingProblem
-from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
+from dispatcher_daemon.settings import (
+    CitySettings,
+    DispatcherSettings,
+    OrderSettings,
+    SearchSettings,
+)
 from slipstream.messages import OrderRequest
 from slipstream.roads import RoadNetwork
 
@@ -19,6 +24,7 @@ SETTINGS = DispatcherSettings(
         second_rounds=0,
         max_sweeps=1,
     ),
+    orders=OrderSettings(bundle_s=0.0),
 )
 
 
