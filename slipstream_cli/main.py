@@ -89,15 +89,6 @@ _PACKAGE_OF: Final = {
 }
 
 
-_ROLE_OF: Final = {
-    "cluster": "worker",
-    "dashboard": "server",
-    "dispatcher": "server",
-    "edge": "edge",
-}
-"""Of `deploy/install.sh`, by extra; the other extras are none of any role."""
-
-
 def parser(command: str | None = None) -> argparse.ArgumentParser:
     """The whole command line; sub-commands load their daemons only when they run.
 
@@ -150,16 +141,6 @@ def _keep_libraries_out(out: io.TextIOWrapper) -> None:
     )
 
 
-def _how_to_install(package: str) -> str:
-    """By pip, or by the installer of the release that this program is part of."""
-    installer = Path(sys.prefix, "source/deploy/install.sh")
-    extra = package.partition("[")[2].removesuffix("]")
-    if not package.startswith("slipstream[") or not installer.exists():
-        return f"pip install '{package}'"
-    role = _ROLE_OF.get(extra)
-    return f"sh {installer} {role or f'--extras {extra} ROLE'}"
-
-
 def _name_stdout(options: argparse.Namespace) -> None:
     """Standard output as a file's name is the one that `print` has."""
     for name, value in vars(options).items():
@@ -186,7 +167,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         package = _PACKAGE_OF.get((error.name or "").split(".")[0])
         if package is None:
             raise
-        complain(f"slipstream: {error.name} is not installed; {_how_to_install(package)}")
+        complain(f"slipstream: {error.name} is not installed; pip install '{package}'")
         return EXIT_BAD_INPUT
     except KeyboardInterrupt:
         return _EXIT_INTERRUPTED

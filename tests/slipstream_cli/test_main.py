@@ -15,7 +15,7 @@ import pytest
 import tomli_w
 
 from slipstream_cli.commands import db
-from slipstream_cli.main import _how_to_install, main
+from slipstream_cli.main import main
 
 
 class Done(NamedTuple):
@@ -204,20 +204,6 @@ def test_a_missing_extra_is_named() -> None:
         [sys.executable, "-c", code], capture_output=True, text=True, check=False, env=os.environ
     )
     assert "slipstream[dashboard]" in one_line(result)
-
-
-def test_an_installation_is_told_its_own_installer(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """What pip would put into a release is not there after the next upgrade."""
-    assert _how_to_install("slipstream[osm]") == "pip install 'slipstream[osm]'"
-    monkeypatch.setattr("sys.prefix", str(tmp_path))
-    installer = tmp_path / "source/deploy/install.sh"
-    installer.parent.mkdir(parents=True)
-    installer.touch()
-    assert _how_to_install("slipstream[dashboard]") == f"sh {installer} server"
-    assert _how_to_install("slipstream[osm]") == f"sh {installer} --extras osm ROLE"
-    assert _how_to_install("slipstream-lab[train]") == "pip install 'slipstream-lab[train]'"
 
 
 NOISY = """
