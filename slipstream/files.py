@@ -89,9 +89,10 @@ def text_of(data: bytes, source: str | Path, form: str = "text") -> str:
 
 def harmless_cell(text: str) -> str:
     """A text of a CSV file that no spreadsheet takes for a formula: an apostrophe stands before
-    what it would.
+    what it would. One with apostrophes before that gets one more, so that without its first
+    each is what it was.
     """
-    return f"'{text}" if text.startswith(_FORMULA) else text
+    return f"'{text}" if text.lstrip("'").startswith(_FORMULA) else text
 
 
 def ending_of(path: Path) -> str:

@@ -274,6 +274,7 @@ class DispatcherParts:
             StorageError: another dispatcher has taken over the database.
         """
         while not self._service.wait(HEALTH_EVERY_S):
+            self._solving.ask_again()
             check_health(self._dispatcher, self._scheduler, self._service)
             self._alarms.update()
 

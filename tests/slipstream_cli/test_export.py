@@ -52,14 +52,15 @@ def test_what_was_stored_is_what_the_csv_holds(url: str, tmp_path: Path) -> None
     assert {row["repaired"] for row in rows_of(out / "solver_runs.csv")} == {"true", "false"}
 
 
-@pytest.mark.parametrize("text", ["=1+1", "+1", "-1", "@SUM(A1)", "\t=1", "\r=1"])
+@pytest.mark.parametrize("text", ["=1+1", "+1", "-1", "@SUM(A1)", "\t=1", "\r=1", "'=1", "''-1"])
 def test_no_text_of_a_csv_is_a_formula(tmp_path: Path, text: str) -> None:
     """An order's name comes from a caller, and a spreadsheet would run it; numbers stay."""
     columns = (TableColumn("order", "text"), TableColumn("late_s", "real"))
-    write_table(tmp_path / "x.csv", columns, [[(text, -3.0), ("a=1", None)]])
+    write_table(tmp_path / "x.csv", columns, [[(text, -3.0), ("a=1", None), ("'s", 0.0)]])
     assert rows_of(tmp_path / "x.csv") == [
         {"order": f"'{text}", "late_s": "-3.0"},
         {"order": "a=1", "late_s": ""},
+        {"order": "'s", "late_s": "0.0"},
     ]
 
 

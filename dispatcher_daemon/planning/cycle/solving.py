@@ -63,6 +63,11 @@ class Solving:
         fault = self._search.fault
         return None if fault is None else f"no search for routes works ({fault})"
 
+    def ask_again(self) -> None:
+        """See whether processes that died live again, where cycles have had nothing for them."""
+        for workers in (self._pool, self._search):
+            workers.ask_again(2 * self._settings.interval_s)
+
     def close(self) -> None:
         """Stop all processes at once, whatever they are doing."""
         self._pool.close()

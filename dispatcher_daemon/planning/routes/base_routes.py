@@ -58,6 +58,9 @@ _MIN_PART_S: Final = 3.0
 """Where time is short, fewer rounds: in less a search hardly gets beyond its start."""
 _FIRST_SHARE: Final = 1 / 8
 """Of the time, for each attempt at first routes."""
+_LATE_S: Final = 10.0
+"""Beyond its time for which a search is awaited: a worker may have to start. One whose worker was
+killed as it took it on is never answered."""
 
 
 @dataclass(frozen=True)
@@ -262,14 +265,18 @@ class _Search:
             make_up: whether this process does what a worker failed at.
         """
         running = [(model, job, _submit(self._executor, job, limit_s)) for model, job in jobs]
+        most_s = limit_s * max((len(job.attempts) for _, job, _ in running), default=0) + _LATE_S
+        ends = time.monotonic() + most_s
         best: dict[VrpModel, Found] = {}
         timed_out = False
         for model, job, future in running:
             try:
-                searched = future.result()
+                searched = future.result(max(0.0, ends - time.monotonic()))
             except Exception as error:
                 # A worker that died costs its part one round.
-                log.warning("part of the search failed: %s: %s", type(error).__name__, error)
+                future.cancel()
+                what = str(error) or f"no answer within {most_s:.0f} s"
+                log.warning("part of the search failed: %s: %s", type(error).__name__, what)
                 searched = search_in_turn(job) if make_up else Searched(None, True, ())
             timed_out |= searched.cut
             found = searched.found

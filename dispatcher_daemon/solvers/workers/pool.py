@@ -166,6 +166,12 @@ class SolverPool:
             return None
         return "; ".join(f"{name}: {why}" for name, why in found.items())
 
+    def ask_again(self, after_s: float) -> None:
+        """See `Processes`."""
+        with self._lock:
+            for workers in () if self._closed else self._workers.values():
+                workers.ask_again(after_s)
+
     def close(self) -> None:
         """Stop all workers at once; waiting callers get no answer."""
         with self._lock:

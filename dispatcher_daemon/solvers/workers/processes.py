@@ -8,8 +8,10 @@ import multiprocessing
 import os
 import signal
 import threading
+import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor, TimeoutError
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from importlib import import_module
 from multiprocessing import connection
@@ -90,6 +92,8 @@ class Processes:
         self._name = name
         self._pool: Any = None
         self._pending: set[Future[Any]] = set()
+        self._asked_at = time.monotonic()
+        self._died = False
         self.fault: str | None = None
 
     def schedule(
@@ -100,6 +104,7 @@ class Processes:
         timeout_s: float | None = None,
     ) -> Future[Any]:
         """Run a picklable call; a process that takes longer than its time is killed."""
+        self._asked_at = time.monotonic()
         future: Future[Any] = self._living_pool().schedule(
             function, args=args, kwargs=dict(kwargs or {}), timeout=timeout_s
         )
@@ -113,7 +118,17 @@ class Processes:
         if future.cancelled() or isinstance(error := future.exception(), TimeoutError):
             return
         text = " ".join(str(error).split())[:200]
+        self._died = isinstance(error, BrokenProcessPool | pebble.ProcessExpired)
         self.fault = None if error is None else f"{type(error).__name__}: {text}"
+
+    def ask_again(self, after_s: float) -> None:
+        """Ask whether processes live, where they died and no call has come for so long since.
+
+        Where nothing is left to do, nobody else would learn that they do.
+        """
+        if self._died and time.monotonic() - self._asked_at >= after_s:
+            with suppress(RuntimeError):
+                self.schedule(os.getpid)
 
     def _living_pool(self) -> Any:
         """The pool, created again if it broke (a worker that dies while idle breaks it)."""
@@ -163,6 +178,12 @@ class WorkerExecutor(Executor):
     def fault(self) -> str | None:
         """See `Processes`."""
         return self._processes.fault
+
+    def ask_again(self, after_s: float) -> None:
+        """See `Processes`."""
+        with self._lock:
+            if not self._closed:
+                self._processes.ask_again(after_s)
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
         """Run a picklable call in a worker; raises as `submit_limited`."""

@@ -41,6 +41,18 @@ class Broken(Executor):
         return future
 
 
+class Silent(Executor):
+    """Answers no job: its worker was killed as it took it on."""
+
+    def __init__(self) -> None:
+        self.asked: list[Future[Any]] = []
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """No job is done."""
+        self.asked.append(Future())
+        return self.asked[-1]
+
+
 class Watched(ThreadPoolExecutor):
     """Does all jobs in one thread, and keeps their attempts."""
 
@@ -310,6 +322,22 @@ def test_workers_that_die_cost_rounds_and_no_more(
     assert found.unassigned == ()
     assert found.timed_out
     assert "part of the search failed" in caplog.text
+
+
+@pytest.mark.slow
+def test_a_search_that_is_never_answered_holds_no_cycle_up(
+    town: Town, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first routes stand once its time is over, and nobody works at it any more."""
+    monkeypatch.setattr(sys.modules[base_routes.__module__], "_LATE_S", 0.1)
+    made = town([parcel(f"p{i}", n) for i, n in enumerate(("33", "03"))], [{"capacity": 2}])
+    silent = Silent()
+    found = routed(made, SHORT.model_copy(update={"time_limit_s": 0.3}), executor=silent)
+    assert sorted(served(found)) == ["p0", "p1"]
+    assert found.timed_out
+    assert silent.asked
+    assert all(future.cancelled() for future in silent.asked)
+    assert "part of the search failed: TimeoutError: no answer within 0 s" in caplog.text
 
 
 def test_routes_of_the_last_cycle_are_where_the_search_starts(town: Town) -> None:

@@ -61,6 +61,26 @@ def test_workers_that_die_are_told_until_one_answers(workers: WorkerExecutor) ->
     assert workers.fault is None
 
 
+def test_workers_that_died_are_asked_again_where_no_call_comes(workers: WorkerExecutor) -> None:
+    """So that a dispatcher with nothing to plan learns that they live; what raised stays so."""
+
+    def asked_again_until_well() -> bool:
+        deadline = time.monotonic() + 60
+        while workers.fault is not None and time.monotonic() < deadline:
+            workers.ask_again(0.0)
+            time.sleep(0.05)
+        return workers.fault is None
+
+    assert workers.submit(signal.raise_signal, signal.SIGKILL).exception(60) is not None
+    workers.ask_again(3600.0)
+    assert workers.fault is not None
+    assert asked_again_until_well()
+    assert workers.submit(int, "x").exception(60) is not None
+    workers.ask_again(0.0)
+    workers.ask_again(0.0)
+    assert (workers.fault or "").startswith("ValueError")
+
+
 @pytest.mark.long
 def test_workers_killed_while_idle_are_replaced(workers: WorkerExecutor) -> None:
     """Somebody kills all processes between two jobs: the next job finds others."""
