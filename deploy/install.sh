@@ -231,6 +231,8 @@ if [ "$venv" = yes ]; then
         wrong=$(cd "$house" && sha256sum --quiet --check SHA256SUMS 2>/dev/null) ||
             fail "--wheelhouse $given: missing or altered: $(printf '%s\n' "$wrong" | cut -d : -f 1 | paste -sd ' ' -)"
         wheel=$house/$wheel
+    elif [ -r "$source/$wheel" ]; then
+        wheel=$source/$wheel # a release that is installed
     else
         run "$python" -m venv "$tmp/build"
         pip "$tmp/build" wheel --no-deps --wheel-dir "$tmp" "$source"
@@ -262,6 +264,7 @@ if [ "$venv" = yes ]; then
             run install -d "$building/source/$(dirname "$part")"
             run cp -R "$source/$part" "$building/source/$(dirname "$part")"
         done
+        run cp "$wheel" "$building/source"
         run "$building/bin/slipstream" --version >/dev/null || fail "release $release: does not start"
         run sync -f "$building"
         [ "$dry_run" = yes ] || printf '%s\n' "$made_of" >"$building/.complete"

@@ -284,6 +284,21 @@ def test_extras_that_were_named_once_come_with_each_upgrade(machine: Machine) ->
 
 
 @pytest.mark.slow
+def test_an_installed_release_needs_no_checkout_for_another_role_or_extra(machine: Machine) -> None:
+    """Its own installer makes the release anew, of its own program; or finds nothing to do."""
+    assert machine.install("1.0") == 0
+    own = machine.releases.parent / "current" / "source" / "deploy" / "install.sh"
+    shutil.rmtree(machine.source)
+    command = ["sh", own, *machine.command()[2:]]
+    assert subprocess.run([*command, "edge"], timeout=300).returncode == 0
+    assert machine.kept() == {"1.0"}
+    for more in (["--extras", "osm", "edge"], ["server"]):
+        assert subprocess.run([*command, *more], timeout=300).returncode == 0
+    assert machine.locks() == {"edge", "server", "osm"}
+    assert machine.current() == "1.0"
+
+
+@pytest.mark.slow
 def test_the_release_before_stays_and_older_ones_go(machine: Machine) -> None:
     """Two are kept: after each upgrade, the same version again, and a way back by hand."""
     for version in ("1.0", "1.1", "1.2"):
