@@ -187,6 +187,7 @@ ROLE ?= server
 RELEASE := PYTHON=$(PYTHON) sh deploy/release.sh
 .PHONY: release locks wheelhouse deb image
 release:
+	@test -z '$(KEY)' || gpg --batch --list-secret-keys '$(KEY)' >/dev/null
 	rm -rf dist
 	$(RELEASE) packages
 	$(RELEASE) sbom

@@ -207,7 +207,7 @@ for name in $more; do
 done
 
 if [ "$venv" = yes ]; then
-    "$python" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' ||
+    "$python" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' 2>/dev/null ||
         fail "$python: not Python 3.11 to 3.13, which the libraries are locked for; give one with --python"
     "$python" -c 'import ensurepip' 2>/dev/null ||
         fail "$python: cannot make environments; install the package python3-venv"
@@ -218,18 +218,21 @@ if [ "$venv" = yes ]; then
     trap 'rm -rf "$tmp"' EXIT
 
     wheel=slipstream-$version-py3-none-any.whl
+    given=${house:-$source}
     if [ -n "$house" ] && [ ! -d "$house" ]; then
-        tar -xf "$house" -C "$tmp" 2>/dev/null || fail "--wheelhouse $house: no tarball that can be read"
+        tar -xf "$house" -C "$tmp" 2>/dev/null || fail "--wheelhouse $given: no tarball that can be read"
         house=$(echo "$tmp"/*/wheels)
     elif [ -z "$house" ] && [ -d "$source/wheels" ]; then
         house=$source/wheels # an unpacked release
     fi
     if [ -n "$house" ]; then
         cat "$house/SHA256SUMS" "$house/$wheel" >/dev/null 2>&1 ||
-            fail "--wheelhouse $house: no SHA256SUMS or no $wheel in it; see make wheelhouse"
+            fail "--wheelhouse $given: no SHA256SUMS or no $wheel in it; see make wheelhouse"
         wrong=$(cd "$house" && sha256sum --quiet --check SHA256SUMS 2>/dev/null) ||
-            fail "--wheelhouse $house: missing or altered: $(printf '%s\n' "$wrong" | cut -d : -f 1 | paste -sd ' ' -)"
+            fail "--wheelhouse $given: missing or altered: $(printf '%s\n' "$wrong" | cut -d : -f 1 | paste -sd ' ' -)"
         wheel=$house/$wheel
+    elif [ -r "$source/$wheel" ]; then
+        wheel=$source/$wheel # a release that is installed
     else
         run "$python" -m venv "$tmp/build"
         pip "$tmp/build" wheel --no-deps --wheel-dir "$tmp" "$source"
@@ -261,6 +264,7 @@ if [ "$venv" = yes ]; then
             run install -d "$building/source/$(dirname "$part")"
             run cp -R "$source/$part" "$building/source/$(dirname "$part")"
         done
+        run cp "$wheel" "$building/source"
         run "$building/bin/slipstream" --version >/dev/null || fail "release $release: does not start"
         run sync -f "$building"
         [ "$dry_run" = yes ] || printf '%s\n' "$made_of" >"$building/.complete"

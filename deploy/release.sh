@@ -80,7 +80,7 @@ case $1 in
     wheelhouse)
         rm -rf "$tree"
         mkdir -p "$tree/wheels"
-        "$python" -m venv build/wheelhouse
+        "$python" -m venv --clear build/wheelhouse # or it would stay another Python's
         set -- -r "deploy/locks/$role.txt"
         for extra in $(printf %s "${EXTRAS:-}" | tr , ' '); do set -- "$@" -r "deploy/locks/extras/$extra.txt"; done
         build/wheelhouse/bin/python -m pip download --quiet --disable-pip-version-check \

@@ -148,6 +148,18 @@ def _name_stdout(options: argparse.Namespace) -> None:
             setattr(options, name, Path(f"/dev/fd/{sys.stdout.fileno()}"))
 
 
+def _bring(package: str) -> str:
+    """How to bring a package: a release on a machine is made by its installer alone."""
+    deploy = Path(sys.prefix) / "source" / "deploy"
+    extra = package.removeprefix("slipstream[").removesuffix("]")
+    if (deploy / "locks" / "extras" / f"{extra}.txt").is_file():
+        return f"name {extra} in --extras of {deploy}/install.sh"
+    role = {"edge": "edge", "dispatcher": "server", "dashboard": "server", "cluster": "worker"}
+    if extra in role and deploy.is_dir():
+        return f"run {deploy}/install.sh {role[extra]}"
+    return f"pip install '{package}'"
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return the exit status."""
     follow_supervisor()
@@ -167,7 +179,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         package = _PACKAGE_OF.get((error.name or "").split(".")[0])
         if package is None:
             raise
-        complain(f"slipstream: {error.name} is not installed; pip install '{package}'")
+        complain(f"slipstream: {error.name} is not installed; {_bring(package)}")
         return EXIT_BAD_INPUT
     except KeyboardInterrupt:
         return _EXIT_INTERRUPTED

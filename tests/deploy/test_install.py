@@ -284,6 +284,21 @@ def test_extras_that_were_named_once_come_with_each_upgrade(machine: Machine) ->
 
 
 @pytest.mark.slow
+def test_an_installed_release_needs_no_checkout_for_another_role_or_extra(machine: Machine) -> None:
+    """Its own installer makes the release anew, of its own program; or finds nothing to do."""
+    assert machine.install("1.0") == 0
+    own = machine.releases.parent / "current" / "source" / "deploy" / "install.sh"
+    shutil.rmtree(machine.source)
+    command = ["sh", own, *machine.command()[2:]]
+    assert subprocess.run([*command, "edge"], timeout=300).returncode == 0
+    assert machine.kept() == {"1.0"}
+    for more in (["--extras", "osm", "edge"], ["server"]):
+        assert subprocess.run([*command, *more], timeout=300).returncode == 0
+    assert machine.locks() == {"edge", "server", "osm"}
+    assert machine.current() == "1.0"
+
+
+@pytest.mark.slow
 def test_the_release_before_stays_and_older_ones_go(machine: Machine) -> None:
     """Two are kept: after each upgrade, the same version again, and a way back by hand."""
     for version in ("1.0", "1.1", "1.2"):
@@ -407,6 +422,7 @@ def test_what_cannot_be_installed_leaves_what_runs(machine: Machine) -> None:
     (machine.folder / "old-python").touch()
     refused(machine.call("edge"), "not Python 3.11 to 3.13")
     (machine.folder / "old-python").unlink()
+    refused(machine.call("--python", "/none", "edge"), "/none: not Python 3.11 to 3.13")
     says = machine.folder / "pip-says"
     says.write_text("ERROR: Could not find it\nERROR: No matching distribution for numpy==9\n")
     refused(machine.call("edge"), "No matching distribution for numpy==9")
@@ -428,12 +444,35 @@ def test_what_cannot_be_installed_leaves_what_runs(machine: Machine) -> None:
     subprocess.run(["tar", "-cf", tarball, "-C", machine.folder, wheels.parent.name], check=True)
     library.write_text("altered")
     refused(machine.call("--wheelhouse", wheels, "edge"), f"missing or altered: {library.name}")
+    altered = machine.folder / "altered.tar"
+    subprocess.run(["tar", "-cf", altered, "-C", machine.folder, wheels.parent.name], check=True)
+    named = f"--wheelhouse {altered}: missing or altered: {library.name}"
+    refused(machine.call("--wheelhouse", altered, "edge"), named)
     library.unlink()
     refused(machine.call("--wheelhouse", wheels, "edge"), f"missing or altered: {library.name}")
     refused(machine.call("--wheelhouse", program, "edge"), "no tarball that can be read")
     assert (machine.current(), machine.kept()) == ("1.0", {"1.0"})
     assert machine.call("--wheelhouse", tarball, "edge").returncode == 0
     assert machine.current() == "1.1"
+
+
+@pytest.mark.slow
+def test_a_release_that_cannot_be_signed_is_not_begun(
+    tmp_path: Path, tool: Callable[[str], str]
+) -> None:
+    """A key that gpg does not have: what was released before is still there."""
+    tool("gpg")
+    (tmp_path / "home").mkdir(mode=0o700)
+    (tmp_path / "dist").mkdir()
+    done = subprocess.run(
+        [tool("make"), "-C", tmp_path, "-f", DEPLOY.parent / "Makefile", "release", "KEY=nobody"],
+        env={**os.environ, "GNUPGHOME": str(tmp_path / "home")},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 2
+    assert "No secret key" in done.stderr
+    assert (tmp_path / "dist").exists()
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import socket
 import subprocess
 import sys
@@ -204,6 +205,30 @@ def test_a_missing_extra_is_named() -> None:
         [sys.executable, "-c", code], capture_output=True, text=True, check=False, env=os.environ
     )
     assert "slipstream[dashboard]" in one_line(result)
+
+
+@pytest.mark.parametrize(
+    ("module", "mend"),
+    [
+        ("osmium", "name osm in --extras of {deploy}/install.sh"),
+        ("viser", "run {deploy}/install.sh server"),
+        ("qiskit_ibm_catalog", "pip install 'slipstream[iskay]'"),
+    ],
+)
+def test_a_release_on_a_machine_is_mended_by_its_installer(
+    module: str, mend: str, slipstream: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not by pip, of whose work the next upgrade knows nothing; where a lock has the package."""
+    deploy = tmp_path / "source" / "deploy"
+    shutil.copytree(Path(__file__).parents[2] / "deploy", deploy)
+
+    def missing(_: object) -> int:
+        raise ModuleNotFoundError(name=module)
+
+    monkeypatch.setattr(db, "upgrade", missing)
+    monkeypatch.setattr(sys, "prefix", str(tmp_path))
+    line = one_line(slipstream("db", "upgrade"))
+    assert line == f"slipstream: {module} is not installed; {mend.format(deploy=deploy)}"
 
 
 NOISY = """
