@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+import time
 import urllib.error
 import urllib.request
 from collections.abc import Iterator, Sequence
@@ -23,6 +24,7 @@ _DAEMONS: Final = (
 _PROPERTIES: Final = ("Id", "LoadState", "ActiveState", "SubState", "Result", "UnitFileState")
 _PROBE_S: Final = 2.0
 _SYSTEMCTL_S: Final = 10.0
+_LINK_S: Final = 1.0
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,7 @@ def command_of(words: Sequence[str]) -> tuple[str, Sequence[str]] | None:
     for at, word in enumerate(words):
         name = Path(word).name
         if name == "router.py" and "slipstream" in word:
-            return "router", words[at + 1 :]
+            return "router", ("--config", *words[at + 1 :])
         is_ours = name == "slipstream" or (name == "slipstream_cli" and words[at - 1] == "-m")
         if is_ours and at + 1 < len(words) and words[at + 1] in _DAEMONS:
             return words[at + 1], words[at + 2 :]
@@ -115,6 +117,39 @@ def processes() -> list[Running]:
         created = float(process.info["create_time"])
         running.append(Running(command, process.pid, created, path, settings, unread, name))
     return running
+
+
+def router_fault(daemon: Running) -> str | None:
+    """Why a router has no link to those that its configuration connects to; None: it has.
+
+    A router that refuses another closes the connection within an instant: one that stays is a link.
+
+    Raises:
+        InputError: the configuration cannot be read.
+    """
+    from slipstream.bus.routers import endpoints_of, why_unconnected
+    from slipstream.bus.zenoh_config import read_config
+
+    endpoints = () if daemon.config is None else endpoints_of(read_config(daemon.config))
+    if not endpoints:
+        return None
+    before = _connections(daemon.pid, endpoints)
+    time.sleep(_LINK_S)
+    return None if before & _connections(daemon.pid, endpoints) else why_unconnected(endpoints)
+
+
+def _connections(pid: int, endpoints: Sequence[str]) -> set[tuple[int, int]]:
+    """Own and other port of a process's connections to the ports of endpoints."""
+    ports = {port for one in endpoints if (port := one.rpartition(":")[2]).isdecimal()}
+    try:
+        found = psutil.Process(pid).net_connections("tcp")
+    except psutil.Error:
+        return set()
+    return {
+        (one.laddr.port, one.raddr.port)
+        for one in found
+        if one.status == psutil.CONN_ESTABLISHED and str(one.raddr.port) in ports
+    }
 
 
 def _config(process: psutil.Process, options: Sequence[str]) -> Path | None:

@@ -198,13 +198,19 @@ def listen(settings: BusSettings, seconds: float) -> BusHeard:
 
 def _of_process(daemon: Running) -> Finding:
     """How a daemon answers."""
-    from slipstream_cli.running import ask
+    from slipstream_cli.running import ask, router_fault
 
     name = daemon.command if daemon.name is None else f"{daemon.command} {daemon.name}"
     since = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(daemon.started_s))
     text = f"process {daemon.pid} since {since}"
     if daemon.unread is not None:
         return Finding(name, None, f"{text}; it was not asked, as {_as_root(daemon.unread)}")
+    try:
+        fault = router_fault(daemon) if daemon.command == "router" else None
+    except InputError as error:
+        return Finding(name, None, f"{text}; it was not asked, as {_as_root(error)}")
+    if fault is not None:
+        return Finding(name, False, f"{text}; {fault}")
     for what, address in _addresses(daemon):
         answer = ask(address)
         if answer is None:

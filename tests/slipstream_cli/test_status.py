@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import socket
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -27,7 +28,7 @@ from slipstream.messages import (
 from slipstream_cli import running
 from slipstream_cli.commands.status import BusHeard, Finding, of_bus, of_units
 from slipstream_cli.main import main
-from slipstream_cli.running import Running, command_of
+from slipstream_cli.running import Running, command_of, router_fault
 from vehicle_agent.settings import AgentSettings
 
 
@@ -95,7 +96,7 @@ def alone(monkeypatch: pytest.MonkeyPatch) -> list[Running]:
     [
         ("/opt/bin/python /opt/bin/slipstream edge --config e.toml", ("edge", "--config e.toml")),
         ("python -m slipstream_cli dispatcher --config=d.toml", ("dispatcher", "--config=d.toml")),
-        ("python /opt/slipstream/share/router.py r.json5", ("router", "r.json5")),
+        ("python /opt/slipstream/share/router.py r.json5", ("router", "--config r.json5")),
         ("vim slipstream", None),
         ("slipstream check edge", None),
         ("slipstream_cli edge", None),
@@ -108,6 +109,26 @@ def test_daemons_are_known_by_their_command_lines(
     """However they are started; other programs are none."""
     found = command_of(line.split())
     assert (None if found is None else (found[0], " ".join(found[1]))) == expected
+
+
+def test_a_router_that_another_refuses_is_a_fault(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A connection that stays is a link; a router that connects nowhere needs none."""
+    monkeypatch.setattr(running, "_LINK_S", 0.01)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        endpoint = f"tcp/127.0.0.1:{server.getsockname()[1]}"
+        path = tmp_path / "router.json5"
+        path.write_text(json.dumps({"mode": "router", "connect": {"endpoints": [endpoint]}}))
+        router = Running("router", os.getpid(), 0.0, path, None)
+        refused = router_fault(router) or ""
+        assert refused.startswith(f"a router listens at {endpoint} and does not let it in")
+        with socket.create_connection(server.getsockname()):
+            assert router_fault(router) is None
+    assert router_fault(router) == f"no router answers at {endpoint}"
+    path.write_text('{mode: "router"}')
+    assert router_fault(router) is None
+    assert router_fault(replace(router, config=None)) is None
 
 
 def test_nothing_that_runs_is_a_fault(capsys: pytest.CaptureFixture[str]) -> None:

@@ -88,7 +88,11 @@ KINDS: Final[Mapping[str, AlarmKind]] = {
     "paused": AlarmKind("warning", "resume it: POST /v1/control/resume", 0.0, 0.0),
     "bus_lost": AlarmKind("critical", "systemctl restart slipstream-router", 3.0, check="bus"),
     "database_fault": AlarmKind(
-        "critical", f"make room, or restore a backup; {_JOURNAL}", 0.0, 0.0, check="database"
+        "critical",
+        f"make room, see whether its disk is read-only, or restore a backup; {_JOURNAL}",
+        0.0,
+        0.0,
+        check="database",
     ),
     "database_set_aside": AlarmKind(
         "warning", "restore a backup, or acknowledge this if the new database shall stay"
