@@ -207,8 +207,8 @@ for name in $more; do
 done
 
 if [ "$venv" = yes ]; then
-    "$python" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' 2>/dev/null ||
-        fail "$python: not Python 3.11 to 3.13, which the libraries are locked for; give one with --python"
+    told=$("$python" -c 'import sys; v = sys.version_info; (3, 11) <= v < (3, 14) or sys.exit("%d.%d" % v[:2])' 2>&1) ||
+        fail "$python: not Python 3.11 to 3.13, which the libraries are locked for ($(printf %s "$told" | tail -n 1)); give one with --python"
     "$python" -c 'import ensurepip' 2>/dev/null ||
         fail "$python: cannot make environments; install the package python3-venv"
     case $("$python" -c 'import sys; print(sys.base_prefix)') in
