@@ -65,7 +65,7 @@ pip() {
     shift
     run "$at/bin/python" -m pip "$@" --quiet --disable-pip-version-check --no-input \
         ${house:+--no-index --find-links "$house"} 2>"$tmp/told" ||
-        fail "Python packages for $roles: $(sed -n '/ERROR/,$p' "$tmp/told" | tr -s ' \n' ' ' | cut -c 1-400)"
+        fail "$({ echo "Python packages for $roles:"; sed -n '/ERROR/,$p' "$tmp/told"; } | tr -s ' \n' ' ' | cut -c 1-400)"
 }
 
 is_built() {

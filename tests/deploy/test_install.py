@@ -426,6 +426,7 @@ def test_what_cannot_be_installed_leaves_what_runs(machine: Machine) -> None:
     says = machine.folder / "pip-says"
     says.write_text("ERROR: Could not find it\nERROR: No matching distribution for numpy==9\n")
     refused(machine.call("edge"), "No matching distribution for numpy==9")
+    refused(machine.call("server"), "Python packages for edge server: ERROR: Could not find it")
     says.unlink()
     assert (machine.current(), machine.kept()) == ("1.0", {"1.0"})
 
