@@ -43,7 +43,7 @@ test-lab: setup
 # What both leave out; the whole product (tests/e2e, tests/deploy) beside no other test.
 test-long: setup
 	$(BIN)/python $(PYTEST) -m "long and not nightly and not alone"
-	$(BIN)/python -m pytest tests/deploy tests/e2e -m "alone and not nightly"
+	$(BIN)/python -m pytest tests/deploy tests/e2e lab/tests/benchmarks -m "alone and not nightly"
 
 test-all: test test-lab test-long
 	$(BIN)/python $(PYTEST) -m "nightly and not alone"

@@ -54,7 +54,7 @@ def test_each_daemon_reads_its_own_secrets_only(
     script = ("bash", str(BOOT), str(ROOT), str(tmp_path))
     tool("systemd-analyze")
     booted = subprocess.run(
-        [tool("unshare"), *namespaces, *script], capture_output=True, text=True, timeout=180
+        [tool("unshare"), *namespaces, *script], capture_output=True, text=True, timeout=800
     )
     if not (tmp_path / "log").exists():
         pytest.skip(f"systemd cannot be booted here: {booted.stderr.strip()[-200:]}")
