@@ -27,7 +27,7 @@ from slipstream.messages import (
     CycleReport,
     state_key,
 )
-from slipstream.orders import drafting_kwh
+from slipstream.orders import OrderRecord, drafting_kwh
 from slipstream.service import LogLimiter
 
 log = logging.getLogger(__name__)
@@ -96,6 +96,7 @@ class HistoryFeed(threading.Thread):
         self._live = live
         self._limiter = limiter
         self._latest: tuple[int, int] | None = None
+        self._orders: dict[str, OrderRecord] = {}
         self._stopping = threading.Event()
 
     def run(self) -> None:
@@ -118,8 +119,10 @@ class HistoryFeed(threading.Thread):
                 self._live.set_drafting(drafting_kwh(records))
                 self._latest = (latest.cycle, latest.started_ns)
             oldest_ns = time.time_ns() - round(ENDED_ORDERS_FOR_S * 1e9)
-            orders = tuple(self._reader.orders(ended_since_ns=oldest_ns))
-            self._live.tell(orders=orders, has_database=self._reader.exists())
+            orders = self._reader.orders(ended_since_ns=oldest_ns)
+            # One that has not changed stays the same object: nothing is made of it anew.
+            self._orders = {order.order: self._known(order) for order in orders}
+            self._live.tell(orders=tuple(self._orders.values()), has_database=self._reader.exists())
             if is_new or time.monotonic() - self._read_more_at >= MORE_PERIOD_S:
                 self._read_more_at = time.monotonic()
                 self._read_more(time.time_ns())
@@ -128,6 +131,10 @@ class HistoryFeed(threading.Thread):
             self._live.tell(history_problem=f"No stored history: {error}")
             if self._limiter.allow("history"):
                 log.warning("no stored history: %s", error)
+
+    def _known(self, order: OrderRecord) -> OrderRecord:
+        before = self._orders.get(order.order)
+        return before if before == order else order
 
     def _cycles_to_read(self, latest: CycleReport) -> int:
         """Number of cycles to read: those since the last read, or all if numbers start again."""

@@ -8,6 +8,7 @@ import storage
 from dashboard.feeds import HistoryFeed
 from dashboard.live import HISTORY_CYCLES, LiveData
 from slipstream.errors import InputError
+from slipstream.orders import FleetRecords, OrderRecord
 from slipstream.service import LogLimiter
 
 S = 1_000_000_000
@@ -36,6 +37,27 @@ def test_history_appears_with_the_database(tmp_path, live, world, now_ns):
         database.record_cycle(world.cycle(2, now_ns + S), [], [])
     feed.refresh()
     assert [report.cycle for report in live.snapshot().cycles] == [1, 2]
+
+
+@pytest.mark.slow
+def test_an_order_that_has_not_changed_stays_the_same_object(tmp_path, live, now_ns):
+    """So that its row is not made anew every few seconds; one that has changed is another."""
+    url = f"sqlite:///{tmp_path}/x.db"
+    feed = HistoryFeed(url, live, LogLimiter())
+
+    def order(name, since_ns):
+        return OrderRecord(name, "c2", 60.0, 0, None, None, "open", since_ns, "submitted")
+
+    with storage.open_database(url) as database:
+        database.save_fleet(FleetRecords((order("a", now_ns), order("b", now_ns))))
+        feed.refresh()
+        before = {one.order: one for one in live.snapshot().orders}
+        database.save_fleet(FleetRecords((order("b", now_ns + S),)))
+        feed.refresh()
+    after = {one.order: one for one in live.snapshot().orders}
+    assert before == {"a": order("a", now_ns), "b": order("b", now_ns)}
+    assert after["a"] is before["a"]
+    assert after["b"] == order("b", now_ns + S)
 
 
 @pytest.mark.slow
