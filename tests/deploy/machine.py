@@ -5,14 +5,12 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import hashlib
-import io
 import os
 import re
 import shutil
 import signal
 import subprocess
 import sys
-import tarfile
 import time
 import urllib.error
 import urllib.request
@@ -101,8 +99,8 @@ def copy_version_before(target: Path) -> str:
     change = ("-1", "--format=%H", "-G^__version__", "--", "slipstream/__init__.py")
     # In a shallow clone the parent is missing, which git says.
     commit = f"{git('log', *change).decode().strip()}^"
-    with tarfile.open(fileobj=io.BytesIO(git("archive", commit))) as archive:
-        archive.extractall(target, filter="data")
+    target.mkdir(parents=True)
+    subprocess.run(["tar", "-x", "-C", str(target)], input=git("archive", commit), check=True)
     text = (target / "slipstream" / "__init__.py").read_text()
     found = re.search(r'^__version__ = "(.+)"$', text, re.MULTILINE)
     assert found is not None
