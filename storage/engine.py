@@ -85,6 +85,16 @@ def sqlite_path(url: URL) -> Path:
     return Path(url.database)
 
 
+def read_only_address(path: Path) -> str:
+    """A file as SQLite opens it for reading alone."""
+    return f"file:{quote(str(path.absolute()))}?mode=ro"
+
+
+def log_path(path: Path) -> Path:
+    """The log beside a file, in which its last commits are while a writer has it open."""
+    return path.with_name(f"{path.name}-wal")
+
+
 def display_name(url: URL) -> str:
     """Name of the database in messages: the file, or the URL without its password."""
     return str(sqlite_path(url)) if is_sqlite(url) else url.render_as_string(hide_password=True)
@@ -141,8 +151,7 @@ def reader_engine(url: URL) -> Engine:
             postgresql_readonly=True, isolation_level="REPEATABLE READ"
         )
     path = sqlite_path(url).absolute()
-    address = f"file:{quote(str(path))}?mode=ro"
-    log_file = path.with_name(f"{path.name}-wal")
+    address = read_only_address(path)
 
     def connect() -> sqlite3.Connection:
         try:
@@ -151,7 +160,7 @@ def reader_engine(url: URL) -> Engine:
             # Who may not write beside it cannot open a file in WAL mode whose writer has ended; as
             # nobody writes, it can be read as one that does not change.
             is_refused = error.sqlite_errorcode & 0xFF in _MAY_NOT_WRITE
-            if not is_refused or not path.exists() or log_file.exists():
+            if not is_refused or not path.exists() or log_path(path).exists():
                 raise
             return _reading(f"{address}&immutable=1")
 

@@ -17,7 +17,7 @@ from sqlalchemy import Engine, text
 from sqlalchemy.exc import SQLAlchemyError
 
 from slipstream.errors import InputError
-from storage.engine import StorageError, is_sqlite, parse_url, sqlite_path
+from storage.engine import StorageError, is_sqlite, log_path, parse_url, sqlite_path
 
 _ADVISORY_LOCK: Final = 0x51195712EA4
 """Key of the PostgreSQL lock; such locks belong to one database of a server."""
@@ -56,7 +56,7 @@ class FileOwner:
         # and not its place: a link may lead elsewhere later.
         self._watched = (
             path,
-            place.with_name(place.name + "-wal"),
+            log_path(place),
             place.with_name(place.name + "-shm"),
             lock,
         )

@@ -15,7 +15,7 @@ from sqlalchemy import ColumnElement, delete, func, literal, select, text
 from sqlalchemy.orm import Session
 
 from slipstream.errors import InputError
-from storage.engine import is_sqlite, parse_url, sqlite_path
+from storage.engine import is_sqlite, log_path, parse_url, sqlite_path
 from storage.models import Base, ClockRow, CycleRow
 from storage.records import inputs
 
@@ -202,7 +202,7 @@ def read_room(path: Path) -> Room | None:
     """The room of an SQLite file; None: it cannot be read."""
     place = path.resolve()
     try:
-        parts = (place, place.with_name(place.name + "-wal"), reserve_path(path))
+        parts = (place, log_path(place), reserve_path(path))
         size = sum(part.stat().st_size for part in parts if part.exists())
         return Room(size, shutil.disk_usage(place.parent).free)
     except OSError:

@@ -11,11 +11,16 @@ from datetime import UTC, datetime
 from itertools import chain, count
 from pathlib import Path
 from typing import Final
-from urllib.parse import quote
 
 from sqlalchemy.exc import DBAPIError
 
-from storage.engine import StorageError, parse_url, reader_engine, sqlite_faults
+from storage.engine import (
+    StorageError,
+    parse_url,
+    read_only_address,
+    reader_engine,
+    sqlite_faults,
+)
 from storage.opening import damaged, open_error
 
 _PAGES_A_STEP: Final = 1024
@@ -30,7 +35,7 @@ def copy(source: Path, target: Path) -> None:
     Raises:
         StorageError: it cannot be read, or there is no room.
     """
-    address = f"file:{quote(str(source.absolute()))}?mode=ro"
+    address = read_only_address(source)
     try:
         with (
             closing(sqlite3.connect(address, uri=True, isolation_level=None)) as read,
@@ -133,7 +138,7 @@ def _free_name(place: Path, kind: str) -> Path:
 def highest_cycle(path: Path) -> int | None:
     """The highest number of a cycle that can still be read in a file; None if none can."""
     numbers: list[int] = []
-    address = f"file:{quote(str(path.absolute()))}?mode=ro"
+    address = read_only_address(path)
     for table in _TABLES:
         with (
             suppress(sqlite3.Error, UnicodeDecodeError, OverflowError),
