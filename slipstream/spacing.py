@@ -1,24 +1,53 @@
 """Gaps: those that followers keep and drivers have, and how leaders let them be closed; as vehicles
 control them and plans count on them.
 
-g* = g_advised + max(b Δt², h v): the first term is what an emergency braking ahead takes within a
-control interval Δt of an evaluation, the second the time gap h = `RESPONSE_S`. Why h is enough:
-`vehicle_agent.platooning.gap_control`.
+**Greatest closing.** The vehicle ahead brakes from v_f with a, the rear one drives on with v_r for
+ρ, then brakes with b. With u = v_r − v_f the gap shrinks at most by
+
+    u ρ + a ρ²/2 + (u + a ρ)² / 2(b − a)   where b > a, and both speeds meet before the front stands
+    v_r ρ + v_r²/2b − v_f²/2a              else: both stand
+
+(S. Shalev-Shwartz, S. Shammah, A. Shashua, On a Formal Model of Safe and Scalable Self-driving
+Cars, 2017, definition 1, is the second line). A first-order lag τ of the rear one's brake is covered by ρ
+as dead time is: its way is never longer than that of full braking τ later. It grows with v_r, a and
+ρ, and falls with b; `tests/slipstream/test_spacing.py` has the proof by cases and by integration.
+
+**Two levels.** Unannounced, the vehicle ahead may brake with the most that it can. In a close
+platoon it has promised not to brake harder than a limit until its follower is apart. Where b is
+above a, the gap does not depend on the speed. Its limit is what the follower's wanted gap allows,
+and below the follower's own limit, so that no deceleration grows from the front to the rear.
+
+ρ = age of the sensed gap + one interval of control + dead time and lag at their tolerance.
 """
 
 from __future__ import annotations
 
 from typing import Final
 
-ADVISED_GAP_M: Final = 1.5
+from slipstream.braking import Braking
+
+ADVISED_GAP_M: Final = 2.0
 """Advised where nothing else is."""
 
-MAX_BRAKING_MPS2: Final = 9.0
-"""Strongest braking of any vehicle: dry asphalt."""
-
 RESPONSE_S: Final = 0.1
-"""From a partner's change of speed to the answer to it: one message and one control interval of the
-platoon control message, sent ten times a second."""
+"""Interval of control: one platoon control message, sent ten times a second."""
+
+CLOSE_GAP_M: Final = 7.5
+"""Largest gap for which the paper's drag reductions are credited."""
+
+STANDING_M: Final = 0.5
+"""Left between two vehicles that have braked as hard as they must."""
+
+GAP_ERROR_M: Final = 0.1
+SPEED_ERROR_MPS: Final = 0.1
+"""Of the own sensors, and of a speed that is kept."""
+
+LIMIT_RATIO: Final = 1.15
+"""Between the limits of a vehicle and of the one ahead of it: brakes of both may miss what is
+commanded by some 5 %, and the rear one has to make up for what it began later."""
+
+LEAST_LIMIT_MPS2: Final = 2.0
+"""No vehicle promises to brake less hard: turns, signals and stops ask for as much."""
 
 DRIVER_TIME_GAP_S: Final = 1.2
 DRIVER_MIN_GAP_M: Final = 2.5
@@ -34,16 +63,103 @@ faster than trucks, which would else pass it."""
 SLOWING_SHARE: Final = 0.9
 """Of the deceleration by coasting, with which it does so."""
 
+_FAST_MPS: Final = 60.0
+
 
 def driver_gap_m(speed_mps: float) -> float:
     """Gap that drivers keep at a speed, m."""
     return DRIVER_MIN_GAP_M + DRIVER_TIME_GAP_S * speed_mps
 
 
-def wanted_gap_m(speed_mps: float, advised_gap_m: float, interval_s: float = RESPONSE_S) -> float:
-    """Gap g* that followers keep, m: see the module.
+def closing_m(
+    front_mps: float, rear_mps: float, front_mps2: float, rear_mps2: float, response_s: float
+) -> float:
+    """By how much a gap shrinks at most, m; see the module.
 
     Args:
-        interval_s: Δt; the default is that of agents in vehicles.
+        front_mps: v_f ≥ 0, of the vehicle ahead, which brakes now.
+        rear_mps: v_r ≥ 0.
+        front_mps2: a > 0.
+        rear_mps2: b > 0.
+        response_s: ρ ≥ 0, for which the rear one drives on.
     """
-    return advised_gap_m + max(MAX_BRAKING_MPS2 * interval_s**2, RESPONSE_S * speed_mps)
+    a, b, u = front_mps2, rear_mps2, rear_mps - front_mps
+    if b > a:
+        nearing = u + a * response_s
+        meet_s = response_s + max(0.0, nearing) / (b - a)
+        if meet_s < front_mps / a:
+            if nearing <= 0:
+                return 0.0
+            return u * response_s + a * response_s**2 / 2 + nearing * nearing / (2 * (b - a))
+    stands_m = rear_mps * response_s + rear_mps * rear_mps / (2 * b)
+    return max(0.0, stands_m - front_mps * front_mps / (2 * a))
+
+
+def reaction_s(braking: Braking, interval_s: float = RESPONSE_S) -> float:
+    """ρ of a vehicle that answers what it senses, s."""
+    return braking.sensing_s + interval_s + braking.response_s
+
+
+def least_gap_m(
+    speed_mps: float, front_mps2: float, rear: Braking, interval_s: float = RESPONSE_S
+) -> float:
+    """Least gap at which a follower may drive at a speed, m: it grows with `front_mps2`.
+
+    Args:
+        front_mps2: the most that the vehicle ahead brakes with: what it can, or what it promised.
+    """
+    faster_mps = speed_mps + SPEED_ERROR_MPS
+    rho_s = reaction_s(rear, interval_s)
+    closing = closing_m(speed_mps, faster_mps, front_mps2, rear.guaranteed_mps2, rho_s)
+    return STANDING_M + GAP_ERROR_M + closing
+
+
+def front_limit_mps2(
+    gap_m: float,
+    rear: Braking,
+    own_limit_mps2: float | None = None,
+    interval_s: float = RESPONSE_S,
+) -> float:
+    """The hardest braking of the vehicle ahead with which a gap is enough at every speed, m/s².
+
+    Args:
+        gap_m: that the follower wants to keep.
+        own_limit_mps2: that the follower has promised to its own follower; None: it has none.
+    """
+    room_m = gap_m - STANDING_M - GAP_ERROR_M
+    b, rho, u = rear.guaranteed_mps2, reaction_s(rear, interval_s), SPEED_ERROR_MPS
+    low, high = 0.0, b
+    for _ in range(40):
+        middle = (low + high) / 2
+        if closing_m(_FAST_MPS, _FAST_MPS + u, middle or 1e-9, b, rho) <= room_m:
+            low = middle
+        else:
+            high = middle
+    return low if own_limit_mps2 is None else min(low, own_limit_mps2 / LIMIT_RATIO)
+
+
+def promised_mps2(wanted_mps2: float, own: Braking) -> float:
+    """The limit that a vehicle promises where its follower needs `wanted_mps2`, m/s²."""
+    return max(wanted_mps2, min(LEAST_LIMIT_MPS2, own.guaranteed_mps2 / 2))
+
+
+def wanted_gap_m(
+    speed_mps: float,
+    advised_gap_m: float,
+    front_mps2: float,
+    rear: Braking,
+    interval_s: float = RESPONSE_S,
+) -> float:
+    """Gap g* that a follower keeps, m: the advised one, or the least one where that is larger."""
+    return max(advised_gap_m, least_gap_m(speed_mps, front_mps2, rear, interval_s))
+
+
+def planned_gap_m(
+    speed_mps: float, advised_gap_m: float, braking: Braking, interval_s: float = RESPONSE_S
+) -> float:
+    """g* in a close platoon of vehicles of one type, that a plan counts on, m."""
+    limit = braking.greatest_mps2
+    if braking.emergency_brake:
+        needed = front_limit_mps2(advised_gap_m, braking, interval_s=interval_s)
+        limit = promised_mps2(needed, braking)
+    return wanted_gap_m(speed_mps, advised_gap_m, limit, braking, interval_s)

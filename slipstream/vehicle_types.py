@@ -12,6 +12,7 @@ from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
+from slipstream.braking import BRAKING, UNKNOWN_ROAD, Braking, BrakingClass, BrakingData
 from slipstream.config import Settings
 from slipstream.energy.drafting import DragLaw
 from slipstream.energy.traction import PAPER_CAR, VehicleParameters
@@ -40,6 +41,9 @@ _NotNegative = Annotated[float, Field(ge=0, le=1e6, allow_inf_nan=False)]
 _Share = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
 
 
+_CAR_BRAKING: Final = BRAKING["car"].on(UNKNOWN_ROAD)
+
+
 @dataclass(frozen=True)
 class RoutingProfile:
     """What of a vehicle decides by which ways it goes, and at what cost.
@@ -55,6 +59,7 @@ class RoutingProfile:
         length_m: likewise.
         gross_mass_kg: its permitted mass; likewise.
         drafting: by which law its drag falls in a platoon.
+        braking: by which the gaps in a platoon follow.
     """
 
     physics: VehicleParameters = PAPER_CAR
@@ -65,6 +70,7 @@ class RoutingProfile:
     length_m: float | None = None
     gross_mass_kg: float | None = None
     drafting: DragLaw = "paper"
+    braking: Braking = _CAR_BRAKING
 
 
 class VehicleType(Settings):
@@ -97,6 +103,11 @@ class VehicleType(Settings):
         default="paper",
         description="Drag reduction in platoons: the paper's constants, or measured by place and "
         "gap.",
+    )
+    braking: BrakingData | None = Field(
+        default=None,
+        description="Brakes, by which gaps in platoons follow; None: those of the worst of its "
+        "vehicle_class.",
     )
     length_m: _Positive | None = Field(default=None, description="None: not known.")
     width_m: _Positive | None = Field(default=None, description="None: not known.")
@@ -159,8 +170,26 @@ class VehicleType(Settings):
             self.length_m,
             self.gross_mass_kg,
             self.drafting,
+            self.brakes.on(UNKNOWN_ROAD),
         )
 
+    @property
+    def brakes(self) -> BrakingData:
+        """Its brakes: as given, else those of the worst of its class."""
+        return self.braking or BRAKING[_BRAKES.get(self.vehicle_class, "truck")]
+
+
+_BRAKES: Final[Mapping[VehicleClass, BrakingClass]] = MappingProxyType(
+    {
+        "passenger": "car",
+        "taxi": "car",
+        "evehicle": "car",
+        "authority": "van",
+        "emergency": "van",
+        "delivery": "van",
+    }
+)
+"""Brakes by legal class; of all others: "truck"."""
 
 _PRESET_VALUES: Final[Mapping[str, Mapping[str, Any]]] = MappingProxyType(
     {

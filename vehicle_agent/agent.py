@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from slipstream import freshness
+from slipstream.braking import BRAKING, HARDEST_MPS2, UNKNOWN_ROAD, Braking
 from slipstream.energy.drafting import DragLaw
 from slipstream.energy.traction import PAPER_CAR, VehicleParameters
 from slipstream.messages import (
@@ -38,7 +39,7 @@ from slipstream.messages import (
     spat_key,
 )
 from vehicle_agent.leg import Leg, VehicleState
-from vehicle_agent.platooning import Platooning, PlatoonStep
+from vehicle_agent.platooning import COMFORTABLE_MPS2, DELAY_S, OwnVehicle, Platooning, PlatoonStep
 from vehicle_agent.reports import Outgoing, Reports
 from vehicle_agent.roadside import CLOSED, Roadside
 from vehicle_agent.signals import (
@@ -48,10 +49,12 @@ from vehicle_agent.signals import (
     SignalTimings,
     intersections_ahead,
 )
-from vehicle_agent.speed import SpeedAdvisor, ceiling
+from vehicle_agent.speed import HARD_MPS2, SpeedAdvisor, ceiling
 from vehicle_agent.tour import Tour
 
 VALID_NS: Final = 500_000_000
+CLOSE_VALID_NS: Final = 250_000_000
+"""In a close gap: two intervals, and what a message may be late."""
 CLOCK_ERROR_S: Final = 0.1
 """Largest error of a clock that platooning trusts."""
 
@@ -59,6 +62,9 @@ _SENSING_AGE_S: Final = 0.5
 
 
 DEFAULT_LENGTH_M: Final = 4.6
+
+
+_UNKNOWN_BRAKING: Final = BRAKING["truck"].on(UNKNOWN_ROAD)
 
 
 @dataclass(frozen=True)
@@ -71,6 +77,8 @@ class AgentParameters:
         interval_s: from one advice to the next.
         stale_after_s: age limit of a SegmentState.
         drafting: law of its drag reduction.
+        braking: on the road as it is.
+        others_mps2: the most that any vehicle brakes with on that road.
     """
 
     vehicle: VehicleParameters = PAPER_CAR
@@ -79,6 +87,8 @@ class AgentParameters:
     interval_s: float = 0.1
     stale_after_s: float = freshness.STALE_AFTER_S
     drafting: DragLaw = "paper"
+    braking: Braking = _UNKNOWN_BRAKING
+    others_mps2: float = HARDEST_MPS2[UNKNOWN_ROAD]
 
 
 class Agent:
@@ -97,8 +107,13 @@ class Agent:
         self._timings = timings or SignalTimings()
         self._roadside = roadside or Roadside(own.stale_after_s)
         self._platooning = Platooning(
-            vehicle, own.vehicle, own.length_m, own.interval_s, drafting=own.drafting
+            vehicle,
+            own.length_m,
+            OwnVehicle(
+                own.vehicle, own.braking, own.others_mps2, own.interval_s, 1.0, own.drafting
+            ),
         )
+        self._braking = own.braking
         self._speed = SpeedAdvisor(self._timings, own.interval_s, own.vehicle)
         self._requests = SignalRequests(vehicle, self._timings)
         self._departure = LegDeparture(self._timings, own.vehicle)
@@ -229,7 +244,13 @@ class Agent:
         now_s = now_ns / 1e9
         # In a close gap it is platooning that keeps the gap safe.
         ahead = sensing.ahead if self._mode == "alone" else None
-        top = ceiling(leg, state, self._timings, now_s, self._interval_s, ahead)
+        limit = self._platooning.limit_mps2 if self._mode == "alone" else None
+        if limit is None:
+            top = ceiling(leg, state, self._timings, now_s, self._interval_s, ahead)
+        else:  # what a leader is commanded now, it drives after those that it has told
+            later_s = self._interval_s + DELAY_S
+            hard = min(HARD_MPS2, limit / (1 + self._braking.error))
+            top = ceiling(leg, state, self._timings, now_s, later_s, ahead, hard)
         doubt = _clock_doubt(sensing, now_ns)
         distrust = doubt or _distrust(plan, now_ns, signal_unknown=top.signal_unknown)
         if distrust is not None:
@@ -298,10 +319,16 @@ class Agent:
         reason: str | None = None,
     ) -> VehicleAdvice:
         plan = self.tour.plan
+        close = mode in ("follow", "open_gap")
+        accelerates = step is not None and (close or speed_mps == step.lead_mps)
+        limit = self._platooning.limit_mps2
         return VehicleAdvice(
             vehicle=self.vehicle,
             time_ns=now_ns,
-            valid_until_ns=now_ns + VALID_NS,
+            valid_until_ns=now_ns + (CLOSE_VALID_NS if close else VALID_NS),
+            acceleration_mps2=step.acceleration_mps2 if step and accelerates else None,
+            least_mps2=None if limit is None else -limit,
+            fallback_mps2=COMFORTABLE_MPS2 if close else None,
             cycle=None if plan is None else plan.cycle,
             leg=None if plan is None else self.tour.leg,
             mode=mode,

@@ -11,6 +11,7 @@ from functools import partial
 from typing import Final
 
 from slipstream import freshness
+from slipstream.braking import HARDEST_MPS2
 from slipstream.bus import Bus, Publisher
 from slipstream.errors import InputError
 from slipstream.messages import (
@@ -53,6 +54,8 @@ class AgentDaemon:
                 INTERVAL_S,
                 settings.stale_after_s,
                 vehicle.type.drafting,
+                vehicle.type.brakes.on(settings.road),
+                HARDEST_MPS2[settings.road],
             )
             for vehicle in settings.vehicles
         }

@@ -8,6 +8,7 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from slipstream import freshness
+from slipstream.braking import UNKNOWN_ROAD, Road
 from slipstream.config import BusSettings, ServiceSettings, Settings
 from slipstream.messages import Identifier
 from slipstream.vehicle_types import PRESETS, VehicleType
@@ -35,6 +36,11 @@ class AgentSettings(Settings):
     stale_after_s: Annotated[float, Field(gt=0, le=600)] = Field(
         default=freshness.STALE_AFTER_S,
         description="Age above which a segment's state counts for nothing, s; as the dispatcher's.",
+    )
+    road: Road = Field(
+        default=UNKNOWN_ROAD,
+        description="State of the roads, by which gaps and limits of braking follow. wet: also "
+        "where nobody knows; dry only where it is known.",
     )
     bus: BusSettings = BusSettings()
     service: ServiceSettings = ServiceSettings()

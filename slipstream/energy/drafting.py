@@ -1,10 +1,10 @@
 """Drag reduction of a vehicle by its place in a platoon and by its gap.
 
-Three laws: the paper's constants, and measurements of vans and of heavy trucks, whose sources,
-conditions and conversion are in docs/vehicles.md. Between measured gaps a reduction is linear,
-below the smallest one it stays what it is there, and beyond the largest it falls linearly to 0 at
-twice that gap. Where a larger gap was measured to save more, by less than the uncertainty, such
-neighbours are pooled, so that no reduction rises with the gap.
+Three laws: the paper's constants up to a gap of 7.5 m, and measurements of vans and of heavy
+trucks, whose sources, conditions and conversion are in docs/vehicles.md. Between measured gaps a
+reduction is linear, below the smallest one it stays what it is there, and beyond the largest it
+falls linearly to 0 at twice that gap. Where a larger gap was measured to save more, by less than
+the uncertainty, such neighbours are pooled, so that no reduction rises with the gap.
 
 No numpy here: an agent may need it.
 """
@@ -16,6 +16,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final, Literal, NamedTuple
 
 from slipstream.energy.traction import ETA_FOLLOWER, ETA_LEADER
+from slipstream.spacing import CLOSE_GAP_M
 
 DragLaw = Literal["paper", "van", "truck"]
 
@@ -49,6 +50,7 @@ class DragReductions(NamedTuple):
         return self.last if number == members - 1 else self.middle
 
 
+_NONE: Final = DragReductions(0.0, 0.0, 0.0, 0.0)
 _PAPER: Final = DragReductions(ETA_LEADER, ETA_FOLLOWER, ETA_FOLLOWER, ETA_FOLLOWER)
 
 _Points = Sequence[tuple[float, float]]
@@ -85,7 +87,7 @@ def reductions_at(law: DragLaw, gap_m: float) -> DragReductions:
         gap_m: from bumper to bumper, ≥ 0: to the vehicle ahead, or behind the leader.
     """
     if law == "paper":
-        return _PAPER
+        return _PAPER if gap_m <= CLOSE_GAP_M else _NONE
     return DragReductions(*(_interpolated(points, gap_m) for points in _MEASURED[law]))
 
 

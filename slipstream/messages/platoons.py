@@ -52,6 +52,23 @@ class PlatoonControl(Model):
     leader: Identifier = Field(description="Of its platoon; itself where it follows none.")
     joined_by: Identifier | None = Field(description="Vehicle that it lets catch up; null: none.")
     tail_m: NonNegative = Field(description="From its front to the rear of its last follower.")
+    greatest_mps2: Positive = Field(
+        default=9.8, description="The most that it brakes with on the road as it is."
+    )
+    planned_mps2: Annotated[tuple[Finite, ...], Field(max_length=8)] = Field(
+        default=(),
+        description="Accelerations that it is commanded from this message on, for an interval "
+        "each; a leader tells them before it drives them.",
+    )
+    limit_mps2: Positive | None = Field(
+        default=None,
+        description="It brakes no harder until its follower is apart; null: it promises nothing.",
+    )
+    needs_mps2: Positive | None = Field(
+        default=None,
+        description="Limit that `ahead` would have to promise for the wanted close gap; null: it "
+        "keeps none.",
+    )
     gap_m: Finite | None = Field(
         default=None, description="To `ahead`, as sensed; null: not sensed, or it follows none."
     )

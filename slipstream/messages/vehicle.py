@@ -89,6 +89,21 @@ class VehicleAdvice(Model):
     leg: Count | None = Field(description="Of that plan, driven or to be driven next.")
     mode: AdviceMode
     speed_mps: NonNegative | None = Field(description="Null exactly without advice.")
+    acceleration_mps2: Finite | None = Field(
+        default=None,
+        description="To be driven from now on, in place of the speed by who takes accelerations; "
+        "null: the speed alone is advised.",
+    )
+    least_mps2: Finite | None = Field(
+        default=None,
+        description="Lowest acceleration that others reckon with: it brakes harder only where its "
+        "own safety asks for it; null: others reckon with whatever its brakes can do.",
+    )
+    fallback_mps2: NonNegative | None = Field(
+        default=None,
+        description="Deceleration from `valid_until_ns` on, if no other advice has come, until the "
+        "driver or the vehicle's own control keeps the gap; null: the driver has it already.",
+    )
     gap_m: NonNegative | None = Field(description="Wanted gap to the vehicle ahead; null: its own.")
     lane: Count | None = Field(description="Wanted lane; null: as the driver likes.")
     partner: Identifier | None = Field(description="Vehicle that it follows, joins or waits for.")

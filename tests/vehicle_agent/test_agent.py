@@ -76,6 +76,7 @@ def partner(
         leader=name,
         joined_by=None,
         tail_m=0.0,
+        limit_mps2=2.0,
     )
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from slipstream.messages import PlatoonControl
-from slipstream.spacing import MAX_SLOWDOWN, wanted_gap_m
+from slipstream.spacing import MAX_SLOWDOWN
 from vehicle_agent.platooning.gap_control import (
     IDM,
     MIN_SPEED_MPS,
@@ -106,7 +106,7 @@ def closing_slowdown(situation: Situation, followers: Iterable[PlatoonControl]) 
     """
     own, lag_m = situation.own, 0.0
     for follower in followers:
-        wanted_m = wanted_gap_m(follower.speed_mps, own.advised_gap_m, own.interval_s)
+        wanted_m = own.close_gap_m(follower.speed_mps)
         if follower.gap_m is not None and follower.gap_m > (1 + _CLOSED_SHARE) * wanted_m:
             lag_m += follower.gap_m - wanted_m
     return min(closing_mps(lag_m, own.coasting_mps2) / own.desired_mps, MAX_SLOWDOWN)
@@ -158,7 +158,7 @@ def _rendezvous(
     added -= etas.leader if leads else 0.0
     if front.mode != "following":
         added += etas.leader
-    wanted_m = wanted_gap_m(speed_mps, own.advised_gap_m, own.interval_s)
+    wanted_m = own.close_gap_m(speed_mps)
     return best_rendezvous(
         max(0.0, shared.spacing_m - front.length_m - wanted_m),
         speed_mps,

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Final
 
 from slipstream.messages import PlatoonControl, PlatoonMode
+from slipstream.spacing import CLOSE_GAP_M
 from vehicle_agent.leg import Leg
-from vehicle_agent.platooning.gap_control import CLOSE_GAP_M
 from vehicle_agent.platooning.situation import Situation
 
 _MAX_SEGMENTS: Final = 64
@@ -17,8 +17,9 @@ _MAX_TAIL_M: Final = 1000.0
 class ControlMessages:
     """Makes a vehicle's platoon control messages."""
 
-    def __init__(self, vehicle: str, length_m: float) -> None:
+    def __init__(self, vehicle: str, length_m: float, greatest_mps2: float) -> None:
         self._vehicle, self._length_m = vehicle, length_m
+        self._greatest_mps2 = greatest_mps2
         self._sequence = 0
         self._path: tuple[str, ...] = ()
         self._path_of: tuple[Leg, int] | None = None
@@ -31,6 +32,9 @@ class ControlMessages:
         announced_mps: float,
         joined_by: str | None,
         platoon: Sequence[PlatoonControl],
+        planned_mps2: tuple[float, ...] = (),
+        limit_mps2: float | None = None,
+        needs_mps2: float | None = None,
     ) -> PlatoonControl:
         """The next message.
 
@@ -41,6 +45,9 @@ class ControlMessages:
             announced_mps: its speed at the end of the interval.
             joined_by: whom it waits for.
             platoon: of its followers.
+            planned_mps2: that it is commanded for the coming intervals.
+            limit_mps2: that it promises.
+            needs_mps2: that the vehicle ahead has to promise.
         """
         s, state = situation, situation.state
         leader = self._vehicle
@@ -65,6 +72,10 @@ class ControlMessages:
             leader=leader,
             joined_by=joined_by,
             tail_m=self._tail_m(platoon),
+            greatest_mps2=self._greatest_mps2,
+            planned_mps2=planned_mps2,
+            limit_mps2=limit_mps2,
+            needs_mps2=needs_mps2,
             gap_m=s.gap_m if sensed else None,
             platoon=s.planned.platoon,
             place=s.planned.place,

@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left, bisect_right
+from collections import deque
+from typing import Final
 
-from slipstream.energy.drafting import DragLaw
-from slipstream.energy.traction import VehicleParameters
 from slipstream.messages import PlatoonControl, PlatoonManagement, VehicleSensing
+from slipstream.spacing import (
+    CLOSE_GAP_M,
+    driver_gap_m,
+    front_limit_mps2,
+    promised_mps2,
+)
 from vehicle_agent.leg import Leg, VehicleState
 from vehicle_agent.platooning.agreement import MAX_REASON, RENEW_NS, Agreements
 from vehicle_agent.platooning.catch_up import (
@@ -17,20 +23,30 @@ from vehicle_agent.platooning.catch_up import (
     find_catch_up,
 )
 from vehicle_agent.platooning.control_message import ControlMessages
-from vehicle_agent.platooning.gap_control import CLOSE_GAP_M, IDM
+from vehicle_agent.platooning.gap_control import IDM
 from vehicle_agent.platooning.interface import Gates, PlatoonStep
 from vehicle_agent.platooning.join_leave import followers, no_waiting_for
 from vehicle_agent.platooning.membership import Membership
+from vehicle_agent.platooning.needed_braking import Evidence
 from vehicle_agent.platooning.neighbours import Heard, Neighbours
 from vehicle_agent.platooning.shared_path import MAX_DISTANCE_M
-from vehicle_agent.platooning.situation import Situation, look
+from vehicle_agent.platooning.situation import Commanded, OwnVehicle, Situation, look
 from vehicle_agent.platooning.speed_commands import (
     announced_mps,
-    commanded_mps,
+    command_of,
+    commanded,
     cruise_mps,
-    leading_mps,
+    leading,
+    leading_gap_m,
     obeys,
 )
+
+_KEPT_NS: Final = 6_000_000_000
+"""A promise holds for so long after its follower was heard last, or until it is seen apart: opening
+a close gap to the one that nobody needs to promise takes as long."""
+
+_AGAIN_SHARE: Final = 1.1
+"""Of the gap that a leader needs: so large it has to be before it promises anew."""
 
 
 class Platooning:
@@ -43,33 +59,26 @@ class Platooning:
 
     Args:
         vehicle: its id.
-        vehicle_parameters: its physics.
         length_m: of it.
-        interval_s: between two steps, and between two messages of every vehicle.
-        pace: share of the limit that it drives at alone, in (0, 1].
-        drafting: law of its drag reduction, by which it judges what joining saves.
+        own: what it can do.
     """
 
-    def __init__(
-        self,
-        vehicle: str,
-        vehicle_parameters: VehicleParameters,
-        length_m: float,
-        interval_s: float,
-        pace: float = 1.0,
-        drafting: DragLaw = "paper",
-    ) -> None:
-        self._vehicle, self._parameters, self._drafting = vehicle, vehicle_parameters, drafting
-        self._interval_s, self._pace = interval_s, pace
-        self._neighbours = Neighbours(vehicle, interval_s)
+    def __init__(self, vehicle: str, length_m: float, own: OwnVehicle) -> None:
+        self._vehicle, self._own = vehicle, own
+        self._neighbours = Neighbours(vehicle, own.interval_s)
         self._agreements = Agreements(vehicle)
-        self._controls = ControlMessages(vehicle, length_m)
+        self._controls = ControlMessages(vehicle, length_m, own.braking.greatest_mps2)
+        self._evidence = Evidence()
         self._member = Membership()
         self._lane: int | None = None
         self._drop_back = False
         self._cruise_mps: float | None = None
         self._lead_mps: float | None = None
         self._commanded_mps: float | None = None
+        self._recent: deque[float] = deque(maxlen=8)
+        self._plan: tuple[float, ...] = ()
+        self._kept: tuple[float, int] | None = None
+        self._promises = False
         self._now_ns = self._look_ns = 0
         self._requests: dict[str, PlatoonManagement] = {}
         self._platoon: tuple[PlatoonControl, ...] = ()
@@ -142,10 +151,10 @@ class Platooning:
         if len(self._neighbours):
             self._neighbours.forget(now_ns)
         self._agreements.joined.expire(now_ns)
+        last = Commanded(self._commanded_mps, tuple(self._recent), self._own.interval_s)
         s = look(
             *(now_ns, leg, state, sensing, gates),
-            *(self._neighbours, self._parameters, self._pace, self._interval_s),
-            *(self._drafting, self._commanded_mps),
+            *(self._neighbours, self._evidence, self._own, last),
         )
         self._platoon = followers(s, self._neighbours, self._vehicle)
         if any(one.vehicle == self._agreements.joined.by for one in self._platoon):
@@ -240,11 +249,48 @@ class Platooning:
     def _followers(self) -> list[Heard]:
         return [heard for heard in self._neighbours if heard.message.ahead == self._vehicle]
 
-    def _may_be_commanded(self, s: Situation) -> bool:
-        """Whether a vehicle alone may be commanded as a leader: on a road without signals, not just
-        out of a close gap, and with no vehicle nearer than its driver would let it come. There its
-        own model brakes as hard as a vehicle can, and a command would not be bound to that.
+    @property
+    def limit_mps2(self) -> float | None:
+        """The hardest braking that others reckon with; None: they reckon with all it can do."""
+        return None if self._kept is None else self._kept[0]
+
+    def _keep_promise(self, s: Situation) -> None:
+        """What the follower needs, if there is one, holds until it is apart."""
+        needs = [
+            one.needs_mps2
+            for one in self._platoon
+            if one.ahead == self._vehicle and one.needs_mps2 is not None
+        ]
+        if needs:
+            self._kept = promised_mps2(min(needs), s.own.braking), s.now_ns
+        elif self._kept is not None:
+            apart_m = driver_gap_m(s.own.speed_mps)
+            apart = s.behind is not None and s.behind.gap_m > apart_m
+            if apart or not 0 <= s.now_ns - self._kept[1] <= _KEPT_NS:
+                self._kept = None
+
+    def _may_promise(self, s: Situation) -> bool:
+        """Whether it can keep what its follower needs: a follower, while the one ahead promises
+        too; a leader, where it is commanded, and far enough from the traffic ahead.
         """
+        limit = self.limit_mps2
+        if limit is None:
+            return False
+        if self._member.mode == "following":
+            return s.partner is not None and s.partner.limit_mps2 is not None
+        if self._member.mode != "alone" or not s.gates.is_open(s.state.segment):
+            return False
+        needed_m = leading_gap_m(s, limit) * (1.0 if self._promises else _AGAIN_SHARE)
+        return self._may_be_commanded(s) and s.gap_m >= needed_m
+
+    def _may_be_commanded(self, s: Situation) -> bool:
+        """Whether a vehicle alone may be commanded as a leader: while it keeps a promise, and on a
+        road without signals, not just out of a close gap, and with no vehicle nearer than its
+        driver would let it come. There its own model brakes as hard as a vehicle can, and a command
+        would not be bound to that.
+        """
+        if self._kept is not None:
+            return True
         calm = not self._member.is_just_alone(s.now_ns)
         free = s.gap_m > IDM.desired_gap_m(s.state.speed_mps)
         return calm and free and s.leg.limits_mps[s.state.number] > MOTORWAY_MPS
@@ -254,7 +300,10 @@ class Platooning:
         if mode == "alone" and agreements.joining.front is None:
             self._lane, self._drop_back = None, False
         follows = self._neighbours.get(self._member.partner) if mode == "following" else None
-        speed = commanded_mps(s, mode, follows, cap_mps)
+        self._keep_promise(s)
+        self._promises = self._may_promise(s)
+        limit = self.limit_mps2
+        command = commanded(s, mode, follows, cap_mps, limit)
         cruise = wanted = None
         partner = self._member.partner
         if mode == "alone":
@@ -272,29 +321,40 @@ class Platooning:
             if partner is None and lags > 0:
                 partner = platoon[0].vehicle
         elif mode == "following":
-            wanted = s.own.wanted_gap_m + s.margin_m
+            wanted = s.wanted_m
         else:
             wanted = IDM.desired_gap_m(s.state.speed_mps)
         self._cruise_mps = cruise
-        leads = mode == "alone" and self._may_be_commanded(s) and bool(self._platoon)
-        told_mps, lead_mps = speed, None
+        leads = mode == "alone" and self._may_be_commanded(s)
+        leads = leads and (bool(self._platoon) or self._kept is not None)
+        lead = None
         if leads:
             set_mps = s.own.desired_mps if cruise is None else cruise
-            lead_mps = leading_mps(s, set_mps, cap_mps)
-            if obeys(s, self._lead_mps):
-                told_mps = lead_mps
-        self._lead_mps = lead_mps
-        self._commanded_mps = lead_mps if speed is None else speed
-        announced = announced_mps(s, told_mps, cap_mps if lead_mps is None else lead_mps)
+            self._plan = leading(s, self._plan[1:], set_mps, cap_mps, limit)
+            lead = command_of(s, self._plan)
+        else:
+            self._plan = () if command is None else (command.mps2,)
+        now = command or (lead if lead is not None and obeys(s, self._lead_mps) else None)
+        self._lead_mps = None if lead is None else lead.mps
+        driven = command or lead
+        self._commanded_mps = None if driven is None else driven.mps
+        self._recent.append(0.0 if driven is None else driven.mps2)
+        announced = announced_mps(
+            s, None if now is None else now.mps, cap_mps if lead is None else lead.mps
+        )
         control = self._controls.make(
-            s, mode, follows, announced, agreements.joined.by, self._platoon
+            *(s, mode, follows, announced, agreements.joined.by, self._platoon),
+            planned_mps2=() if now is None else self._plan,
+            limit_mps2=limit if self._promises else None,
+            needs_mps2=self._needs(s, limit),
         )
         behind = mode != "alone" and s.ahead is not None and s.ahead.vehicle == self._member.partner
         return PlatoonStep(
             mode=mode,
-            speed_mps=speed,
+            speed_mps=None if command is None else command.mps,
             cruise_mps=cruise,
-            lead_mps=lead_mps,
+            lead_mps=None if lead is None else lead.mps,
+            acceleration_mps2=None if driven is None else driven.mps2,
             gap_m=wanted,
             lane=self._lane,
             partner=partner,
@@ -304,3 +364,10 @@ class Platooning:
             control=control,
             messages=agreements.take(),
         )
+
+    def _needs(self, s: Situation, limit_mps2: float | None) -> float | None:
+        """Limit that the vehicle ahead has to promise for a close gap; None: it keeps none."""
+        if self._member.mode != "following" or not s.own.braking.emergency_brake:
+            return None
+        own = s.own
+        return front_limit_mps2(own.advised_gap_m, own.braking, limit_mps2, own.interval_s)

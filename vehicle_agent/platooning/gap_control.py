@@ -1,26 +1,23 @@
-"""Gap control: speeds that close, keep and open a gap, as pure functions of both motions.
+"""Gap control: accelerations that close, keep and open a gap, as pure functions of both motions.
 
-A follower wants the gap g* of `slipstream.spacing`, with a time gap h = `RESPONSE_S`. It is
-commanded v = v_ahead + k (g − g*), where v_ahead is the latest speed that is known of the vehicle
-ahead, τ old.
+A follower at the speed v with the gap g and the wanted gap g* is commanded
 
-**String stability.** Let both speeds deviate from a common one. With g' = v_ahead − v and
-v = e^{−τs} v_ahead + k (g − h v), a follower's deviation is G(s) times that of the vehicle ahead,
+    a = f + K (r + φ(g − g*) − v)
 
-    G(s) = (s e^{−τs} + k) / (s (1 + k h) + k)
+f is the acceleration that the leader of its platoon drives in this very interval: it tells
+accelerations before it drives them. r is the speed of the vehicle ahead, mixed with the leader's:
+r = w v_leader + (1 − w) v_ahead. φ is the speed by which the gap is closed or opened, k (g − g*)
+near zero. K is 1/2T, with T the dead time and lag of the own brake, and 1/Δt at most.
 
-and no deviation grows along a string if |G(jω)| ≤ 1 for all ω (D. Swaroop, J. K. Hedrick, String
-stability of interconnected systems, IEEE Trans. Automatic Control 41, 1996; J. Ploeg, N. van de
-Wouw, H. Nijmeijer, L_p string stability of cascaded systems: application to vehicle platooning,
-IEEE Trans. Control Systems Technology 22, 2014). As
+**String stability.** Where a vehicle alone deviates, by what the leader did not tell, the next one
+deviates by G(s) times as much,
 
-    |jω e^{−jωτ} + k|² = ω² + k² + 2 k ω sin ωτ
-    |jω (1 + k h) + k|² = ω² (1 + k h)² + k²
+    G(s) = K ((1 − w) s + k) / (s² + K s + K k)
 
-that is 2 sin(ωτ) / ω ≤ 2 h + k h². As sin(ωτ) ≤ ωτ, h ≥ τ is enough. In steps of Δt, with a gap as
-new as the step, the same algebra asks for h ≥ Δt where the vehicle ahead is known by its present
-speed, and for nothing (h = 0 gives |G| = 1) where it is known what it will drive in the step. For
-that the law is solved for v with g* at the commanded speed, not at the present one.
+|G(jω)| ≤ 1 for all ω where K (1 − (1 − w)²) ≥ 2 k (D. Swaroop, J. K. Hedrick, String stability of
+interconnected systems, IEEE Trans. Automatic Control 41, 1996). That holds to K = 1 with w = 0.6
+and k = 0.4. Without the leader w is 0 and it does not: then the gap has to grow with the speed,
+as the unannounced one does.
 
 SUMO's CACC is not used: at the evaluation's step its gains answer a braking leader with 9 m/s².
 """
@@ -31,20 +28,16 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+from slipstream.braking import Braking
 from slipstream.energy.drafting import DragLaw, DragReductions, reductions_at
 from slipstream.energy.traction import VehicleParameters, coasting_mps2
 from slipstream.spacing import (
     DRIVER_MIN_GAP_M,
     DRIVER_TIME_GAP_S,
-    MAX_BRAKING_MPS2,
-    RESPONSE_S,
     SLOWING_SHARE,
-    wanted_gap_m,
+    planned_gap_m,
 )
-from vehicle_agent.platooning.safe_gap import AheadMotion
-
-CLOSE_GAP_M: Final = 7.5
-"""Largest gap for which drag reductions are credited."""
+from vehicle_agent.platooning.needed_braking import AheadMotion, braking_mps2
 
 MIN_SPEED_MPS: Final = 5.0
 """Below this speed no drag reduction is credited: there is next to no drag."""
@@ -53,9 +46,11 @@ COMFORTABLE_MPS2: Final = 2.5
 """Deceleration that nobody minds."""
 
 _GAIN_PER_S: Final = 0.4
+_LEADERS_SHARE: Final = 0.6
+_OPENING_MPS: Final = 1.0
+_OPENING_MPS2: Final = 1.5
 _APPROACH_MPS: Final = 0.5
 _EXTRA_BRAKING_MPS2: Final = 1.0
-_BRAKING_THRESHOLD_MPS2: Final = 0.2
 _MIN_GAP_M: Final = 0.5
 
 
@@ -68,7 +63,9 @@ class Own:
         desired_mps: that it would drive here alone.
         advised_gap_m: g_advised.
         interval_s: Δt, of its control.
+        braking: of the vehicle, on the road as it is.
         drafting: law of its drag reduction.
+        effective_mps: its speed when a command of now takes effect; None: the present one.
     """
 
     speed_mps: float
@@ -77,17 +74,28 @@ class Own:
     advised_gap_m: float
     interval_s: float
     vehicle: VehicleParameters
+    braking: Braking
     drafting: DragLaw = "paper"
+    effective_mps: float | None = None
 
     def reductions(self, speed_mps: float) -> DragReductions:
         """η_drag of each place at the gap that it keeps at a speed."""
-        gap_m = wanted_gap_m(speed_mps, self.advised_gap_m, self.interval_s)
-        return reductions_at(self.drafting, gap_m)
+        return reductions_at(self.drafting, self.close_gap_m(speed_mps))
+
+    def close_gap_m(self, speed_mps: float) -> float:
+        """g* in a close platoon of its like."""
+        return planned_gap_m(speed_mps, self.advised_gap_m, self.braking, self.interval_s)
 
     @property
-    def wanted_gap_m(self) -> float:
-        """g* at its present speed."""
-        return wanted_gap_m(self.speed_mps, self.advised_gap_m, self.interval_s)
+    def then_mps(self) -> float:
+        """Its speed when a command of now takes effect."""
+        return self.speed_mps if self.effective_mps is None else self.effective_mps
+
+    @property
+    def gain_per_s(self) -> float:
+        """K: with a larger one the delay of its brake makes it swing."""
+        nominal_s = self.braking.nominal_s
+        return 1 / self.interval_s if nominal_s <= 0 else min(1 / self.interval_s, 0.5 / nominal_s)
 
     @property
     def coasting_mps2(self) -> float:
@@ -121,29 +129,35 @@ class Idm:
 IDM: Final = Idm()
 
 
-def following_mps(own: Own, ahead: AheadMotion) -> float:
-    """Speed of a follower at the end of the coming interval. Far behind, it closes up no faster
-    than it can slow down again by coasting, so that the energy put into catching up is not braked
-    away, and brakes no more than it must.
+def following_mps2(own: Own, ahead: AheadMotion, wanted_m: float) -> float:
+    """Acceleration of a follower. Far behind, it closes up no faster than it can slow down again by
+    coasting, so that the energy put into catching up is not braked away, and brakes no more than it
+    must. A gap that is too small opens by 1 m/s, and no harder than with 1.5 m/s². More than a
+    comfortable deceleration, or the told one, is left to `needed_mps2`.
+
+    Args:
+        wanted_m: g*.
     """
-    dt, error_m = own.interval_s, ahead.gap_m - own.wanted_gap_m
-    room_m = ahead.gap_m - own.advised_gap_m
-    upper = min(own.max_mps, own.speed_mps + IDM.acceleration_mps2 * dt)
-    commanded = min(
-        (ahead.coming_mps + _GAIN_PER_S * room_m) / (1 + _GAIN_PER_S * RESPONSE_S),
-        ahead.coming_mps + _GAIN_PER_S * (room_m - MAX_BRAKING_MPS2 * dt**2),
-    )
-    if error_m <= 0:
-        return max(0.0, min(commanded, upper))
-    coasting = own.coasting_mps2
-    commanded = min(commanded, ahead.coming_mps + closing_mps(error_m, coasting))
-    if error_m > own.wanted_gap_m:
-        braking = _required_braking_mps2(own.speed_mps, ahead, error_m)
+    error_m, coasting = ahead.gap_m - wanted_m, own.coasting_mps2
+    if error_m > 0:
+        drift_mps = closing_mps(error_m, coasting)
     else:
-        braking = ahead.slowing_mps2 + _EXTRA_BRAKING_MPS2
-        braking += max(0.0, own.speed_mps - ahead.speed_mps) ** 2 / (2 * error_m)
-    gently = own.speed_mps - max(coasting, braking) * dt
-    return max(0.0, min(max(commanded, gently), upper))
+        drift_mps = max(_GAIN_PER_S * error_m, -_OPENING_MPS)
+    reference_mps = ahead.speed_mps
+    if ahead.leader_mps is not None:
+        reference_mps += _LEADERS_SHARE * (ahead.leader_mps - ahead.speed_mps)
+    gain = own.gain_per_s
+    feedback = gain * (reference_mps - own.speed_mps) + max(gain * drift_mps, -_OPENING_MPS2)
+    a = max(ahead.feed_mps2 + feedback, min(ahead.feed_mps2, -COMFORTABLE_MPS2))
+    if error_m > 0:
+        if error_m > wanted_m:
+            slowing = ahead.slowing_mps2
+            braking = braking_mps2(own.speed_mps, ahead.speed_mps, slowing, error_m)
+        else:
+            braking = ahead.slowing_mps2 + _EXTRA_BRAKING_MPS2
+            braking += max(0.0, own.speed_mps - ahead.speed_mps) ** 2 / (2 * error_m)
+        a = max(a, -max(coasting, braking))
+    return min(a, IDM.acceleration_mps2)
 
 
 def closing_mps(error_m: float, coasting: float) -> float:
@@ -159,28 +173,15 @@ def closing_mps(error_m: float, coasting: float) -> float:
     return math.sqrt(2 * slowing * (error_m - linear_m / 2))
 
 
-def _required_braking_mps2(speed_mps: float, ahead: AheadMotion, room_m: float) -> float:
-    """Smallest deceleration that avoids the vehicle ahead, which keeps its speed or goes on braking
-    to a stand, m/s²: the larger result of the two.
-    """
-    needed = max(0.0, speed_mps - ahead.speed_mps) ** 2 / (2 * room_m)
-    if ahead.slowing_mps2 > _BRAKING_THRESHOLD_MPS2:
-        stands_m = ahead.speed_mps**2 / (2 * ahead.slowing_mps2)
-        needed = max(needed, speed_mps**2 / (2 * (room_m + stands_m)))
-    return needed
-
-
-def leaving_mps(own: Own, ahead: AheadMotion) -> float:
-    """Speed at the end of the coming interval of a vehicle that opens its gap: it coasts, and
-    brakes comfortably while it still approaches, as after a cut-in. It never drives faster than a
-    follower.
+def leaving_mps2(own: Own, ahead: AheadMotion, wanted_m: float) -> float:
+    """Acceleration of a vehicle that opens its gap: it coasts, and brakes comfortably while it
+    still approaches, as after a cut-in. It never drives faster than a follower.
     """
     nearer = own.speed_mps > ahead.speed_mps + _APPROACH_MPS
     lower = -COMFORTABLE_MPS2 if nearer else -own.coasting_mps2
     a = IDM.acceleration_to_mps2(own, ahead.gap_m, ahead.speed_mps)
     a = min(max(a, lower), IDM.acceleration_mps2)
-    gently = max(0.0, own.speed_mps + a * own.interval_s)
-    return min(gently, following_mps(own, ahead))
+    return min(a, following_mps2(own, ahead, wanted_m))
 
 
 def waiting_mps(before_mps: float, target_mps: float, own: Own) -> float:

@@ -31,6 +31,7 @@ class PlatoonStep:
             up to the limit, to catch up; None: as without platooning.
         lead_mps: to drive at the end of the interval, of a leader on a road without signals; None
             of others.
+        acceleration_mps2: to be driven from now on, with `speed_mps` or `lead_mps`; None: neither.
         gap_m: wanted gap to the vehicle ahead; None while alone.
         lane: wanted; None: as the driver likes. Whether it leads on is for the vehicle to say.
         partner: vehicle that it follows, opens its gap to, catches up with, or waits for.
@@ -45,6 +46,7 @@ class PlatoonStep:
     speed_mps: float | None
     cruise_mps: float | None
     lead_mps: float | None
+    acceleration_mps2: float | None
     gap_m: float | None
     lane: int | None
     partner: str | None

@@ -7,9 +7,8 @@ from __future__ import annotations
 from typing import Final
 
 from slipstream.messages import PlatoonControl
-from slipstream.spacing import wanted_gap_m
+from slipstream.spacing import CLOSE_GAP_M
 from vehicle_agent.platooning.gap_control import (
-    CLOSE_GAP_M,
     IDM,
     MIN_SPEED_MPS,
     leaving_distance_m,
@@ -127,7 +126,7 @@ def _worth(s: Situation, shared: SharedPath, front: PlatoonControl, *, keeps: bo
     if keeps:
         return None if run_m > leaving_distance_m(speed_mps, gap_m, own.vehicle) else short
     cruise_mps = max(MIN_SPEED_MPS, own.desired_mps)
-    followed_m = wanted_gap_m(cruise_mps, own.advised_gap_m, own.interval_s)
+    followed_m = own.close_gap_m(cruise_mps)
     drafted_m = run_m - leaving_distance_m(cruise_mps, followed_m, own.vehicle)
     if gap_m <= max(CLOSE_GAP_M, followed_m):
         return None if drafted_m > 0 else short

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from slipstream.messages import PlatoonMode
+from slipstream.spacing import driver_gap_m
 from vehicle_agent.platooning.gap_control import has_left
 from vehicle_agent.platooning.join_leave import (
     NONE_AHEAD,
@@ -19,6 +20,8 @@ _SETTLE_NS: Final = 2_000_000_000
 # A sensor may lose the vehicle ahead for a moment, as where a lane begins.
 _DROPOUT_NS: Final = 1_000_000_000
 _LANE_CHANGE_NS: Final = 3_000_000_000
+_UNPROMISED_NS: Final = 5_000_000_000
+_NOT_AGAIN_NS: Final = 30_000_000_000
 
 
 class Membership:
@@ -38,6 +41,8 @@ class Membership:
         self.disengaged_on: str | None = None
         self._seen_ns = 0
         self._left_ns = self._parted_ns = self._alone_ns = -_SETTLE_NS
+        self._promised_ns = 0
+        self._unpromising: tuple[str, int] | None = None
 
     def has_just_parted(self, now_ns: int) -> bool:
         """Whether it has left a platoon, or was told to end platooning, in the last 2 s."""
@@ -112,4 +117,26 @@ class Membership:
             self.disengaged_on = None
         if self.mode != "following" and self.has_just_parted(s.now_ns):
             return self.reason or "it has just parted"
-        return obstacle(s, keeps=keeps)
+        return obstacle(s, keeps=keeps) or self._unpromised(s)
+
+    def _unpromised(self, s: Situation) -> str | None:
+        """Why a follower leaves one that does not promise to brake less hard than it can: behind it
+        a driver keeps no larger gap. For a while it does not come again.
+        """
+        partner = s.partner
+        if partner is None:
+            return None
+        if partner.limit_mps2 is not None or s.wanted_m <= driver_gap_m(s.own.speed_mps):
+            self._promised_ns = s.now_ns
+            return None
+        reason = f"{partner.vehicle} cannot promise a limit of its braking"
+        if self._unpromising is not None and self._unpromising[0] == partner.vehicle:
+            if 0 <= s.now_ns - self._unpromising[1] < _NOT_AGAIN_NS:
+                return reason
+            self._unpromising = None
+        if self.mode != "following":
+            self._promised_ns = s.now_ns
+        elif not 0 <= s.now_ns - self._promised_ns < _UNPROMISED_NS:
+            self._unpromising = partner.vehicle, s.now_ns
+            return reason
+        return None

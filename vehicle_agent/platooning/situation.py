@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
+from slipstream.braking import GREATEST_MPS2, Braking
 from slipstream.energy.drafting import DragLaw
 from slipstream.energy.traction import VehicleParameters
 from slipstream.messages import PlannedSegment, PlatoonControl, SensedVehicle, VehicleSensing
-from slipstream.spacing import ADVISED_GAP_M, MAX_BRAKING_MPS2, RESPONSE_S
+from slipstream.spacing import ADVISED_GAP_M, wanted_gap_m
 from vehicle_agent.leg import Leg, VehicleState
 from vehicle_agent.platooning.gap_control import COMFORTABLE_MPS2, Own
 from vehicle_agent.platooning.interface import Gates
+from vehicle_agent.platooning.needed_braking import AheadMotion, Evidence
 from vehicle_agent.platooning.neighbours import MAX_AHEAD_NS, SILENT_NS, Neighbours
-from vehicle_agent.platooning.safe_gap import AheadMotion
 
 MAX_SPEED_MPS: Final = 100.0
 """Values beyond these are taken as these: no vehicle of a road has them."""
@@ -30,16 +31,60 @@ MAX_SENSING_AGE_NS: Final = 300_000_000
 
 
 @dataclass(frozen=True, slots=True)
+class OwnVehicle:
+    """What a vehicle's platooning knows of it.
+
+    Attributes:
+        physics: for energies.
+        braking: on the road as it is.
+        others_mps2: the most that any vehicle brakes with on that road.
+        interval_s: between two steps, and between two messages of every vehicle.
+        pace: share of the limit that it drives at alone, in (0, 1].
+        drafting: law of its drag reduction.
+    """
+
+    physics: VehicleParameters
+    braking: Braking
+    others_mps2: float
+    interval_s: float
+    pace: float
+    drafting: DragLaw
+
+
+@dataclass(frozen=True, slots=True)
+class Commanded:
+    """What was commanded last.
+
+    Attributes:
+        speed_mps: for the end of the last interval; None: nothing.
+        recent_mps2: accelerations of the last intervals, the newest last.
+        interval_s: of each.
+    """
+
+    speed_mps: float | None
+    recent_mps2: tuple[float, ...]
+    interval_s: float
+
+    def pending_mps(self, acceleration_mps2: float, braking: Braking) -> float:
+        """Change of speed by commands that have not taken effect yet, m/s."""
+        if braking.nominal_s <= 0:
+            return 0.0
+        waiting = round(braking.dead_s / self.interval_s)
+        sent = self.recent_mps2[-waiting:] if waiting else ()
+        return acceleration_mps2 * braking.lag_s + sum(sent) * self.interval_s
+
+
+@dataclass(frozen=True, slots=True)
 class Situation:
     """Input of one interval's decisions.
 
     Attributes:
         place_m: of its front along the leg.
         limit_mps: speed limit here.
-        lowest_mps: at the end of the interval, by the strongest braking.
+        lowest_mps: at the end of the interval, by full braking.
         planned: the segment that it is on.
         motion: of the vehicle ahead; None: none is sensed.
-        margin_m: added to the wanted gap: its way within the age of its own sensing.
+        wanted_m: g*, to the vehicle ahead; it grows with the age of the own sensing.
         partner: what the vehicle ahead told; None: it is not of the fleet, or silent.
         sensing_in_time: whether the own sensing is neither late nor of the future.
     """
@@ -55,7 +100,7 @@ class Situation:
     ahead: SensedVehicle | None
     motion: AheadMotion | None
     behind: SensedVehicle | None
-    margin_m: float
+    wanted_m: float
     partner: PlatoonControl | None
     partner_age_s: float
     sensing_in_time: bool
@@ -79,24 +124,26 @@ def look(
     sensing: VehicleSensing,
     gates: Gates,
     neighbours: Neighbours,
-    vehicle: VehicleParameters,
-    pace: float,
-    interval_s: float,
-    drafting: DragLaw,
-    commanded_mps: float | None,
+    evidence: Evidence,
+    own: OwnVehicle,
+    commanded: Commanded,
 ) -> Situation:
     """The situation of a vehicle now; see `Platooning`. Sensing that is late is taken on to now:
     the vehicle has come to the speed that it was last commanded as far as it can have, and the one
     ahead has gone on as it moved and told.
     """
+    interval_s, braking = own.interval_s, own.braking
     late_ns = now_ns - sensing.time_ns
     late_s = _within(late_ns, 0, SILENT_NS) / 1e9
     sensed_mps = _within(state.speed_mps, 0.0, MAX_SPEED_MPS)
     speed_mps = sensed_mps
-    if commanded_mps is not None:
-        least_mps = max(0.0, sensed_mps - MAX_BRAKING_MPS2 * late_s)
-        speed_mps = _within(commanded_mps, least_mps, sensed_mps + _MAX_ACCELERATION_MPS2 * late_s)
+    if commanded.speed_mps is not None:
+        least_mps = max(0.0, sensed_mps - braking.greatest_mps2 * late_s)
+        speed_mps = _within(
+            commanded.speed_mps, least_mps, sensed_mps + _MAX_ACCELERATION_MPS2 * late_s
+        )
     moved_m = (sensed_mps + speed_mps) / 2 * late_s
+    acceleration = _within(state.acceleration_mps2, -GREATEST_MPS2, _MAX_ACCELERATION_MPS2)
     state = VehicleState(
         state.segment,
         state.number,
@@ -104,36 +151,52 @@ def look(
         state.lane,
         min(state.front_m, _MAX_FRONT_M),
         speed_mps,
-        _within(state.acceleration_mps2, -MAX_BRAKING_MPS2, _MAX_ACCELERATION_MPS2),
+        acceleration,
     )
     planned, place_m = leg.planned[state.number], leg.place_m(state) + moved_m
     limit_mps = min(leg.limits_mps[state.number], MAX_SPEED_MPS)
-    told = None if sensing.ahead is None else neighbours.fresh(sensing.ahead.vehicle, now_ns)
+    ahead = sensing.ahead
+    told = None if ahead is None else neighbours.fresh(ahead.vehicle, now_ns)
     partner, age_s = (None, 0.0) if told is None else told
-    motion = None
-    if sensing.ahead is not None:
-        motion = ahead_motion(sensing.ahead, late_s, moved_m, partner, age_s, interval_s)
+    follower = Own(
+        speed_mps=state.speed_mps,
+        max_mps=limit_mps,
+        desired_mps=max(own.pace * limit_mps, _MIN_DESIRED_MPS),
+        advised_gap_m=min(planned.gap_m or ADVISED_GAP_M, _MAX_ADVISED_GAP_M),
+        interval_s=interval_s,
+        vehicle=own.physics,
+        braking=braking,
+        drafting=own.drafting,
+        effective_mps=max(0.0, speed_mps + commanded.pending_mps(acceleration, braking)),
+    )
+    motion, wanted_m = None, follower.close_gap_m(follower.speed_mps)
+    if ahead is not None:
+        motion = ahead_motion(ahead, late_s, moved_m, partner, age_s, own, now_ns)
+        leader = None if partner is None else neighbours.fresh(partner.leader, now_ns)
+        if leader is not None and partner is not None and partner.leader != partner.vehicle:
+            motion = _led(motion, *leader, interval_s)
+        tells = max(motion.slowing_mps2, -(motion.trend_mps2 or 0.0))
+        if evidence.update(sensing.time_ns, ahead.track, ahead.speed_mps, tells):
+            motion = replace(motion, slowing_mps2=motion.bound_mps2, trend_mps2=None)
+        aged = replace(braking, sensing_s=max(braking.sensing_s, late_s))
+        wanted_m = wanted_gap_m(
+            follower.speed_mps, follower.advised_gap_m, motion.bound_mps2, aged, interval_s
+        )
+    else:
+        evidence.update(sensing.time_ns, None, 0.0, 0.0)
     return Situation(
         now_ns=now_ns,
         leg=leg,
         state=state,
         place_m=place_m,
         limit_mps=limit_mps,
-        lowest_mps=max(0.0, min(sensed_mps, speed_mps) - MAX_BRAKING_MPS2 * interval_s),
-        own=Own(
-            speed_mps=state.speed_mps,
-            max_mps=limit_mps,
-            desired_mps=max(pace * limit_mps, _MIN_DESIRED_MPS),
-            advised_gap_m=min(planned.gap_m or ADVISED_GAP_M, _MAX_ADVISED_GAP_M),
-            interval_s=interval_s,
-            vehicle=vehicle,
-            drafting=drafting,
-        ),
+        lowest_mps=max(0.0, min(sensed_mps, speed_mps) - braking.guaranteed_mps2 * interval_s),
+        own=follower,
         planned=planned,
-        ahead=sensing.ahead,
+        ahead=ahead,
         motion=motion,
         behind=sensing.behind,
-        margin_m=sensed_mps * late_s,
+        wanted_m=wanted_m,
         partner=partner,
         partner_age_s=age_s,
         sensing_in_time=-MAX_AHEAD_NS <= late_ns <= MAX_SENSING_AGE_NS,
@@ -147,42 +210,73 @@ def ahead_motion(
     moved_m: float,
     told: PlatoonControl | None,
     age_s: float,
-    interval_s: float,
+    own: OwnVehicle,
+    now_ns: int,
 ) -> AheadMotion:
     """Motion of the vehicle ahead by the own sensors, `late_s` ago, the own way within which was
-    `moved_m`, and, while it is fresh, by what it told `age_s` ago, once an interval.
+    `moved_m`, and by what it told `age_s` ago, while it is fresh.
+
+    What it may brake with is what it has promised, where the own brakes allow for a close gap, and
+    else what it tells that it can; of who is silent what the hardest braking vehicle can.
     """
-    slowing = 0.0
+    slowing, bound, feed = 0.0, own.others_mps2, 0.0
+    trend: float | None = None
     if told is not None:
-        slowing = max(-told.acceleration_mps2, (told.speed_mps - told.announced_mps) / interval_s)
-        slowing = _within(slowing, 0.0, MAX_BRAKING_MPS2)
+        bound = min(bound, told.greatest_mps2)
+        if told.limit_mps2 is not None and own.braking.emergency_brake:
+            bound = min(bound, told.limit_mps2)
+        trend = _within(told.acceleration_mps2, -bound, 0.0)
+        planned = planned_mps2(told, age_s, own.interval_s)
+        if planned is not None:
+            feed = _within(planned, -bound, _MAX_ACCELERATION_MPS2)
+        slowing = max(0.0, -trend if planned is None else -feed)
     sensed_mps = _within(sensed.speed_mps, 0.0, MAX_SPEED_MPS)
     speed = max(0.0, sensed_mps - slowing * late_s)
+    if told is not None and trend is not None and late_s > age_s:
+        # What it told is newer than what was sensed; it is believed where it is slower.
+        speed = min(speed, max(0.0, told.speed_mps + trend * age_s))
     gap_m = _within(sensed.gap_m, -_MAX_GAP_M, _MAX_GAP_M)
     gap_m += (sensed_mps + speed) / 2 * late_s - moved_m
-    coming_in_s = interval_s - age_s
-    if told is None or coming_in_s <= 0:
-        return AheadMotion(gap_m, speed, speed, slowing_mps2=slowing)
-    announced = _within(
-        told.announced_mps,
-        max(0.0, speed - MAX_BRAKING_MPS2 * interval_s),
-        speed + _MAX_ACCELERATION_MPS2 * interval_s,
+    return AheadMotion(gap_m, speed, slowing, feed, bound, trend_mps2=trend)
+
+
+def planned_mps2(told: PlatoonControl, age_s: float, interval_s: float) -> float | None:
+    """Acceleration that a vehicle told for now, age_s ago, the last one for one interval more;
+    None: it told none that far ahead.
+    """
+    number, planned = int(age_s / interval_s + 1e-3), told.planned_mps2
+    return planned[min(number, len(planned) - 1)] if planned and number <= len(planned) else None
+
+
+def _led(
+    motion: AheadMotion, leader: PlatoonControl, age_s: float, interval_s: float
+) -> AheadMotion:
+    """The same with what the leader of the platoon drives, where it told so far ahead."""
+    planned = planned_mps2(leader, age_s, interval_s)
+    if planned is None:
+        return motion
+    feed = _within(planned, -motion.bound_mps2, _MAX_ACCELERATION_MPS2)
+    driven = leader.planned_mps2[: round(age_s / interval_s)]
+    then_mps = leader.speed_mps + sum(driven) * interval_s
+    return replace(
+        motion,
+        feed_mps2=feed,
+        slowing_mps2=max(0.0, -feed),
+        leader_mps=_within(then_mps, 0.0, MAX_SPEED_MPS),
     )
-    trusted_s = max(0.0, interval_s - max(age_s, RESPONSE_S))
-    return AheadMotion(gap_m, speed, announced, trusted_s, coming_in_s, slowing)
 
 
-def allowed_mps(situation: Situation) -> float:
-    """Highest speed at the end of the interval with which all limits ahead are kept comfortably.
+def allowed_mps(situation: Situation, within_s: float) -> float:
+    """Highest speed after a time with which all limits ahead are kept comfortably.
 
-    c²/2b + c Δt ≤ d + v²/2b for each place that is d ahead and may be passed with v.
+    c²/2b + c t ≤ d + v²/2b for each place that is d ahead and may be passed with v.
     """
     allowed, state = situation.limit_mps, situation.state
     crossing = situation.planned.crossing
     if state.crossing and crossing is not None:
         allowed = min(allowed, crossing.speed_mps)
-    b, slack = COMFORTABLE_MPS2, COMFORTABLE_MPS2 * situation.own.interval_s
-    reach_m = allowed * allowed / (2 * b) + allowed * situation.own.interval_s
+    b, slack = COMFORTABLE_MPS2, COMFORTABLE_MPS2 * within_s
+    reach_m = allowed * allowed / (2 * b) + allowed * within_s
     for slow in situation.leg.slow_ahead(situation.place_m):
         away_m = slow.at_m - situation.place_m
         if away_m > reach_m:

@@ -1,59 +1,110 @@
-"""The coming interval's speed: commanded while a vehicle follows or leaves, else its set speed."""
+"""The coming interval's acceleration and speed: commanded while a vehicle follows, leaves or leads,
+else its set speed.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 from slipstream.messages import PlatoonControl, PlatoonMode
+from slipstream.spacing import RESPONSE_S, closing_m, reaction_s
 from vehicle_agent.platooning.agreement import Joining
 from vehicle_agent.platooning.gap_control import (
     COMFORTABLE_MPS2,
     IDM,
-    following_mps,
-    leaving_mps,
+    Own,
+    following_mps2,
+    leaving_mps2,
     waiting_mps,
 )
-from vehicle_agent.platooning.safe_gap import safe_mps
+from vehicle_agent.platooning.needed_braking import AIM_M, AheadMotion, needed_mps2
 from vehicle_agent.platooning.situation import Situation, allowed_mps
 
 _OBEYED_MPS: Final = 0.05
+_NEEDED_MPS2: Final = 0.5
+"""Smaller decelerations are left to the gap control."""
+
+_EARLY_SHARE: Final = 1.2
+"""Of the needed braking: a leader, which drives later than it commands, brakes the earlier."""
+
+_BROKEN_SHARE: Final = 1.3
+"""Of a promise: a leader that needs more than that breaks it, and at once. It does not come to that
+while the traffic ahead brakes as it can, but after a cut-in it may.
+"""
+
+DELAY_S: Final = 0.3
+"""Between what a leader tells and what it drives: three messages may be lost in a row."""
 
 
-def commanded_mps(
-    situation: Situation, mode: PlatoonMode, front: PlatoonControl | None, cap_mps: float
-) -> float | None:
-    """Speed at the end of the interval, m/s, within `cap_mps` of the rest of the agent; None while
-    it drives alone.
+class Command(NamedTuple):
+    """Of the coming interval: its acceleration, and the speed at its end."""
 
-    At most the limit here. Otherwise never less than the strongest braking reaches: where the gap
-    is unsafe at any speed, or a limit was missed, that is what is commanded. The age of the own
-    sensing widens the gap by coasting, or comfortable braking where the gap is not safe at that
-    age; never harder for the age alone.
+    mps2: float
+    mps: float
+
+
+def commanded(
+    situation: Situation,
+    mode: PlatoonMode,
+    front: PlatoonControl | None,
+    cap_mps: float,
+    limit_mps2: float | None,
+) -> Command | None:
+    """What a follower, or a vehicle that leaves, is commanded, within `cap_mps` of the rest of the
+    agent; None while it drives alone.
+
+    At most the limit here. It brakes no harder than it has promised (`limit_mps2`), unless more is
+    needed for the vehicle ahead, and then as hard as it can at most.
 
     While no vehicle is sensed ahead, it drives no faster than `front`, which it follows, told.
     Where that one has told of another lane it is not in the way, and coasting is enough.
     """
     if mode == "alone":
         return None
-    own, ahead = situation.own, situation.motion
-    bound = min(allowed_mps(situation), cap_mps)
+    s, own, ahead = situation, situation.own, situation.motion
     if ahead is None:
-        command = own.speed_mps
+        a = 0.0
         if front is not None and front.announced_mps < own.speed_mps:
-            command = front.announced_mps
+            a = (front.announced_mps - own.speed_mps) * own.gain_per_s
             if on_another_lane(situation, front):
-                command = max(command, own.speed_mps - own.coasting_mps2 * own.interval_s)
+                a = max(a, -own.coasting_mps2)
     else:
-        law = following_mps if mode == "following" else leaving_mps
-        command = min(law(own, ahead), safe_mps(own.speed_mps, ahead, own.interval_s))
-        if situation.margin_m > 0:
-            wider = replace(ahead, gap_m=ahead.gap_m - situation.margin_m)
-            coasting = own.speed_mps - own.coasting_mps2 * own.interval_s
-            gently = own.speed_mps - COMFORTABLE_MPS2 * own.interval_s
-            safe = max(gently, safe_mps(own.speed_mps, wider, own.interval_s))
-            command = min(command, max(coasting, law(own, wider)), safe)
-    return min(max(min(command, bound), situation.lowest_mps), situation.limit_mps)
+        law = following_mps2 if mode == "following" else leaving_mps2
+        a = law(own, ahead, s.wanted_m)
+    a = min(a, _bounded_mps2(s, cap_mps))
+    if limit_mps2 is not None:
+        a = max(a, -limit_mps2 / (1 + own.braking.error))
+    if ahead is not None:
+        needed = needed_mps2(ahead, own.speed_mps, own.then_mps, own.braking.response_s)
+        if needed > max(_least_needed_mps2(ahead, limit_mps2), -a):
+            a = -needed
+    return _command(s, a)
+
+
+def _least_needed_mps2(ahead: AheadMotion, limit_mps2: float | None) -> float:
+    """From which needed deceleration on the gap control is overruled: early where the vehicle ahead
+    brakes, and where the own brake is limited.
+    """
+    if ahead.slowing_mps2 > 0:
+        return _NEEDED_MPS2
+    return COMFORTABLE_MPS2 if limit_mps2 is None else min(COMFORTABLE_MPS2, limit_mps2 / 2)
+
+
+def _bounded_mps2(s: Situation, cap_mps: float) -> float:
+    """The largest acceleration that keeps limits, places ahead and a cap."""
+    own = s.own
+    if own.braking.nominal_s <= 0:
+        bound = min(allowed_mps(s, own.interval_s), cap_mps)
+        return (bound - own.speed_mps) / own.interval_s
+    bound = allowed_mps(s, own.interval_s + own.braking.response_s + 1 / own.gain_per_s)
+    return own.gain_per_s * (min(bound, cap_mps) - own.then_mps)
+
+
+def _command(s: Situation, a: float) -> Command:
+    own = s.own
+    mps = min(max(own.speed_mps + a * own.interval_s, s.lowest_mps), s.limit_mps)
+    return Command(max(a, -own.braking.guaranteed_mps2), max(0.0, mps))
 
 
 def on_another_lane(situation: Situation, front: PlatoonControl) -> bool:
@@ -63,20 +114,80 @@ def on_another_lane(situation: Situation, front: PlatoonControl) -> bool:
     return same and front.lane != state.lane
 
 
-def leading_mps(situation: Situation, set_mps: float, cap_mps: float) -> float:
-    """Speed at the end of the interval of a leader, m/s: it is commanded as its followers are, so
-    it drives what it announces. Behind others it keeps the gap of a driver alone. A lower set speed
-    it reaches by coasting.
+def leading(
+    situation: Situation,
+    planned_mps2: tuple[float, ...],
+    set_mps: float,
+    cap_mps: float,
+    limit_mps2: float | None,
+) -> tuple[float, ...]:
+    """Accelerations of a leader for the coming intervals, m/s²: those that it has told, and one
+    more. Behind others it keeps the gap of a driver alone, or what a leader needs. A lower set
+    speed it reaches by coasting.
+
+    Args:
+        planned_mps2: that it has told for the coming intervals, the next one first.
+        limit_mps2: that it has promised its follower; None: nothing, so that it waits with nothing.
     """
-    own, ahead = situation.own, situation.motion
-    gently = own.speed_mps - 0.9 * own.coasting_mps2 * own.interval_s
-    command = max(gently, min(set_mps, own.speed_mps + IDM.acceleration_mps2 * own.interval_s))
+    own = situation.own
+    count = 0 if limit_mps2 is None else int(DELAY_S / own.interval_s + 1e-6)
+    told = (*planned_mps2, *[0.0] * count)[:count]
+    later_s = count * own.interval_s
+    s = _later(situation, sum(told) * own.interval_s, later_s) if told else situation
+    own, ahead = s.own, s.motion
+    a = own.gain_per_s * (set_mps - own.then_mps)
+    a = max(-0.9 * own.coasting_mps2, min(a, IDM.acceleration_mps2))
     if ahead is not None:
-        wanted = IDM.acceleration_to_mps2(own, ahead.gap_m, ahead.speed_mps)
-        command = min(command, own.speed_mps + wanted * own.interval_s)
-    return min(
-        max(min(command, allowed_mps(situation), cap_mps), situation.lowest_mps),
-        situation.limit_mps,
+        a = min(a, IDM.acceleration_to_mps2(own, ahead.gap_m, ahead.speed_mps))
+        if limit_mps2 is not None and ahead.gap_m < leading_gap_m(s, limit_mps2):
+            a = min(a, -own.coasting_mps2)
+    a, needed = min(a, _bounded_mps2(s, cap_mps)), 0.0
+    if ahead is not None:
+        needed = needed_mps2(ahead, own.speed_mps, own.then_mps, own.braking.response_s)
+        if needed > _least_needed_mps2(ahead, limit_mps2):
+            a = min(a, -_EARLY_SHARE * needed)
+    if limit_mps2 is not None:
+        if needed > _BROKEN_SHARE * limit_mps2 and ahead is not None:
+            at_least = (own.speed_mps, own.then_mps, own.braking.response_s, 0.0)
+            if needed_mps2(ahead, *at_least) > _BROKEN_SHARE * limit_mps2:
+                return (max(-needed, -own.braking.guaranteed_mps2),) * (count + 1)
+        a = max(a, -limit_mps2 / (1 + own.braking.error))
+    return (*told, max(a, -own.braking.guaranteed_mps2))
+
+
+def leading_gap_m(s: Situation, limit_mps2: float) -> float:
+    """Gap to the traffic ahead that a leader needs which brakes no harder than it promised, m: the
+    traffic brakes as hard as it can, and the leader drives on for what it has told before.
+    """
+    if s.motion is None:
+        return 0.0
+    own = s.own
+    rear_mps2 = limit_mps2 / (1 + own.braking.error) * (1 - own.braking.error)
+    wait_s = DELAY_S if own.interval_s <= RESPONSE_S else 0.0
+    rho_s = reaction_s(own.braking, own.interval_s) + wait_s
+    return AIM_M + closing_m(
+        s.motion.speed_mps, own.speed_mps, s.motion.bound_mps2, rear_mps2, rho_s
+    )
+
+
+def command_of(situation: Situation, planned_mps2: tuple[float, ...]) -> Command:
+    """What a leader is commanded of its plan."""
+    return _command(situation, planned_mps2[0])
+
+
+def _later(s: Situation, change_mps: float, later_s: float) -> Situation:
+    """The situation when what a leader has told has been driven; the vehicle ahead goes on."""
+    own: Own = s.own
+    speed_mps = max(0.0, own.then_mps + change_mps)
+    way_m = (own.speed_mps + speed_mps) / 2 * later_s
+    motion = s.motion
+    if motion is not None:
+        motion = replace(motion, gap_m=motion.gap_m + motion.speed_mps * later_s - way_m)
+    return replace(
+        s,
+        own=replace(own, speed_mps=speed_mps, effective_mps=speed_mps),
+        place_m=s.place_m + way_m,
+        motion=motion,
     )
 
 
@@ -101,17 +212,17 @@ def cruise_mps(
     return None
 
 
-def announced_mps(situation: Situation, commanded: float | None, cap_mps: float) -> float:
+def announced_mps(situation: Situation, command_mps: float | None, cap_mps: float) -> float:
     """Speed that others may reckon with at the end of the interval, m/s: of a vehicle alone its
     present motion continued, within the cap.
     """
     own, state = situation.own, situation.state
-    if commanded is None:
+    if command_mps is None:
         goes_on = max(0.0, own.speed_mps + state.acceleration_mps2 * own.interval_s)
-        commanded = min(goes_on, cap_mps)
-    return max(commanded, situation.lowest_mps)
+        command_mps = min(goes_on, cap_mps)
+    return max(command_mps, situation.lowest_mps)
 
 
-def obeys(situation: Situation, commanded: float | None) -> bool:
+def obeys(situation: Situation, command_mps: float | None) -> bool:
     """Whether the vehicle drives what it was last commanded; its own safety may hold it back."""
-    return commanded is None or situation.own.speed_mps > commanded - _OBEYED_MPS
+    return command_mps is None or situation.own.speed_mps > command_mps - _OBEYED_MPS

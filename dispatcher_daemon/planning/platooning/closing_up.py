@@ -34,14 +34,15 @@ import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-from slipstream.energy.traction import VehicleParameters, coasting_mps2
+from slipstream.energy.traction import coasting_mps2
 from slipstream.spacing import (
     ENTRY_HEADWAY_S,
     MAX_SLOWDOWN,
     SLOWING_SHARE,
     driver_gap_m,
-    wanted_gap_m,
+    planned_gap_m,
 )
+from slipstream.vehicle_types import RoutingProfile
 
 SIGNAL_CYCLE_S: Final = 90.0
 """C: what netconvert gives signals, within what is usual on roads."""
@@ -144,11 +145,11 @@ class SegmentGaps(NamedTuple):
 
     @classmethod
     def of(
-        cls, length_m: float, speed_mps: float, vehicle: VehicleParameters, advised_gap_m: float
+        cls, length_m: float, speed_mps: float, profile: RoutingProfile, advised_gap_m: float
     ) -> SegmentGaps:
         """Of a segment on which a type of vehicle drives at a speed."""
-        wanted_m = wanted_gap_m(speed_mps, advised_gap_m)
-        return cls(length_m, speed_mps, coasting_mps2(speed_mps, vehicle), wanted_m)
+        wanted_m = planned_gap_m(speed_mps, advised_gap_m, profile.braking)
+        return cls(length_m, speed_mps, coasting_mps2(speed_mps, profile.physics), wanted_m)
 
     def close_share(self, gaps: int, all_gaps: int, behind: Together) -> float:
         """Share of the segment on which a follower is close in one course.

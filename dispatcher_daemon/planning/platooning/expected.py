@@ -198,6 +198,6 @@ class ExpectedDrafting:
             segment, profile = self._problem.network.segments[name], self._problem.profiles[0]
             speed = planning_speed_mps(segment, self._snapshot.segments[name], profile)
             self._gaps[name] = SegmentGaps.of(
-                segment.length_m, speed, profile.physics, self._problem.advised_gap_m
+                segment.length_m, speed, profile, self._problem.advised_gap_m
             )
         return self._gaps[name]

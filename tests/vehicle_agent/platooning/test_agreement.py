@@ -4,10 +4,17 @@ from collections.abc import Callable
 
 import pytest
 
-from slipstream.energy.consumption import PAPER_CAR
 from slipstream.energy.drafting import DragLaw
 from slipstream.messages import PlatoonControl, PlatoonManagement, SensedVehicle
-from tests.vehicle_agent.platooning.world import BEGIN_NS, Roadside, planned, road, sensing_of, told
+from tests.vehicle_agent.platooning.world import (
+    BEGIN_NS,
+    Roadside,
+    planned,
+    platooning_of,
+    road,
+    sensing_of,
+    told,
+)
 from vehicle_agent.leg import Leg, VehicleState
 from vehicle_agent.platooning import Platooning, PlatoonStep
 from vehicle_agent.platooning.neighbours import MAX_NEIGHBOURS, Neighbours
@@ -88,7 +95,7 @@ class Front:
     """A vehicle alone on a motorway that others ask."""
 
     def __init__(self) -> None:
-        self.platooning = Platooning("me", PAPER_CAR, 4.6, 0.1)
+        self.platooning = platooning_of(0.1)
         self.now_ns = BEGIN_NS
         self.sequence = 0
         self.place_m = 500.0
@@ -317,7 +324,7 @@ def test_a_wait_that_another_vehicle_has_ended_by_coming_does_not_count() -> Non
 def test_who_tells_another_place_than_it_is_sensed_at_is_not_followed_closely() -> None:
     """Ten metres are what both may know their places by; a follower leaves."""
     for shift_m, mode in ((9.0, "following"), (11.0, "alone"), (-11.0, "alone")):
-        platooning = Platooning("me", PAPER_CAR, 4.6, 0.1)
+        platooning = platooning_of(0.1)
         state = VehicleState("a", 0, False, 0, 500.0, 25.0)
         ahead = SensedVehicle(track="t", vehicle="p", gap_m=12.0, speed_mps=25.0)
         sensing = sensing_of(state, ahead, BEGIN_NS)
@@ -349,7 +356,7 @@ def test_whoever_joins_beside_changes_to_that_lane() -> None:
     """On a motorway of two lanes: 20 m apart it drops back, farther behind it changes lanes."""
     leg = road("abcdefgh", 3000.0, 30.0, lanes=2)
     for front_m, wanted, drops in ((520.0, None, True), (560.0, 1, False)):
-        platooning = Platooning("me", PAPER_CAR, 4.6, 0.1)
+        platooning = platooning_of(0.1)
         message = told(BEGIN_NS, 1, front_m, 30.0, 30.0)
         beside = message.model_copy(update={"lane": 1, "path": leg.path})
         platooning.receive(beside, BEGIN_NS)
@@ -365,7 +372,7 @@ def test_whoever_joins_beside_changes_to_that_lane() -> None:
 def test_whoever_is_behind_another_vehicle_asks_nobody() -> None:
     """On a road where it cannot pass."""
     leg = road("abcdefgh", 3000.0, 20.0)
-    platooning = Platooning("me", PAPER_CAR, 4.6, 0.1)
+    platooning = platooning_of(0.1)
     message = told(BEGIN_NS, 1, 600.0, 20.0, 20.0).model_copy(update={"path": leg.path})
     state = VehicleState("a", 0, False, 0, 500.0, 20.0)
     between = SensedVehicle(track="x", vehicle=None, gap_m=40.0, speed_mps=20.0)
@@ -379,7 +386,7 @@ def test_who_saves_more_by_its_law_asks_for_less_way() -> None:
 
     def asks(length_m: float, law: DragLaw) -> bool:
         leg = road("ab", length_m, 20.0)
-        platooning = Platooning("me", PAPER_CAR, 4.6, 0.1, drafting=law)
+        platooning = platooning_of(0.1, law)
         message = told(BEGIN_NS, 1, 260.0, 20.0, 20.0).model_copy(update={"path": leg.path})
         platooning.receive(message, BEGIN_NS)
         state = VehicleState("a", 0, False, 0, 200.0, 20.0)
@@ -392,7 +399,7 @@ def test_who_saves_more_by_its_law_asks_for_less_way() -> None:
 
 def test_a_vehicle_that_follows_sends_askers_away() -> None:
     """Its leader is in its messages."""
-    platooning = Platooning("me", PAPER_CAR, 4.6, 0.1)
+    platooning = platooning_of(0.1)
     platooning.receive(told(BEGIN_NS, 1, 504.6 + 4.5, 25.0, 25.0), BEGIN_NS)
     state = VehicleState("a", 0, False, 0, 500.0, 25.0)
     ahead = SensedVehicle(track="t", vehicle="p", gap_m=4.5, speed_mps=25.0)
@@ -438,7 +445,7 @@ def test_who_is_just_beyond_the_end_of_its_segment_is_heard_from_its_begin_on(
 
 def test_whoever_was_told_to_end_platooning_joins_nobody_for_two_seconds() -> None:
     """Also if it drove alone then."""
-    platooning = Platooning("me", PAPER_CAR, 4.6, 0.1)
+    platooning = platooning_of(0.1)
     state = VehicleState("a", 0, False, 0, 500.0, 25.0)
     ahead = SensedVehicle(track="t", vehicle="p", gap_m=4.5, speed_mps=25.0)
     now_ns, modes = BEGIN_NS, []
@@ -458,7 +465,7 @@ def test_whoever_was_told_to_end_platooning_joins_nobody_for_two_seconds() -> No
 def test_nobody_drops_back_for_a_vehicle_that_refuses_or_is_gone() -> None:
     """Its lane and set speed are its own again at once."""
     leg = road("abcdefgh", 3000.0, 30.0, lanes=2)
-    platooning = Platooning("me", PAPER_CAR, 4.6, 0.1)
+    platooning = platooning_of(0.1)
     beside = told(BEGIN_NS, 1, 520.0, 30.0, 30.0).model_copy(update={"lane": 1, "path": leg.path})
     platooning.receive(beside, BEGIN_NS)
     state = VehicleState("a", 0, False, 0, 500.0, 30.0)
@@ -479,7 +486,7 @@ def test_nobody_drops_back_for_a_vehicle_that_refuses_or_is_gone() -> None:
 
 def after_a_lane_change(lane: int) -> tuple[PlatoonStep, PlatoonStep]:
     """A follower whose partner is no longer sensed ahead and slows down: at once, 1.5 s later."""
-    platooning = Platooning("me", PAPER_CAR, 4.6, 0.5)
+    platooning = platooning_of(0.5)
     place_m, ahead = 500.0, SensedVehicle(track="t", vehicle="p", gap_m=4.5, speed_mps=30.0)
     steps = []
     for number in range(5):
@@ -511,7 +518,7 @@ def test_a_partner_that_has_changed_its_lane_is_followed_without_braking() -> No
 
 def test_who_waits_for_another_vehicle_is_caught_up_with_and_not_asked() -> None:
     """Nor is anybody beyond it."""
-    platooning = Platooning("me", PAPER_CAR, 4.6, 0.1)
+    platooning = platooning_of(0.1)
     for name, place_m, by in (("p", 800.0, "r"), ("q", 1200.0, None)):
         message = told(BEGIN_NS, 1, place_m, 25.0, 25.0)
         update = {"vehicle": name, "leader": name, "joined_by": by}

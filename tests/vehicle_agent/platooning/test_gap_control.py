@@ -1,42 +1,31 @@
-"""Closing, keeping and opening a gap; the safe gap that bounds all of it."""
+"""Closing, keeping and opening a gap."""
 
 import math
 from itertools import pairwise
 
 import pytest
 
+from slipstream.braking import BRAKING
 from slipstream.energy.consumption import PAPER_CAR
 from slipstream.energy.traction import coasting_mps2
-from slipstream.spacing import MAX_BRAKING_MPS2, wanted_gap_m
 from vehicle_agent.platooning.gap_control import (
     IDM,
     Own,
-    following_mps,
+    following_mps2,
     has_left,
     leaving_distance_m,
-    leaving_mps,
+    leaving_mps2,
     waiting_mps,
 )
-from vehicle_agent.platooning.safe_gap import STANDING_M, AheadMotion, safe_mps
+from vehicle_agent.platooning.needed_braking import AheadMotion, needed_mps2
+
+IDEAL = BRAKING["ideal"].on("dry")
+GAP_M = 4.0
 
 
 def own(speed: float, interval_s: float, max_mps: float = 31.5) -> Own:
     """A follower that would drive 30 m/s alone."""
-    return Own(speed, max_mps, 30.0, 1.5, interval_s, PAPER_CAR)
-
-
-def steady(gap_m: float, speed: float, coming: float | None = None) -> AheadMotion:
-    """A vehicle ahead whose next speed is known for all but the response time."""
-    return AheadMotion(gap_m, speed, speed if coming is None else coming, 0.4, 0.5)
-
-
-def test_the_wanted_gap_grows_with_the_speed_or_with_the_interval() -> None:
-    """1.5 m and the larger of 0.1 s and what an emergency braking takes within an interval."""
-    assert wanted_gap_m(30.0, 1.5, 0.1) == pytest.approx(4.5)
-    assert wanted_gap_m(0.0, 1.5, 0.1) == pytest.approx(1.59)
-    assert wanted_gap_m(13.9, 1.5, 0.5) == pytest.approx(3.75)
-    assert wanted_gap_m(30.0, 1.5, 0.5) == pytest.approx(4.5)
-    assert wanted_gap_m(30.0, 6.0, 0.1) == pytest.approx(9.0)
+    return Own(speed, max_mps, 30.0, 1.5, interval_s, PAPER_CAR, IDEAL)
 
 
 @pytest.mark.parametrize("interval_s", [0.1, 0.5])
@@ -44,43 +33,65 @@ def test_catching_up_is_not_braked_away(interval_s: float) -> None:
     """A follower that closes up slows down by coasting alone, and ends at the wanted gap."""
     speed, gap_m, speeds = 30.0, 40.0, [30.0]
     for _ in range(round(90 / interval_s)):
-        speed = following_mps(own(speed, interval_s), steady(gap_m, 30.0))
+        follower = own(speed, interval_s)
+        speed += following_mps2(follower, AheadMotion(gap_m, 30.0), GAP_M) * interval_s
+        speed = min(speed, follower.max_mps)
         gap_m += (30.0 - speed) * interval_s
         speeds.append(speed)
     slowing = [(s - t) / interval_s for s, t in pairwise(speeds)]
     assert 0.1 < max(slowing) <= coasting_mps2(31.5, PAPER_CAR) + 1e-9
-    assert gap_m == pytest.approx(wanted_gap_m(30.0, 1.5, interval_s), abs=0.1)
+    assert gap_m == pytest.approx(GAP_M, abs=0.1)
 
 
 def test_a_gap_opens_gently_until_the_idm_can_take_over() -> None:
     """Parting does not brake, and takes about the way that is reckoned with."""
     for v0, interval_s in ((30.0, 0.5), (13.9, 0.5), (30.0, 0.1)):
-        followed_m = wanted_gap_m(v0, 1.5, interval_s)
-        speed, gap_m, way_m = v0, followed_m, 0.0
-        vehicle = Own(speed, v0, v0, 1.5, interval_s, PAPER_CAR)
-        assert not has_left(vehicle, steady(gap_m, v0))
-        while not has_left(vehicle, steady(gap_m, v0)):
-            new = leaving_mps(vehicle, steady(gap_m, v0))
+        speed, gap_m, way_m = v0, GAP_M, 0.0
+        vehicle = Own(speed, v0, v0, 1.5, interval_s, PAPER_CAR, IDEAL)
+        assert not has_left(vehicle, AheadMotion(gap_m, v0))
+        while not has_left(vehicle, AheadMotion(gap_m, v0)):
+            new = speed + leaving_mps2(vehicle, AheadMotion(gap_m, v0), GAP_M) * interval_s
             assert new >= speed - vehicle.coasting_mps2 * interval_s - 1e-9
             gap_m += (v0 - new) * interval_s
             speed, way_m = new, way_m + new * interval_s
-            vehicle = Own(speed, v0, v0, 1.5, interval_s, PAPER_CAR)
+            vehicle = Own(speed, v0, v0, 1.5, interval_s, PAPER_CAR, IDEAL)
             assert way_m < 1000.0
-        reckoned_m = leaving_distance_m(v0, followed_m, PAPER_CAR)
-        assert way_m == pytest.approx(reckoned_m, rel=0.2)
+        assert way_m == pytest.approx(leaving_distance_m(v0, GAP_M, PAPER_CAR), rel=0.2)
         assert speed > v0 - 4.0
 
 
-def test_parting_keeps_away_from_a_vehicle_that_brakes() -> None:
-    """Who is still near while the vehicle ahead stops, stops behind it."""
-    ahead, speed, gap_m = 20.0, 20.0, wanted_gap_m(20.0, 1.5, 0.5)
-    for _ in range(60):
-        coming = max(0.0, ahead - 2.5 * 0.5)
-        speed = leaving_mps(own(speed, 0.5), steady(gap_m, ahead, coming))
-        ahead = coming
-        gap_m += (ahead - speed) * 0.5
-        assert gap_m > 1.0
-    assert speed == pytest.approx(0.0, abs=1e-6)
+def test_a_gap_that_is_too_small_opens_gently() -> None:
+    """However much is lacking: it is no emergency, as long as nobody brakes."""
+    a = following_mps2(own(20.0, 0.5), AheadMotion(2.0, 20.0), 40.0)
+    assert a == pytest.approx(-1.5)
+    assert needed_mps2(AheadMotion(2.0, 20.0), 20.0, 20.0, 0.0) == 0.0
+
+
+def test_a_follower_drives_what_its_leader_told() -> None:
+    """At the wanted gap and equal speeds, that acceleration and nothing else."""
+    ahead = AheadMotion(GAP_M, 20.0, slowing_mps2=1.7, feed_mps2=-1.7, leader_mps=20.0)
+    assert following_mps2(own(20.0, 0.1), ahead, GAP_M) == pytest.approx(-1.7)
+
+
+@pytest.mark.parametrize(
+    ("speed", "front", "front_mps2", "gap_m"),
+    [(20, 18, 3, 5), (20, 5, 4, 20), (15, 0, 0, 30), (20, 19, 2.5, 2.2)],
+)
+def test_needed_braking_ends_where_it_aims(
+    speed: float, front: float, front_mps2: float, gap_m: float
+) -> None:
+    """Driven to the end after the response time, 0.6 m are left."""
+    response_s, step_s = 0.4, 0.001
+    braking = needed_mps2(
+        AheadMotion(float(gap_m), float(front), float(front_mps2)), speed, speed, response_s
+    )
+    v, f, gap, least, now = float(speed), float(front), float(gap_m), math.inf, 0.0
+    while v > 0 and now < 60:
+        f = max(0.0, f - front_mps2 * step_s)
+        v = max(0.0, v - (braking if now >= response_s else 0.0) * step_s)
+        gap += (f - v) * step_s
+        least, now = min(least, gap), now + step_s
+    assert least == pytest.approx(0.6, abs=0.03)
 
 
 def test_whoever_waits_slows_by_coasting_alone() -> None:
@@ -103,19 +114,3 @@ def test_the_idm_is_the_published_one() -> None:
     assert IDM.acceleration_to_mps2(vehicle, gap_m, 20.0) == pytest.approx(0.0, abs=1e-12)
     free = IDM.acceleration_to_mps2(own(30.0, 0.1), 1e9, 30.0)
     assert free == pytest.approx(0.0, abs=1e-9)
-
-
-def test_a_safe_gap_at_equal_speeds_is_that_of_the_response_time() -> None:
-    """RSS: with equal braking, v ρ and what is left at a stand."""
-    for interval_s, trusted_s, response_s in ((0.1, 0.0, 0.1), (0.5, 0.4, 0.1), (0.5, 0.0, 0.5)):
-        gap_m = STANDING_M + 25.0 * response_s
-        ahead = AheadMotion(gap_m, 25.0, 25.0, trusted_s, interval_s)
-        assert safe_mps(25.0, ahead, interval_s) == pytest.approx(25.0)
-
-
-def test_a_safe_command_behind_a_stopped_vehicle_stops_before_it() -> None:
-    """From its way in the interval and its braking behind it, by hand."""
-    command = safe_mps(10.0, AheadMotion(20.0, 0.0, 0.0), 0.1)
-    way_m = (10.0 + command) / 2 * 0.1 + command**2 / (2 * MAX_BRAKING_MPS2)
-    assert way_m == pytest.approx(20.0 - STANDING_M)
-    assert safe_mps(10.0, AheadMotion(0.5, 0.0, 0.0), 0.1) == 0.0

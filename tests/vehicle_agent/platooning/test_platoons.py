@@ -1,12 +1,14 @@
 """Platoons on a road of two and more vehicles: they form, keep, part, and part when in doubt."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
 
 from slipstream.messages import PlatoonControl
-from slipstream.spacing import wanted_gap_m
+from slipstream.spacing import least_gap_m
 from tests.vehicle_agent.platooning.world import (
+    IDEAL,
     LENGTH_M,
     Car,
     Roadside,
@@ -24,7 +26,7 @@ MODES = [pytest.param(0.1, True, id="live"), pytest.param(0.5, False, id="evalua
 def is_close(world: World, name: str = "v1") -> bool:
     """Whether it follows at the gap that it wants."""
     step = world.car(name).last
-    gap_m = wanted_gap_m(world.car(name).speed_mps, 1.5, world.interval_s)
+    gap_m = least_gap_m(world.car(name).speed_mps, 9.0, IDEAL, world.interval_s)
     return step is not None and step.close and world.gap_m(name) < gap_m + 0.6
 
 
@@ -59,7 +61,9 @@ def test_vehicles_apart_come_together(interval_s: float, delayed: bool) -> None:
     assert (rear.mode, rear.partner, rear.control.leader) == ("following", "v0", "v0")
     assert (front.mode, front.cruise_mps, front.control.joined_by) == ("alone", None, None)
     assert front.tail_m == pytest.approx(2 * LENGTH_M + world.gap_m("v1"), abs=0.05)
-    assert world.gap_m("v1") == pytest.approx(wanted_gap_m(30.0, 1.5, interval_s), abs=0.1)
+    assert rear.gap_m is not None
+    assert world.gap_m("v1") == pytest.approx(rear.gap_m, abs=0.1)
+    assert front.control.limit_mps2 == pytest.approx(rear.control.needs_mps2)
 
 
 @pytest.mark.parametrize(("interval_s", "delayed"), MODES)
@@ -118,8 +122,10 @@ def test_a_leader_drives_what_it_announces(interval_s: float, delayed: bool) -> 
     assert alone.car("v0").last.lead_mps is None
 
 
-def test_a_leader_near_another_vehicle_is_its_drivers() -> None:
-    """Who cuts in before it, or has just let it out of a close gap, is braked for as drivers do."""
+def test_a_leader_promises_nothing_with_a_vehicle_near_ahead() -> None:
+    """Who cuts in before it takes the room that it needs: its follower is told, and it is commanded
+    within what it has promised until that one is apart.
+    """
     world = pair(0.5, delayed=False)
     world.step()
     leader = world.car("v0")
@@ -128,8 +134,10 @@ def test_a_leader_near_another_vehicle_is_its_drivers() -> None:
     cut_in = Car("x", leader.place_m + 25.0, leader.speed_mps, leader.leg, lambda _: 30.0, False)
     world.cars.insert(0, cut_in)
     world.step()
-    assert leader.last.lead_mps is None
-    assert leader.last.mode == "alone"
+    assert leader.last.control.limit_mps2 is None
+    assert leader.last.lead_mps is not None
+    assert leader.platooning is not None
+    assert leader.platooning.limit_mps2 is not None
 
 
 def test_a_leader_that_is_held_back_announces_how_it_moves() -> None:
@@ -228,7 +236,7 @@ def test_with_three_messages_in_ten_lost_a_platoon_forms_and_keeps(seed: int) ->
     for name in ("v1", "v2"):
         modes = world.modes[name]
         assert modes.count("following") > 0.6 * len(modes)
-        assert min(world.gaps[name]) > 3.0
+        assert min(world.gaps[name]) > 1.3
         assert hardest(world.speeds[name], 0.1) < 2.6
 
 
@@ -247,9 +255,10 @@ def test_late_sensing_alone_is_no_emergency(speed_mps: float, late_s: float) -> 
     assert step.speed_mps is not None
     assert step.speed_mps - car.speed_mps >= -0.2501
     assert step.mode == ("following" if late_s <= 0.3 else "leaving")
-    wider_m = speed_mps * late_s
     if step.mode == "following":
-        assert step.gap_m == pytest.approx(1.5 + 0.1 * speed_mps + wider_m, abs=0.01)
+        aged = replace(IDEAL, sensing_s=late_s)
+        wanted_m = least_gap_m(speed_mps, 9.0, aged)
+        assert step.gap_m == pytest.approx(wanted_m, abs=0.05)
 
 
 @pytest.mark.slow
@@ -261,7 +270,7 @@ def test_lost_samples_of_the_own_sensing_do_not_part_a_platoon(unsensed: float) 
     for name in ("v1", "v2"):
         assert world.modes[name].count("following") > 0.9 * len(world.modes[name])
         assert min(world.gaps[name]) > 3.0
-        assert hardest(world.speeds[name], 0.1) <= 2.7
+        assert hardest(world.speeds[name], 0.1) <= 2.6
 
 
 @pytest.mark.parametrize("latency", [1, 2])
@@ -270,7 +279,8 @@ def test_sensing_that_is_always_late_keeps_a_wider_gap(latency: int) -> None:
     world = World(string(2, lambda _: 20.0, 10.0, 20.0), latency=latency)
     world.run(60.0)
     assert world.modes["v1"][-1] == "following"
-    assert world.gap_m("v1") == pytest.approx(3.5 + 2.0 * latency, abs=0.3)
+    aged = replace(IDEAL, sensing_s=0.1 * latency)
+    assert world.gap_m("v1") == pytest.approx(least_gap_m(20.0, 9.0, aged), abs=0.3)
     assert hardest(world.speeds["v1"][5:], 0.1) <= 2.6
 
 
@@ -283,7 +293,7 @@ def test_who_misses_samples_still_brakes_as_hard_as_it_must(seed: int) -> None:
         seed=seed,
     )
     world.run(20.0)
-    assert [car.speed_mps for car in world.cars] == pytest.approx([0.0, 0.0, 0.0], abs=0.01)
+    assert [car.speed_mps for car in world.cars] == pytest.approx([0.0, 0.0, 0.0], abs=0.15)
     assert min(min(world.gaps[name]) for name in ("v1", "v2")) > 0.0
 
 

@@ -7,8 +7,11 @@ import random
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
-from slipstream.energy.consumption import PAPER_CAR
+from slipstream.braking import BRAKING, Braking
+from slipstream.energy.consumption import PAPER_CAR, VehicleParameters
+from slipstream.energy.drafting import DragLaw
 from slipstream.messages import (
     PlannedSegment,
     PlatoonControl,
@@ -17,10 +20,11 @@ from slipstream.messages import (
     VehicleSensing,
 )
 from vehicle_agent.leg import Leg, VehicleState
-from vehicle_agent.platooning import Platooning, PlatoonStep
+from vehicle_agent.platooning import OwnVehicle, Platooning, PlatoonStep
 from vehicle_agent.platooning.gap_control import IDM, Own
 
 LENGTH_M = 4.6
+IDEAL = BRAKING["ideal"].on("dry")
 BEGIN_NS = 1_000_000_000_000
 
 
@@ -55,6 +59,19 @@ def road(
     return Leg(1, 0, tuple(planned(n, length_m, limit_mps, **plan) for n in names))  # type: ignore[arg-type]
 
 
+def platooning_of(
+    interval_s: float,
+    drafting: DragLaw = "paper",
+    pace: float = 1.0,
+    vehicle: VehicleParameters = PAPER_CAR,
+    name: str = "me",
+    braking: Braking = IDEAL,
+) -> Platooning:
+    """Of a vehicle whose brakes are ideal, unless told otherwise."""
+    own = OwnVehicle(vehicle, braking, 9.0, interval_s, pace, drafting)
+    return Platooning(name, LENGTH_M, own)
+
+
 @dataclass
 class Roadside:
     """Gates by segment."""
@@ -82,6 +99,7 @@ class Car:
         leg: its road; all begin at the same place.
         script: speed at a time, s; None: platooning, and the IDM while it drives alone.
         fleet: whether it has an agent and messages.
+        promises_mps2: limit of braking that a script promises; None: none.
     """
 
     name: str
@@ -94,6 +112,7 @@ class Car:
     platooning: Platooning | None = None
     last: PlatoonStep | None = None
     silent: bool = False
+    promises_mps2: float | None = None
     sequence: int = 0
     samples: list[tuple[VehicleState, VehicleSensing]] = field(default_factory=list)
 
@@ -138,7 +157,7 @@ class World:
         self._random = random.Random(self.seed)
         for car in self.cars:
             if car.fleet and car.script is None:
-                car.platooning = Platooning(car.name, PAPER_CAR, LENGTH_M, self.interval_s)
+                car.platooning = platooning_of(self.interval_s, name=car.name)
 
     @property
     def now_ns(self) -> int:
@@ -217,7 +236,7 @@ class World:
             return max(commanded, car.speed_mps - 9.0 * dt), messages
         limit = car.leg.limits_mps[state.number]
         desired = limit if step.cruise_mps is None else step.cruise_mps
-        own = Own(car.speed_mps, limit, desired, 1.5, dt, PAPER_CAR)
+        own = Own(car.speed_mps, limit, desired, 1.5, dt, PAPER_CAR, IDEAL)
         if ahead is None:
             a = IDM.acceleration_to_mps2(own, 1e9, 0.0)
         else:
@@ -250,6 +269,14 @@ class World:
             behind=None,
         )
 
+    def _planned(self, car: Car, coming: float) -> tuple[float, ...]:
+        """Of the next interval; who promises tells three more."""
+        assert car.script is not None
+        dt, now_s = self.interval_s, self.steps * self.interval_s
+        later = [max(0.0, car.script(now_s + k * dt)) for k in range(2, 5)]
+        speeds = [car.speed_mps, coming, *(later if car.promises_mps2 is not None else [])]
+        return tuple((b - a) / dt for a, b in pairwise(speeds))
+
     def _scripted(
         self, car: Car, state: VehicleState, coming: float, now_ns: int
     ) -> PlatoonControl:
@@ -267,6 +294,9 @@ class World:
             speed_mps=car.speed_mps,
             acceleration_mps2=car.acceleration_mps2,
             announced_mps=coming,
+            planned_mps2=self._planned(car, coming),
+            limit_mps2=car.promises_mps2,
+            greatest_mps2=9.0,
             desired_mps=30.0,
             mode="alone",
             ahead=None,

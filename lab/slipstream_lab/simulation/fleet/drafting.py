@@ -15,7 +15,8 @@ from typing import Final, Literal, Protocol, get_args
 
 from slipstream.energy.drafting import DragLaw, reductions_at
 from slipstream.messages import PlannedSegment, VehicleAdvice, VehicleSensing
-from vehicle_agent.platooning import CLOSE_GAP_M, MIN_SPEED_MPS
+from slipstream.spacing import CLOSE_GAP_M
+from vehicle_agent.platooning import MIN_SPEED_MPS
 
 Cause = Literal["gates", "queues", "others between", "closing up", "apart"]
 CAUSES: Final[tuple[Cause, ...]] = get_args(Cause)

@@ -16,6 +16,7 @@ from slipstream.messages import (
     VehiclePlan,
     VehicleSensing,
 )
+from slipstream.spacing import CLOSE_GAP_M
 from slipstream.vehicle_types import RoutingProfile
 from slipstream_lab.simulation.fleet.actuation import Driver
 from slipstream_lab.simulation.fleet.drafting import Cause, RoadsideGates, drafting, why_missed
@@ -23,7 +24,6 @@ from slipstream_lab.simulation.fleet.driven_leg import DrivenLeg, LegMeasurement
 from slipstream_lab.simulation.fleet.sensing import PREFIX, sense, standing
 from slipstream_lab.simulation.fleet.van import DrivenWay, SimulatedVan, planned_leg
 from slipstream_lab.simulation.sumo.session import SumoSession
-from vehicle_agent.platooning import CLOSE_GAP_M
 
 # The IDM approaches the end of a leg asymptotically: the last metres would take minutes.
 _PAPER_CAR: Final = RoutingProfile()

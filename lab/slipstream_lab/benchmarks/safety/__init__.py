@@ -1,0 +1,1 @@
+"""Emergency stops of platoons of vehicles that are not ideal, by the agents' own objects."""

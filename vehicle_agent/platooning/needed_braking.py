@@ -1,0 +1,124 @@
+"""Braking that the vehicle ahead makes necessary, and whether that one brakes.
+
+A command given now takes effect after τ = `Braking.response_s`. Until then the own vehicle goes on
+with the commands before it, the one ahead as it is known to. With both speeds and the room that
+will be left then, the least constant deceleration b that ends before `AIM_M` is
+
+    b = a + u² / 2 room              where both speeds meet before the vehicle ahead stands
+    b = v² / 2(room + v_f² / 2a)     else
+
+It is no more than the guaranteed one where the gap was at least `slipstream.spacing.least_gap_m`.
+
+Who is heard tells its braking. Of who is not, sensing tells it: its speed has fallen by
+`EVIDENT_MPS` more than it told. Then it is taken to brake as hard as it may.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Final
+
+from slipstream.spacing import GAP_ERROR_M, STANDING_M
+
+AIM_M: Final = STANDING_M + GAP_ERROR_M
+"""Gap that is left where braking is needed."""
+
+EVIDENT_MPS: Final = 0.3
+"""Three times what the own sensors measure a speed to."""
+
+_WITHIN_NS: Final = 300_000_000
+_HOLDS_NS: Final = 600_000_000
+_LEAST_ROOM_M: Final = 0.1
+_LEAST_MPS2: Final = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class AheadMotion:
+    """The vehicle directly ahead.
+
+    Attributes:
+        slowing_mps2: its deceleration as far as it is known; 0: none.
+        trend_mps2: its acceleration until a command of now takes effect; None: by `slowing_mps2`.
+        feed_mps2: acceleration that it has told for the coming interval, or its platoon's leader.
+        bound_mps2: the most that it may brake with.
+        leader_mps: speed of its platoon's leader; None: not heard, or it leads itself.
+    """
+
+    gap_m: float
+    speed_mps: float
+    slowing_mps2: float = 0.0
+    feed_mps2: float = 0.0
+    bound_mps2: float = 9.0
+    leader_mps: float | None = None
+    trend_mps2: float | None = None
+
+
+def needed_mps2(
+    ahead: AheadMotion,
+    speed_mps: float,
+    effective_mps: float,
+    response_s: float,
+    aim_m: float = AIM_M,
+) -> float:
+    """Least constant deceleration that is needed from the moment when it takes effect, m/s².
+
+    Args:
+        speed_mps: the own speed.
+        effective_mps: the own one at that moment.
+        response_s: τ.
+        aim_m: gap that is left.
+    """
+    trend = -ahead.slowing_mps2 if ahead.trend_mps2 is None else ahead.trend_mps2
+    moves_s = response_s if trend > -_LEAST_MPS2 else min(response_s, ahead.speed_mps / -trend)
+    front_mps = max(0.0, ahead.speed_mps + trend * response_s)
+    room_m = ahead.gap_m + ahead.speed_mps * moves_s + trend * moves_s**2 / 2
+    room_m -= (speed_mps + effective_mps) / 2 * response_s
+    return braking_mps2(effective_mps, front_mps, ahead.slowing_mps2, room_m - aim_m)
+
+
+def braking_mps2(speed_mps: float, front_mps: float, front_mps2: float, room_m: float) -> float:
+    """Least constant deceleration from now on by which a gap shrinks by no more than a room."""
+    faster_mps = speed_mps - front_mps
+    if faster_mps <= 0:
+        return 0.0
+    room_m = max(room_m, _LEAST_ROOM_M)
+    if front_mps2 < _LEAST_MPS2:
+        return faster_mps * faster_mps / (2 * room_m)
+    if 2 * room_m / faster_mps < front_mps / front_mps2:
+        return front_mps2 + faster_mps * faster_mps / (2 * room_m)
+    return speed_mps * speed_mps / (2 * (room_m + front_mps * front_mps / (2 * front_mps2)))
+
+
+class Evidence:
+    """Whether the vehicle ahead brakes harder than it tells, by what the own sensors have seen."""
+
+    def __init__(self) -> None:
+        self._track: str | None = None
+        self._samples: deque[tuple[int, float]] = deque(maxlen=8)
+        self._until_ns, self._told_mps2 = 0, 0.0
+
+    def update(self, time_ns: int, track: str | None, ahead_mps: float, told_mps2: float) -> bool:
+        """Take a sample; whether it brakes harder.
+
+        Args:
+            time_ns: of the sample.
+            track: of the vehicle ahead; None: none is sensed.
+            told_mps2: deceleration that it tells; 0: none, or it is silent.
+        """
+        samples = self._samples
+        if track != self._track or (samples and time_ns < samples[-1][0]):
+            self._track, self._until_ns = track, 0
+            samples.clear()
+        if track is None:
+            return False
+        if not samples or time_ns > samples[-1][0]:
+            # What it told before explains a part of what its speed has fallen by since.
+            told_mps = self._told_mps2 * (time_ns - samples[-1][0]) / 1e9 if samples else 0.0
+            for number, (then_ns, mps) in enumerate([*samples]):
+                samples[number] = then_ns, mps - told_mps
+            samples.append((time_ns, ahead_mps))
+        self._told_mps2 = told_mps2
+        if max(s[1] for s in samples if s[0] >= time_ns - _WITHIN_NS) - ahead_mps > EVIDENT_MPS:
+            self._until_ns = time_ns + _HOLDS_NS
+        return time_ns < self._until_ns
