@@ -20,7 +20,10 @@ Road = Literal["dry", "wet", "snow"]
 
 BrakingClass = Literal["ideal", "brake_by_wire", "car", "van", "truck"]
 """ideal: the paper's vehicle, which does at once what it is told. brake_by_wire: a car with
-electromechanical brakes. car, van: hydraulic brakes. truck: pneumatic ones, up to 40 t."""
+electromechanical brakes. car, van: hydraulic brakes. truck: pneumatic ones, up to 40 t. A truck's
+values are the fields' defaults."""
+
+_ROADS: Final[tuple[Road, ...]] = ("dry", "wet", "snow")
 
 GREATEST_MPS2: Final = 11.0
 """No road vehicle brakes harder: tyres hold no more."""
@@ -64,9 +67,21 @@ class Braking:
         return (1 + self.tolerance) * self.nominal_s
 
 
-_PerRoad = Mapping[Road, Annotated[float, Field(gt=0, le=GREATEST_MPS2, allow_inf_nan=False)]]
+_Deceleration = Annotated[float, Field(gt=0, le=GREATEST_MPS2, allow_inf_nan=False)]
 _Seconds = Annotated[float, Field(ge=0, le=2, allow_inf_nan=False)]
 _Tolerance = Annotated[float, Field(ge=0, le=0.5, allow_inf_nan=False)]
+
+
+class DecelerationByRoad(Settings):
+    """Deceleration of full braking by state of the road, m/s²."""
+
+    dry: _Deceleration = Field(description="On dry asphalt.")
+    wet: _Deceleration = Field(description="On wet asphalt, without aquaplaning.")
+    snow: _Deceleration = Field(description="On packed snow.")
+
+    def on(self, road: Road) -> float:
+        """That of one state."""
+        return {"dry": self.dry, "wet": self.wet, "snow": self.snow}[road]
 
 
 class BrakingData(Settings):
@@ -75,48 +90,58 @@ class BrakingData(Settings):
     preset: BrakingClass = Field(
         default="truck", description="Class whose values hold for what is not given."
     )
-    guaranteed_mps2: _PerRoad = Field(
-        description="Deceleration that full braking reaches at every permitted load, by state of "
-        "the road, m/s².",
+    guaranteed_mps2: DecelerationByRoad = Field(
+        default=DecelerationByRoad(dry=5.0, wet=3.5, snow=1.2),
+        description="Deceleration that full braking reaches at every permitted load.",
     )
-    greatest_mps2: _PerRoad = Field(description="The most that it may reach, likewise.")
-    dead_s: _Seconds = Field(description="From a command to the first change, nominal.")
-    lag_s: _Seconds = Field(description="Time constant of that change, nominal.")
+    greatest_mps2: DecelerationByRoad = Field(
+        default=DecelerationByRoad(dry=7.5, wet=6.5, snow=3.5),
+        description="The most that it may reach.",
+    )
+    dead_s: _Seconds = Field(
+        default=0.25, description="From a command to the first change, nominal."
+    )
+    lag_s: _Seconds = Field(default=0.25, description="Time constant of that change, nominal.")
     tolerance: _Tolerance = Field(
-        description="Share by which dead time and time constant may be longer or shorter."
+        default=0.2,
+        description="Share by which dead time and time constant may be longer or shorter.",
     )
-    error: _Tolerance = Field(description="Share by which a commanded deceleration is missed.")
-    sensing_s: _Seconds = Field(description="Age of a sensed gap when the agent has it.")
+    error: _Tolerance = Field(
+        default=0.08, description="Share by which a commanded deceleration is missed."
+    )
+    sensing_s: _Seconds = Field(
+        default=0.1, description="Age of a sensed gap when the agent has it."
+    )
     emergency_brake: bool = Field(
+        default=True,
         description="It brakes by its own sensors where its agent does not. Without it no close "
-        "gap is kept."
+        "gap is kept.",
     )
 
     @model_validator(mode="before")
     @classmethod
     def _begin_with_the_class(cls, data: Any) -> Any:
-        if not isinstance(data, Mapping):
-            return data
-        values = _CLASS_VALUES.get(data.get("preset", "truck"))
+        # What is no class is left to the field's own check.
+        preset = data.get("preset") if isinstance(data, Mapping) else None
+        values = _CLASS_VALUES.get(preset) if isinstance(preset, str) else None
         return data if values is None else {**values, **data}
 
     @model_validator(mode="after")
     def _decelerations_are_in_order(self) -> Self:
         for road in _ROADS:
-            if road not in self.guaranteed_mps2 or road not in self.greatest_mps2:
-                raise ValueError(f"guaranteed_mps2 and greatest_mps2 need a value for {road}")
-            if self.guaranteed_mps2[road] > self.greatest_mps2[road]:
+            guaranteed, greatest = self.guaranteed_mps2.on(road), self.greatest_mps2.on(road)
+            if guaranteed > greatest:
                 raise ValueError(
-                    f"guaranteed_mps2.{road} ({self.guaranteed_mps2[road]:g}) must not be above "
-                    f"greatest_mps2.{road} ({self.greatest_mps2[road]:g})"
+                    f"guaranteed_mps2.{road} ({guaranteed:g}) must not be above "
+                    f"greatest_mps2.{road} ({greatest:g})"
                 )
         return self
 
     def on(self, road: Road) -> Braking:
         """What they do on a road."""
         return Braking(
-            self.guaranteed_mps2[road],
-            self.greatest_mps2[road],
+            self.guaranteed_mps2.on(road),
+            self.greatest_mps2.on(road),
             self.dead_s,
             self.lag_s,
             self.tolerance,
@@ -126,47 +151,51 @@ class BrakingData(Settings):
         )
 
 
-_ROADS: Final[tuple[Road, ...]] = ("dry", "wet", "snow")
-
-
-def _class(
-    guaranteed: tuple[float, float, float],
-    greatest: tuple[float, float, float],
-    dead_s: float,
-    lag_s: float,
-    error: float,
-    *,
-    tolerance: float = 0.2,
-    sensing_s: float = 0.1,
-) -> Mapping[str, Any]:
-    return {
-        "guaranteed_mps2": dict(zip(_ROADS, guaranteed, strict=True)),
-        "greatest_mps2": dict(zip(_ROADS, greatest, strict=True)),
-        "dead_s": dead_s,
-        "lag_s": lag_s,
-        "tolerance": tolerance,
-        "error": error,
-        "sensing_s": sensing_s,
-        "emergency_brake": True,
-    }
-
-
 HARDEST_MPS2: Final[Mapping[Road, float]] = MappingProxyType({"dry": 9.8, "wet": 8.0, "snow": 4.0})
 """The most that any vehicle of a road brakes with."""
 
 _CLASS_VALUES: Final[Mapping[str, Mapping[str, Any]]] = MappingProxyType(
     {
-        "ideal": _class(
-            (9.0, 9.0, 9.0), (9.0, 9.0, 9.0), 0.0, 0.0, 0.0, tolerance=0.0, sensing_s=0.0
-        ),
-        "brake_by_wire": _class((7.0, 5.0, 1.5), (9.8, 8.0, 4.0), 0.05, 0.05, 0.03),
-        "car": _class((6.4, 4.5, 1.5), (9.8, 8.0, 4.0), 0.2, 0.2, 0.05),
-        "van": _class((5.8, 4.2, 1.5), (9.5, 7.5, 4.0), 0.2, 0.2, 0.05),
-        "truck": _class((5.0, 3.5, 1.2), (7.5, 6.5, 3.5), 0.25, 0.25, 0.08),
+        "ideal": {
+            "guaranteed_mps2": {"dry": 9.0, "wet": 9.0, "snow": 9.0},
+            "greatest_mps2": {"dry": 9.0, "wet": 9.0, "snow": 9.0},
+            "dead_s": 0.0,
+            "lag_s": 0.0,
+            "tolerance": 0.0,
+            "error": 0.0,
+            "sensing_s": 0.0,
+        },
+        "brake_by_wire": {
+            "guaranteed_mps2": {"dry": 7.0, "wet": 5.0, "snow": 1.5},
+            "greatest_mps2": {"dry": 9.8, "wet": 8.0, "snow": 4.0},
+            "dead_s": 0.05,
+            "lag_s": 0.05,
+            "error": 0.03,
+        },
+        "car": {
+            "guaranteed_mps2": {"dry": 6.4, "wet": 4.5, "snow": 1.5},
+            "greatest_mps2": {"dry": 9.8, "wet": 8.0, "snow": 4.0},
+            "dead_s": 0.2,
+            "lag_s": 0.2,
+            "error": 0.05,
+        },
+        "van": {
+            "guaranteed_mps2": {"dry": 5.8, "wet": 4.2, "snow": 1.5},
+            "greatest_mps2": {"dry": 9.5, "wet": 7.5, "snow": 4.0},
+            "dead_s": 0.2,
+            "lag_s": 0.2,
+            "error": 0.05,
+        },
     }
 )
 
 BRAKING: Final[Mapping[BrakingClass, BrakingData]] = MappingProxyType(
-    {name: BrakingData(preset=name) for name in ("ideal", "brake_by_wire", "car", "van", "truck")}  # type: ignore[call-arg]
+    {
+        "ideal": BrakingData(preset="ideal"),
+        "brake_by_wire": BrakingData(preset="brake_by_wire"),
+        "car": BrakingData(preset="car"),
+        "van": BrakingData(preset="van"),
+        "truck": BrakingData(),
+    }
 )
 """Brakes by class."""

@@ -2,20 +2,23 @@
 control them and plans count on them.
 
 **Greatest closing.** The vehicle ahead brakes from v_f with a, the rear one drives on with v_r for
-ρ, then brakes with b. With u = v_r − v_f the gap shrinks at most by
+ρ, then brakes with b. With u = v_r − v_f the gap shrinks at most by the larger of 0 and
 
-    u ρ + a ρ²/2 + (u + a ρ)² / 2(b − a)   where b > a, and both speeds meet before the front stands
-    v_r ρ + v_r²/2b − v_f²/2a              else: both stand
+    u ρ + a ρ²/2 + (u + a ρ)² / 2(b − a)    where b > a and the speeds meet before the front stands
+    v_r ρ + v_r²/2b − v_f²/2a                else: both stand
 
 (S. Shalev-Shwartz, S. Shammah, A. Shashua, On a Formal Model of Safe and Scalable Self-driving
-Cars, 2017, definition 1, is the second line). A first-order lag τ of the rear one's brake is covered by ρ
-as dead time is: its way is never longer than that of full braking τ later. It grows with v_r, a and
-ρ, and falls with b; `tests/slipstream/test_spacing.py` has the proof by cases and by integration.
+Cars, 2017, definition 1, is the second line). A first-order lag τ of the rear one's brake is
+covered by ρ as dead time is: its way is never longer than that of full braking τ later. It grows
+with v_r, a and ρ, and falls with v_f and b; `tests/slipstream/test_spacing.py` holds it to both
+motions, integrated. It counts on a rear vehicle that does not accelerate within ρ.
 
 **Two levels.** Unannounced, the vehicle ahead may brake with the most that it can. In a close
 platoon it has promised not to brake harder than a limit until its follower is apart. Where b is
-above a, the gap does not depend on the speed. Its limit is what the follower's wanted gap allows,
-and below the follower's own limit, so that no deceleration grows from the front to the rear.
+above a, the gap does not depend on the speed. The limit is what the follower's wanted gap allows
+with all of the follower's brake, and below the limit that the follower has promised itself, by
+`LIMIT_RATIO`: with that, who brakes as its leader has told stays within its own promise. By sensing
+alone, or where `LEAST_LIMIT_MPS2` holds a limit up, it may need more: docs/safety.md.
 
 ρ = age of the sensed gap + one interval of control + dead time and lag at their tolerance.
 """
@@ -64,6 +67,7 @@ SLOWING_SHARE: Final = 0.9
 """Of the deceleration by coasting, with which it does so."""
 
 _FAST_MPS: Final = 60.0
+_SOFTEST_SHARE: Final = 0.001
 
 
 def driver_gap_m(speed_mps: float) -> float:
@@ -90,7 +94,8 @@ def closing_m(
         if meet_s < front_mps / a:
             if nearing <= 0:
                 return 0.0
-            return u * response_s + a * response_s**2 / 2 + nearing * nearing / (2 * (b - a))
+            met_m = u * response_s + a * response_s**2 / 2 + nearing * nearing / (2 * (b - a))
+            return max(0.0, met_m)
     stands_m = rear_mps * response_s + rear_mps * rear_mps / (2 * b)
     return max(0.0, stands_m - front_mps * front_mps / (2 * a))
 
@@ -122,16 +127,18 @@ def front_limit_mps2(
 ) -> float:
     """The hardest braking of the vehicle ahead with which a gap is enough at every speed, m/s².
 
+    It is above 0: for a gap that none is soft enough for, next to no braking.
+
     Args:
         gap_m: that the follower wants to keep.
         own_limit_mps2: that the follower has promised to its own follower; None: it has none.
     """
     room_m = gap_m - STANDING_M - GAP_ERROR_M
     b, rho, u = rear.guaranteed_mps2, reaction_s(rear, interval_s), SPEED_ERROR_MPS
-    low, high = 0.0, b
+    low, high = _SOFTEST_SHARE * b, b
     for _ in range(40):
         middle = (low + high) / 2
-        if closing_m(_FAST_MPS, _FAST_MPS + u, middle or 1e-9, b, rho) <= room_m:
+        if closing_m(_FAST_MPS, _FAST_MPS + u, middle, b, rho) <= room_m:
             low = middle
         else:
             high = middle

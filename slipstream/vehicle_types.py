@@ -36,6 +36,8 @@ VehicleClass = Literal[
 
 PresetName = Literal["paper_car", "van", "truck_40t"]
 
+_CAR_BRAKING: Final = BRAKING["car"].on(UNKNOWN_ROAD)
+
 _Positive = Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)]
 _NotNegative = Annotated[float, Field(ge=0, le=1e6, allow_inf_nan=False)]
 _Share = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
@@ -132,7 +134,8 @@ class VehicleType(Settings):
     @classmethod
     def _begin_with_the_preset(cls, data: Any) -> Any:
         # The default and whatever is no preset are left to the fields' own checks.
-        values = _PRESET_VALUES.get(data.get("preset", "")) if isinstance(data, Mapping) else None
+        preset = data.get("preset") if isinstance(data, Mapping) else None
+        values = _PRESET_VALUES.get(preset) if isinstance(preset, str) else None
         return data if values is None else {**values, **data}
 
     @model_validator(mode="after")

@@ -191,7 +191,8 @@ class DispatcherSettings(TunedSettings):
         default=ADVISED_GAP_M,
         gt=0,
         allow_inf_nan=False,
-        description="Gap advised to followers, m; while they drive they keep 0.1 s more.",
+        description="Gap advised to followers, m; they keep a larger one where their brakes ask for "
+        "it.",
     )
     advice: AdviceSettings = Field(
         default=AdviceSettings(), description="Advice in plans for signals, turns and stops."

@@ -328,6 +328,8 @@ def test_a_vehicle_has_a_preset_a_type_of_the_fleet_or_data_of_its_own() -> None
         ({"charge_kwh": 3}, "vehicles.v.charge_kwh: a charge without a battery"),
         ({"type": "van", "charge_kwh": 36}, "36 kWh in a battery of 35 kWh"),
         ({"own_type": {"preset": "van", "mass_kg": 0}}, "mass_kg"),
+        ({"own_type": {"braking": {"preset": "tram"}}}, "vehicles.v.own_type.braking.preset"),
+        ({"own_type": {"braking": {"dead_s": -1}}}, "vehicles.v.own_type.braking.dead_s"),
     ],
 )
 def test_a_vehicles_data_are_checked(vehicle: dict[str, object], said: str) -> None:
@@ -345,6 +347,11 @@ def test_a_vehicles_data_are_checked(vehicle: dict[str, object], said: str) -> N
         ("charging_stops", {"id": "c1", "node": "c1", "power_kw": 1}, "has a stop's id"),
         ("charging_stops", {"id": "x", "node": "c1", "power_kw": 0}, "power_kw"),
         ("vehicle_types", {"id": "van"}, "a preset's id"),
+        (
+            "vehicle_types",
+            {"id": "w", "braking": {"error": 1}},
+            r"types\.w\.braking\.error: 1.* give",
+        ),
         ("hubs", {"id": "rest", "node": "nowhere"}, "unknown node 'nowhere'"),
         ("hubs", {"id": "c1", "node": "c1"}, "has a stop's id"),
     ],

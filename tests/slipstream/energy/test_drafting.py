@@ -10,19 +10,26 @@ from hypothesis import strategies as st
 
 from slipstream.energy.drafting import DragLaw, DragReductions, reductions_at
 from slipstream.energy.traction import ETA_FOLLOWER, ETA_LEADER
-from slipstream.spacing import wanted_gap_m
+from slipstream.spacing import CLOSE_GAP_M
 
 LAWS: tuple[DragLaw, ...] = get_args(DragLaw)
+MEASURED = tuple(law for law in LAWS if law != "paper")
 gaps_m = st.floats(0.0, 500.0)
 
 
-@given(gaps_m)
-def test_the_papers_law_knows_no_gap(gap_m: float) -> None:
-    """0.05 in front and 0.20 behind, in platoons of any size."""
+@given(st.floats(0.0, CLOSE_GAP_M))
+def test_the_papers_law_knows_no_close_gap(gap_m: float) -> None:
+    """0.05 in front and 0.20 behind, in platoons of any size, up to the largest close gap."""
     found = reductions_at("paper", gap_m)
     for members in (2, 3, 7):
         etas = [found.at(n, members) for n in range(members)]
         assert etas == [ETA_LEADER, *[ETA_FOLLOWER] * (members - 1)]
+
+
+@given(st.floats(CLOSE_GAP_M, 500.0, exclude_min=True))
+def test_the_papers_law_ends_with_close_gaps(gap_m: float) -> None:
+    """The paper has no value for larger ones."""
+    assert reductions_at("paper", gap_m) == (0.0, 0.0, 0.0, 0.0)
 
 
 @given(st.sampled_from(LAWS), gaps_m, gaps_m)
@@ -32,8 +39,8 @@ def test_no_reduction_rises_with_the_gap(law: DragLaw, one_m: float, other_m: fl
     assert all(0.0 <= b <= a < 0.5 for a, b in zip(near, far, strict=True))
 
 
-@given(st.sampled_from(LAWS), gaps_m)
-def test_a_reduction_has_no_jumps(law: DragLaw, gap_m: float) -> None:
+@given(st.sampled_from(MEASURED), gaps_m)
+def test_a_measured_reduction_has_no_jumps(law: DragLaw, gap_m: float) -> None:
     """A centimetre more costs at most the steepest slope, the van leader's 0.30 in 3.25 m."""
     near, far = reductions_at(law, gap_m), reductions_at(law, gap_m + 0.01)
     assert all(a - b <= 0.01 * 0.30 / 3.25 + 1e-12 for a, b in zip(near, far, strict=True))
@@ -119,10 +126,3 @@ def test_outside_the_measured_gaps(law: DragLaw, nearest_m: float, farthest_m: f
     assert beyond == pytest.approx(tuple(eta / 2 for eta in last))
     assert reductions_at(law, 2 * farthest_m) == (0.0, 0.0, 0.0, 0.0)
     assert reductions_at(law, 10 * farthest_m) == (0.0, 0.0, 0.0, 0.0)
-
-
-def test_the_gap_of_followers() -> None:
-    """1.5 m and 0.1 s, as the agents keep it; with long control intervals more."""
-    assert wanted_gap_m(25.0, 1.5) == pytest.approx(4.0)
-    assert wanted_gap_m(25.0, 6.0) == pytest.approx(8.5)
-    assert wanted_gap_m(10.0, 1.5, 0.5) == pytest.approx(3.75)

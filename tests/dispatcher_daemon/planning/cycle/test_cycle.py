@@ -72,7 +72,7 @@ def test_the_flag_on_the_avenue_decides_the_routes(
     assert stops(result) == routes
     on_west = [s for p in result.plans for s in p.segments if s.segment == "avenue_west"]
     if y_e == 1:
-        assert sorted((s.place, s.gap_m) for s in on_west) == [(0, None), (1, 1.5)]
+        assert sorted((s.place, s.gap_m) for s in on_west) == [(0, None), (1, 2.0)]
     assert all(s.platoon is None for s in on_west) or y_e == 1
 
 

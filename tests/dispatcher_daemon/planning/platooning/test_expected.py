@@ -37,13 +37,15 @@ from slipstream.energy.drive import Drive
 from slipstream.energy.traction import PAPER_CAR, coasting_mps2
 from slipstream.messages import DrivingAdvice, PlannedSegment, PlannedStop, VehiclePlan
 from slipstream.roads import Segment, build_network
-from slipstream.spacing import ENTRY_HEADWAY_S, driver_gap_m, wanted_gap_m
+from slipstream.spacing import ADVISED_GAP_M, ENTRY_HEADWAY_S, driver_gap_m, planned_gap_m
+from slipstream.vehicle_types import RoutingProfile
 
 NOW_NS = 1_800_000_000_000_000_000
 V_MPS = 20.0
 C_MPS2 = coasting_mps2(V_MPS, PAPER_CAR)
-ENTRY_M = ENTRY_HEADWAY_S * V_MPS - wanted_gap_m(V_MPS, 1.5)
-GATE_M = driver_gap_m(V_MPS) - wanted_gap_m(V_MPS, 1.5)
+WANTED_M = planned_gap_m(V_MPS, ADVISED_GAP_M, RoutingProfile().braking)
+ENTRY_M = ENTRY_HEADWAY_S * V_MPS - WANTED_M
+GATE_M = driver_gap_m(V_MPS) - WANTED_M
 PARTED = ENTRY_HEADWAY_S / SIGNAL_CYCLE_S
 
 

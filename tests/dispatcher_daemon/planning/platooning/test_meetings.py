@@ -20,6 +20,7 @@ from dispatcher_daemon.planning.roads import planning_speed_mps
 from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
 from slipstream.energy.consumption import ETA_FOLLOWER, ETA_LEADER, drag_saving_kwh
 from slipstream.energy.drafting import reductions_at
+from slipstream.spacing import CLOSE_GAP_M, planned_gap_m
 from slipstream.vehicle_types import PRESETS
 
 SHARES = {"e": Shares(1.0, 4.0), "f": Shares(0.5, 2.0, (2.5, 2.25))}
@@ -217,23 +218,26 @@ def test_by_the_papers_law_platoons_save_what_they_did(
 def test_measured_shares_count_the_gap_at_the_planning_speed(
     town: Callable[..., tuple[RoutingProblem, TrafficSnapshot]],
 ) -> None:
-    """A van's leader saves less on faster roads, where the gap is larger; a wider advised gap saves
-    less still, and the paper's law knows neither.
+    """A van saves by the gap that its brakes allow, and less by a wider advised one. The paper's
+    law knows no gap up to the largest for which its reductions are credited, and nothing beyond.
     """
     problem, snapshot = town(["33"], [{}])
     van = PRESETS["van"].profile
     near, wide = (
         open_shares(problem, snapshot, van),
-        open_shares(replace(problem, advised_gap_m=3.0), snapshot, van),
+        open_shares(replace(problem, advised_gap_m=5.0), snapshot, van),
     )
     for name, shares in near.items():
         speed = planning_speed_mps(problem.network.segments[name], snapshot.segments[name], van)
         length = problem.network.segments[name].length_m
-        eta = reductions_at("van", 1.5 + 0.1 * speed)
+        gap_m = planned_gap_m(speed, problem.advised_gap_m, van.braking)
+        eta = reductions_at("van", gap_m)
         expected = [drag_saving_kwh(length, speed, e, van.physics) for e in eta]
         assert shares == Shares(expected[0], expected[1])
         assert wide[name].leader_kwh < shares.leader_kwh
     truck = PRESETS["truck_40t"].profile
     assert all(s.longer_kwh is not None for s in open_shares(problem, snapshot, truck).values())
-    far = replace(problem, advised_gap_m=20.0)
+    far = replace(problem, advised_gap_m=CLOSE_GAP_M)
     assert open_shares(far, snapshot) == open_shares(problem, snapshot)
+    farther = replace(problem, advised_gap_m=CLOSE_GAP_M + 0.1)
+    assert all(s == Shares(0.0, 0.0) for s in open_shares(farther, snapshot).values())
