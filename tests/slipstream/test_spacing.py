@@ -14,7 +14,12 @@ from hypothesis import strategies as st
 from slipstream.braking import BRAKING, Braking, BrakingClass, Road
 from slipstream.spacing import (
     ADVISED_GAP_M,
+    CLOSE_GAP_M,
+    ENTRY_HEADWAY_S,
     LIMIT_RATIO,
+    MAX_SLOWDOWN,
+    RESPONSE_S,
+    SLOWING_SHARE,
     closing_m,
     driver_gap_m,
     front_limit_mps2,
@@ -187,6 +192,12 @@ def test_the_response_of_a_follower() -> None:
     assert wide.response_s == pytest.approx(0.6)
     assert reaction_s(wide) == pytest.approx(0.75)
     assert reaction_s(wide, 0.5) == pytest.approx(1.15)
+
+
+def test_the_figures_that_pages_name() -> None:
+    """docs/platooning.md and docs/safety.md: all who use them agree, and so do these pages."""
+    assert (ADVISED_GAP_M, CLOSE_GAP_M, RESPONSE_S) == (2.0, 7.5, 0.1)
+    assert (ENTRY_HEADWAY_S, MAX_SLOWDOWN, SLOWING_SHARE) == (3.0, 0.15, 0.9)
 
 
 def test_the_least_gap_by_hand() -> None:
