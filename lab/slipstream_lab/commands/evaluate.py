@@ -80,6 +80,12 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     command.add_argument(
         "--signals", choices=("actuated", "fixed"), default="actuated", help="how they are timed"
     )
+    command.add_argument(
+        "--road",
+        choices=("dry", "wet", "snow"),
+        default="dry",
+        help="state of the roads, by which vehicles brake and keep gaps (default: dry)",
+    )
     for name, where, default in (
         ("--waiting-kw", "its depot", "what slower driving would save"),
         ("--standing-kw", "a stop, served", "the same, or as --waiting-kw if that is more"),
@@ -178,7 +184,8 @@ def _evaluate(
     )
     from slipstream_lab.simulation.evaluation.runs import ArmStore, World, code_stamp
 
-    world = World(files, options.out / "background", options.signals, span_s, prices)
+    background = options.out / "background"
+    world = World(files, background, options.signals, span_s, prices, options.road)
     left_out = world.scenario.left_out
     if left_out is not None:
         print(f"slipstream: {world.scenario.net}: {left_out}", file=sys.stderr)

@@ -207,6 +207,8 @@ def _line(world: WorldProcess) -> str:
     )
     if counts.frames_skipped:
         line += f", {counts.frames_skipped} left out"
+    if counts.safety.collisions:
+        line += f"; {counts.safety.collisions} COLLISIONS of the fleet"
     if counts.slipped_s > 1.0:
         line += f"; {counts.slipped_s:.0f} s behind: this machine is too slow for it"
     return line

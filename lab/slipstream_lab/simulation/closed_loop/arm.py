@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from slipstream.braking import Road
 from slipstream_lab.simulation.closed_loop.policy import AS_DRIVING, Policy, WaitingPrices
 from slipstream_lab.simulation.closed_loop.record import ArmResult, OrderService, Others
 from slipstream_lab.simulation.rsus import Rsu
@@ -48,6 +49,7 @@ class ArmSpec:
         step_s: of the simulation; a second must be a multiple of it.
         database: SQLite file that is made, with the arm's cycles, plans and energy ledger; None:
             none is. Its times count from midnight of 1970-01-01, UTC.
+        road: state of the roads, all day; the agents know it.
     """
 
     scenario: str
@@ -65,6 +67,7 @@ class ArmSpec:
     step_s: float = STEP_S
     database: Path | None = None
     prices: WaitingPrices = AS_DRIVING
+    road: Road = "dry"
 
     def __post_init__(self) -> None:
         if self.begin_s % 300 or not 0 <= self.begin_s < self.end_s:
@@ -98,6 +101,7 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
     from slipstream_lab.simulation.closed_loop.dispatching import Dispatching
     from slipstream_lab.simulation.closed_loop.gates import WINDOW_S, SimulatedRoadside
     from slipstream_lab.simulation.closed_loop.history_file import load_history
+    from slipstream_lab.simulation.fleet.brakes import Reality
     from slipstream_lab.simulation.fleet.exchange import Exchange
     from slipstream_lab.simulation.fleet.sensing import PREFIX
     from slipstream_lab.simulation.fleet.van import yards
@@ -137,10 +141,13 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
         legs = []
         gridlock = GridlockWatch()
         with SumoSession(options, day.files) as session:
+            reality = Reality.of_day(order.road, ideal=policy.brakes == "ideal", seed=order.seed)
             parameters = AgentParameters(
                 length_m=TYPES["cav"].length_m,
                 interval_s=order.step_s,
                 stale_after_s=1.5 * WINDOW_S,
+                braking=reality.braking,
+                others_mps2=reality.others_mps2,
             )
             exchange = Exchange(
                 dict.fromkeys(deliveries.vehicles, parameters),
@@ -149,6 +156,9 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
                 lambda: session.time_s,
                 lambda message: dispatching.receive(message),
                 parameters.stale_after_s,
+                loss=reality.loss,
+                latency_s=reality.latency_s,
+                seed=order.seed,
             )
             dispatching = Dispatching(
                 deliveries,
@@ -173,6 +183,7 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
                 lambda: exchange.now_ns,
                 _LOOK_S,
                 policy.pace,
+                reality=reality,
             )
 
             def is_over(now_s: float) -> bool:
@@ -237,6 +248,7 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
         ended_s=ended_s,
         watched=roadside.watched,
         opened=tuple(sorted(roadside.opened)),
+        safety=world.safety.found,
     )
 
 

@@ -70,6 +70,7 @@ class Policy:
             baseline is slowed or hurried in to compare at equal travel time.
         installed: whether its dispatcher is set as an installation's is by default, which has
             `installed_levers`.
+        brakes: of its vehicles: those of their type, or the paper's, which act at once.
     """
 
     name: str
@@ -81,3 +82,4 @@ class Policy:
     coasting_budget: float = AdviceSettings().coasting_budget
     solver: str = "exact"
     installed: bool = False
+    brakes: Literal["type", "ideal"] = "type"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from slipstream_lab.simulation.fleet.driven_leg import DrivenLeg
+from slipstream_lab.simulation.fleet.safety import NOTHING, FleetSafety
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,9 @@ class ArmResult:
 
     Attributes:
         end_s: orders were released until then; earlier after a gridlock.
-        teleports: SUMO's counts of the whole run, collisions and emergency stops likewise.
+        teleports: SUMO's counts of the whole run, of all vehicles; collisions and emergency stops
+            likewise.
+        safety: the fleet's part of them.
         gridlock_s: when most vehicles had stood for long; None: never.
     """
 
@@ -71,3 +74,4 @@ class ArmResult:
     ended_s: float = 0.0
     watched: tuple[str, ...] = ()
     opened: tuple[str, ...] = ()
+    safety: FleetSafety = NOTHING

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 from dispatcher_daemon.settings import AdviceSettings
@@ -32,6 +33,8 @@ INSTALLED: Final = "installed"
 """The dispatcher with the settings that an installation has by default."""
 INSTALLED_PRIORITY: Final = "installed+"
 """The same with signal priority."""
+INSTALLED_IDEAL: Final = "installed-ideal"
+"""As installed, with the paper's ideal vehicles: what real brakes leave of its platoons."""
 INSTALLED_OFF: Final = "installed-off"
 """The same dispatcher without advice and platoons: what dispatching alone makes of B."""
 
@@ -71,22 +74,40 @@ def _installed(name: str, advice: AdviceSettings) -> Policy:
 
 
 def _policies() -> tuple[Policy, ...]:
+    installed = (
+        Policy(INSTALLED_OFF, installed=True),
+        _installed(INSTALLED, AdviceSettings()),
+        replace(_installed(INSTALLED_IDEAL, AdviceSettings()), brakes="ideal"),
+        _installed(INSTALLED_PRIORITY, AdviceSettings(signal_priority=True)),
+    )
+    first, further = _of_paper()
+    return (*first, *installed, *further)
+
+
+def _of_paper() -> tuple[tuple[Policy, ...], tuple[Policy, ...]]:
+    """The arms of the paper's tables, whose vehicles are ideal: those before and those after the
+    installed ones.
+    """
     every = frozenset(LEVERS)
-    return (
+    first = (
         Policy(SHORTEST, search="time"),
         Policy(BASELINE),
         *(Policy(paced(pace), pace=pace) for pace in PACES),
         Policy(COOPERATIVE, WITHOUT_PRIORITY),
         Policy(EVERY_LEVER, every),
-        Policy(INSTALLED_OFF, installed=True),
-        _installed(INSTALLED, AdviceSettings()),
-        _installed(INSTALLED_PRIORITY, AdviceSettings(signal_priority=True)),
+    )
+    further = (
         *(Policy(only(lever), frozenset({lever})) for lever in LEVERS),
         *(Policy(without(lever), every - {lever}) for lever in LEVERS if lever != "priority"),
         *(Policy(gated(gating), WITHOUT_PRIORITY, gating=gating) for gating in _GATINGS),
         *(Policy(noisy(noise), WITHOUT_PRIORITY, noise=noise) for noise in NOISES),
         Policy(QUANTUM, WITHOUT_PRIORITY, solver="lc-qaoa"),
     )
+    return _ideal(first), _ideal(further)
+
+
+def _ideal(policies: tuple[Policy, ...]) -> tuple[Policy, ...]:
+    return tuple(replace(policy, brakes="ideal") for policy in policies)
 
 
 POLICIES: Final = {policy.name: policy for policy in _policies()}

@@ -1,11 +1,14 @@
 """Messages of a simulated fleet in one process: agents, signals, RSUs, and who else listens.
 
 What a vehicle sends within a step reaches the others within it: radio takes some milliseconds, a
-step is half a second. So those behind hear in the same step what those ahead of them announce.
+step is half a second. So those behind hear in the same step what those ahead of them announce. A
+message with a latency comes with the first step after it.
 """
 
 from __future__ import annotations
 
+import random
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from typing import Final
 
@@ -28,9 +31,34 @@ from vehicle_agent.host import AgentHost
 _PLANS_KEPT: Final = 4
 
 
+class _LossyHost(AgentHost):
+    """Loses a share of the copies of what vehicles send each other, drawn for each receiver."""
+
+    def __init__(
+        self,
+        vehicles: Mapping[str, AgentParameters],
+        stale_after_s: float,
+        loss: float,
+        seed: int,
+    ) -> None:
+        super().__init__(vehicles, stale_after_s)
+        self._loss, self._rng = loss, random.Random(seed)
+
+    def _addressees(self, message: Message, now_ns: int) -> Iterable[str]:
+        names = super()._addressees(message, now_ns)
+        if self._loss <= 0 or not isinstance(message, PlatoonControl | PlatoonManagement):
+            return names
+        return [name for name in names if self._rng.random() >= self._loss]
+
+
 class Exchange:
     """Agents of a simulated fleet, called directly; see
     `slipstream_lab.simulation.fleet.world.Agents`.
+
+    Args:
+        loss: share of the copies of messages between vehicles that are lost.
+        latency_s: of such a message.
+        seed: of what is lost.
     """
 
     def __init__(
@@ -41,8 +69,14 @@ class Exchange:
         time_s: Callable[[], float],
         deliver: Callable[[Message], None],
         stale_after_s: float,
+        *,
+        loss: float = 0.0,
+        latency_s: float = 0.0,
+        seed: int = 0,
     ) -> None:
-        self._host = AgentHost(vehicles, stale_after_s)
+        self._host = _LossyHost(vehicles, stale_after_s, loss, seed)
+        self._latency_ns = round(latency_s * 1e9)
+        self._under_way: deque[tuple[int, PlatoonControl | PlatoonManagement]] = deque()
         self._signals, self._time_s, self._deliver = signals, time_s, deliver
         self._spat = {spat_key(name): name for name in intersections}
         self._told: dict[str, object] = {}
@@ -55,7 +89,9 @@ class Exchange:
         return round(self._time_s() * 1e9)
 
     def begin_step(self) -> None:
-        """Before each step: signals act on what was asked, and answer."""
+        """Before each step: signals act on what was asked, and answer; late messages arrive."""
+        while self._under_way and self._under_way[0][0] <= self.now_ns:
+            self._host.receive(self._under_way.popleft()[1], self.now_ns)
         for status in self._signals.step(self._time_s()):
             self._host.receive(status, self.now_ns)
 
@@ -111,6 +147,8 @@ class Exchange:
 
     def _send(self, message: Message) -> None:
         match message:
+            case PlatoonControl() | PlatoonManagement() if self._latency_ns:
+                self._under_way.append((self.now_ns + self._latency_ns, message))
             case PlatoonControl() | PlatoonManagement():
                 self._host.receive(message, self.now_ns)
             case SignalRequest():

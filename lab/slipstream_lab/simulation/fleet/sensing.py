@@ -38,6 +38,12 @@ def sense(name: str, segment: str, time_ns: int, acceleration_mps2: float) -> Ve
     )
 
 
+def acceleration_ahead(sensed: VehicleSensing) -> float:
+    """Of the vehicle that is sensed ahead; 0 without one."""
+    ahead = sensed.ahead
+    return 0.0 if ahead is None else float(libsumo.vehicle.getAcceleration(ahead.track))
+
+
 def standing(vehicle: str, segment: str, time_ns: int) -> VehicleSensing:
     """The sensing of a vehicle that stands beside the road, at one end of a segment."""
     return VehicleSensing(

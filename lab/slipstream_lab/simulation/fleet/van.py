@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from slipstream.messages import PlannedSegment, VehiclePlan
 from slipstream.roads import RoadNetwork
 from slipstream_lab.simulation.fleet.actuation import Driver
+from slipstream_lab.simulation.fleet.brakes import RealVehicle
 from slipstream_lab.simulation.fleet.driven_leg import LegMeasurement
 from slipstream_lab.simulation.scenarios.demand import Deliveries
 
@@ -14,10 +15,11 @@ from slipstream_lab.simulation.scenarios.demand import Deliveries
 @dataclass
 class SimulatedVan:
     """One vehicle of the fleet. `since_ns`: since when it stands; advice from before is for the
-    road.
+    road. `real`: None: it is ideal.
     """
 
     segment: str
+    real: RealVehicle | None = None
     look_ns: int = 0
     since_ns: int = 0
     tour: int = -1

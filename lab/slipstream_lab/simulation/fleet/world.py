@@ -19,9 +19,11 @@ from slipstream.messages import (
 from slipstream.spacing import CLOSE_GAP_M
 from slipstream.vehicle_types import RoutingProfile
 from slipstream_lab.simulation.fleet.actuation import Driver
+from slipstream_lab.simulation.fleet.brakes import Reality
 from slipstream_lab.simulation.fleet.drafting import Cause, RoadsideGates, drafting, why_missed
 from slipstream_lab.simulation.fleet.driven_leg import DrivenLeg, LegMeasurement, free_s
-from slipstream_lab.simulation.fleet.sensing import PREFIX, sense, standing
+from slipstream_lab.simulation.fleet.safety import SafetyWatch
+from slipstream_lab.simulation.fleet.sensing import PREFIX, acceleration_ahead, sense, standing
 from slipstream_lab.simulation.fleet.van import DrivenWay, SimulatedVan, planned_leg
 from slipstream_lab.simulation.sumo.session import SumoSession
 
@@ -58,8 +60,10 @@ class FleetWorld:
 
     Args:
         service_s: time that a stop takes, by its id; None: as its plan has it.
+        reality: of vehicles and sensors; None: all are ideal.
 
     Attributes:
+        safety: what has happened, and how near to each other vehicles came.
         disengagements: of platoons in close gaps that parted because the state of the segment was
             turbulent.
         longest_silence_s: for how long a partner had been without advice, and so silent, at most,
@@ -79,13 +83,19 @@ class FleetWorld:
         look_s: float,
         pace: float = 1.0,
         profiles: Mapping[str, RoutingProfile] | None = None,
+        reality: Reality | None = None,
     ) -> None:
         self._session, self._lengths_m, self._agents = session, lengths_m, agents
         self._gates, self._service_s, self._step_s = gates, service_s, step_s
         self._clock_ns = clock_ns
         self._look_ns, self._pace, self._profiles = round(look_s * 1e9), pace, profiles or {}
         self._laws = {name: profile.drafting for name, profile in self._profiles.items()}
-        self._vans = {name: SimulatedVan(segment) for name, segment in sorted(places.items())}
+        real = {} if reality is None else {name: reality.vehicle(name) for name in places}
+        self._vans = {
+            name: SimulatedVan(segment, real=real.get(name))
+            for name, segment in sorted(places.items())
+        }
+        self.safety = SafetyWatch(step_s)
         self._sensed: dict[str, VehicleSensing] = {}
         self._following: dict[str, bool] = {}
         self.disengagements = 0
@@ -126,6 +136,7 @@ class FleetWorld:
         self._drive(now_ns)
         drafts = drafting(self._sensed, self._following, self._gates, self._laws)
         self._session.advance()
+        self._look()
         after_s, gone = self._session.time_s, set(libsumo.simulation.getArrivedIDList())
         ended = []
         for name, van in self._vans.items():
@@ -136,6 +147,7 @@ class FleetWorld:
                 continue
             if sumo not in gone:
                 speed_mps = float(libsumo.vehicle.getSpeed(sumo))
+                self.safety.drove(name, speed_mps)
                 place = drafts.places.get(name)
                 van.measured.take(
                     speed_mps,
@@ -154,6 +166,14 @@ class FleetWorld:
                 ended.append(self._end(name, van, after_s))
         self._admit(after_s)
         return ended
+
+    def _look(self) -> None:
+        simulation = libsumo.simulation
+        self.safety.look(
+            ((one.collider, one.victim) for one in simulation.getCollisions()),
+            simulation.getEmergencyStoppingVehiclesIDList(),
+            simulation.getStartingTeleportIDList(),
+        )
 
     def _stand(self, name: str, van: SimulatedVan, now_s: float, now_ns: int) -> None:
         """Serve; ask the agent; leave when it says so."""
@@ -214,7 +234,7 @@ class FleetWorld:
         van.way = DrivenWay(plan, leg, planned, path, due_s, free_s(planned))
         van.serves, van.entering = None, True
         sumo = f"{PREFIX}{name}/{van.tour}/{van.leg}"
-        van.driver = Driver(sumo, self._pace)
+        van.driver = Driver(sumo, self._pace, self._step_s, van.real)
 
         def add() -> None:
             libsumo.route.add(sumo, list(path))
@@ -257,11 +277,16 @@ class FleetWorld:
         for name in _front_to_back(self._sensed):
             van = self._vans[name]
             assert van.way is not None
-            advice = self._agents.advise(self._sensed[name])
+            sensed, real = self._sensed[name], van.real
+            if real is not None:
+                sensed = real.sensed(sensed, acceleration_ahead(sensed))
+            advice = self._agents.advise(sensed)
             self._navigate(name, van, van.way, advice)
             if advice is not None:
                 self._advice[name] = advice
+            held = van.driver.held
             van.driver.obey(advice, self._sensed[name])
+            self.safety.advised(advice, self._sensed[name], held=van.driver.held > held)
             if van.driver.close and advice is not None:
                 self._following[name] = advice.mode == "follow"
                 if advice.mode == "follow":

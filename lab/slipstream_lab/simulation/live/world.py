@@ -19,6 +19,7 @@ from slipstream.osm import largest_part
 from slipstream.roads import RoadNetwork
 from slipstream.roads.sumo_net import load_network
 from slipstream.service.memory import TRIM_INTERVAL_S, trim_memory
+from slipstream_lab.simulation.fleet.brakes import Reality
 from slipstream_lab.simulation.fleet.van import yards
 from slipstream_lab.simulation.fleet.world import FleetWorld
 from slipstream_lab.simulation.live.agents import BusAgents, BusGates
@@ -98,6 +99,7 @@ class _World:
             spec.step_s,
             time.time_ns,
             _LOOK_S,
+            reality=Reality.of_day(spec.road, ideal=False, seed=spec.seed),
         )
         self._orders = LiveFleetFile(spec.fleet, spec.deliveries, session.time_s)
         self._legs, self._driven_m, self._platooned_m = 0, 0.0, 0.0
@@ -166,6 +168,7 @@ class _World:
             fleet_driven_m=self._driven_m,
             fleet_on_road=fleet.on_road,
             fleet_vehicles_driven=fleet.driven,
+            safety=fleet.safety.found,
         )
 
 

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from slipstream.braking import Road
 from slipstream.config import BusSettings
+from slipstream_lab.simulation.fleet.safety import FleetSafety
 from slipstream_lab.simulation.rsus import Rsu
 from slipstream_lab.simulation.scenarios.day import DaySpec
 from slipstream_lab.simulation.scenarios.demand import Deliveries
@@ -24,6 +26,7 @@ class WorldSpec:
         day: files, and the time that the background starts at; its step is not used.
         begin_s: simulated time that the world opens at; what comes before fills the roads.
         deliveries: orders and vehicles; plans for others are ignored.
+        road: state of the roads; the agents have theirs from their settings.
     """
 
     day: DaySpec
@@ -38,6 +41,7 @@ class WorldSpec:
     fps: float = 10.0
     width_px: int = 1280
     height_px: int = 720
+    road: Road = "dry"
 
     @property
     def steps_a_frame(self) -> int:
@@ -85,3 +89,4 @@ class WorldCounts:
     fleet_driven_m: float
     fleet_on_road: int
     fleet_vehicles_driven: int
+    safety: FleetSafety

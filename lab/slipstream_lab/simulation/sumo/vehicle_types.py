@@ -50,9 +50,9 @@ TYPES: Final = {
 """The background's cars, vans and trucks, and the fleet's: a car like the others where it drives
 alone."""
 
-FLEET_TYPES: Final = ("cav", "cav-platoon")
-"""Types of the fleet's vehicles that drive alone, and that follow; no type of the background has
-these names."""
+FLEET_TYPES: Final = ("cav", "cav-platoon", "cav-close")
+"""Types of the fleet's vehicles that drive alone, that are in a platoon, and that follow closely by
+their own brakes; no type of the background has these names."""
 
 FLEET_PREFIX: Final = "cav/"
 """SUMO ids of the fleet's vehicles begin with it; no id of the background does."""

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from slipstream.errors import InputError
 from slipstream_lab.simulation.closed_loop.policy import LEVERS
 from slipstream_lab.simulation.evaluation.arms import (
     INSTALLED,
+    INSTALLED_IDEAL,
     INSTALLED_OFF,
     INSTALLED_PRIORITY,
     POLICIES,
@@ -47,10 +50,21 @@ def test_arms_that_are_compared_differ_in_one_thing_only() -> None:
 def test_installed_arms_have_the_levers_of_an_installation() -> None:
     """Eco-approach, coasting and platoons by default, and signals asked by the one switch."""
     off, installed, priority = (POLICIES[name] for name in _INSTALLED)
+    ideal = POLICIES[INSTALLED_IDEAL]
     assert off.levers == frozenset()
     assert installed.levers == {"platoons", "eco_approach", "coasting"}
     assert priority.levers == installed.levers | {"priority"}
-    assert {name for name, policy in POLICIES.items() if policy.installed} == {*_INSTALLED}
+    assert {name for name, policy in POLICIES.items() if policy.installed} == {
+        *_INSTALLED,
+        INSTALLED_IDEAL,
+    }
+    assert ideal == replace(installed, name=ideal.name, brakes="ideal")
+
+
+def test_the_papers_tables_have_the_papers_vehicles() -> None:
+    """All arms but the installed ones, and the one that shows what real brakes leave."""
+    own = {name for name, policy in POLICIES.items() if policy.brakes == "type"}
+    assert own == {INSTALLED, INSTALLED_OFF, INSTALLED_PRIORITY}
 
 
 def test_selections_and_names_mix_in_the_order_of_the_tables() -> None:

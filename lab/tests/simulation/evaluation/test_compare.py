@@ -14,6 +14,7 @@ from slipstream_lab.simulation.evaluation.arms import POLICIES
 from slipstream_lab.simulation.evaluation.measures.compare import MIN_ORDERS, SeedSpread, compare
 from slipstream_lab.simulation.evaluation.measures.curves import BIN_S, HOUR_S, day_course
 from slipstream_lab.simulation.evaluation.measures.figures import Measures, measure
+from slipstream_lab.simulation.fleet.safety import FleetSafety
 
 
 def arm(name: str, seed: int = 1, **changes: object) -> ArmResult:
@@ -66,9 +67,10 @@ def test_an_order_is_late_once_its_time_is_over() -> None:
     ("change", "words"),
     [
         ({"gridlock_s": 30000.0}, "gridlock at 08:20"),
-        ({"teleports": 1}, "1 teleport"),
-        ({"collisions": 2}, "2 collisions"),
-        ({"emergency_stops": 1}, "1 emergency stop"),
+        ({"teleports": 1}, "1 teleport of others"),
+        ({"collisions": 2}, "2 collisions of others"),
+        ({"emergency_stops": 1}, "1 emergency stop of others"),
+        ({"collisions": 1, "safety": FleetSafety(collisions=1)}, "1 collision of the fleet"),
         ({"served_again": 1}, "1 second service"),
         ({"services": ()}, "no order was served"),
     ],

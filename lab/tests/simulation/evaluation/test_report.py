@@ -112,18 +112,18 @@ def test_every_table_names_its_sources(whole: Path) -> None:
 def test_a_broken_arm_is_refused_in_words_and_counts_nowhere(whole: Path) -> None:
     """Its seed is left out of the means, its row says why."""
     text = (whole / "report.md").read_text()
-    assert "only-coasting, seed 2, is refused: 2 emergency stops" in text
+    assert "only-coasting, seed 2, is refused: 2 emergency stops of others" in text
     assert row(text, "Arms", "only-coasting")[1] == "1, 3"
     with (whole / "arms.csv").open() as file:
         rows = {(r["arm"], r["seed"]): r for r in csv.DictReader(file)}
-    assert rows["only-coasting", "2"]["refused"] == "2 emergency stops"
+    assert rows["only-coasting", "2"]["refused"] == "2 emergency stops of others"
     assert rows["only-coasting", "2"]["saving_at_equal_time"] == ""
     kept = [float(rows["only-coasting", seed]["energy_kwh"]) for seed in ("1", "3")]
     summary = json.loads((whole / "report.json").read_text())
     mean = summary["arms"]["only-coasting"]["figures"]["energy_kwh"]["mean"]
     assert mean == pytest.approx(sum(kept) / 2)
     assert summary["refused"] == [
-        {"arm": "only-coasting", "seed": 2, "faults": ["2 emergency stops"]}
+        {"arm": "only-coasting", "seed": 2, "faults": ["2 emergency stops of others"]}
     ]
 
 

@@ -21,6 +21,7 @@ from slipstream.messages import (
     VehiclePlan,
     VehicleSensing,
 )
+from slipstream_lab.simulation.fleet.brakes import Reality
 from slipstream_lab.simulation.fleet.driven_leg import DrivenLeg
 from slipstream_lab.simulation.fleet.exchange import Exchange
 from slipstream_lab.simulation.fleet.world import FleetWorld
@@ -269,6 +270,7 @@ def running(
     intersections: Sequence[str] = (),
     pace: float = 1.0,
     service_s: Callable[[str], float | None] = lambda stop: SERVICE_S,
+    reality: Reality | None = None,
 ) -> Iterator[Running]:
     """A world without background."""
     net, routes = files
@@ -278,8 +280,13 @@ def running(
         *("--collision.action", "warn", "--default.speeddev", "0"),
     ]
     flags, sent = Flags(), list[Message]()
+    reality = reality or Reality.of_day("dry", ideal=False, seed=1)
     parameters = AgentParameters(
-        length_m=TYPES["cav"].length_m, interval_s=step_s, stale_after_s=10.0
+        length_m=TYPES["cav"].length_m,
+        interval_s=step_s,
+        stale_after_s=10.0,
+        braking=reality.braking,
+        others_mps2=reality.others_mps2,
     )
     with SumoSession(options, files) as session:
         exchange = Recorded(
@@ -289,6 +296,8 @@ def running(
             lambda: session.time_s,
             sent.append,
             parameters.stale_after_s,
+            loss=reality.loss,
+            latency_s=reality.latency_s,
         )
         world = FleetWorld(
             session,
@@ -301,5 +310,6 @@ def running(
             lambda: exchange.now_ns,
             5.0,
             pace,
+            reality=reality,
         )
         yield Running(session, exchange, world, flags, sent)

@@ -9,6 +9,7 @@ from slipstream.energy.consumption import ETA_FOLLOWER, Energy, total
 from slipstream_lab.simulation.closed_loop.record import ArmResult, Others
 from slipstream_lab.simulation.fleet.drafting import CAUSES, Cause
 from slipstream_lab.simulation.fleet.losses import Losses
+from slipstream_lab.simulation.fleet.safety import FleetSafety
 from slipstream_lab.simulation.scenarios.acceptance import clock
 
 
@@ -17,6 +18,8 @@ class Measures:
     """What an arm came to; energies in kWh.
 
     Attributes:
+        teleports: of all vehicles, as SUMO counts them; collisions and emergency stops likewise.
+        safety: the fleet's part of them.
         late: orders served after their latest time, or not at all though it is over.
         faults: why no figure of this arm counts; nothing if it is sound.
     """
@@ -50,6 +53,10 @@ class Measures:
     turbulent_s: float
     others: Others
     unfinished: int
+    teleports: int
+    collisions: int
+    emergency_stops: int
+    safety: FleetSafety
     faults: tuple[str, ...]
 
     @property
@@ -144,25 +151,32 @@ def measure(result: ArmResult) -> Measures:
         turbulent_s=sum(leg.turbulent_s for leg in legs),
         others=result.others,
         unfinished=result.unfinished,
+        teleports=result.teleports,
+        collisions=result.collisions,
+        emergency_stops=result.emergency_stops,
+        safety=result.safety,
         faults=faults(result),
     )
 
 
 def faults(result: ArmResult) -> tuple[str, ...]:
-    """Faults that make an arm invalid: gridlock, teleports, collisions, emergency stops, an order
-    that was served twice.
+    """Faults that make an arm invalid: gridlock, collisions, emergency stops and teleports, the
+    fleet's first, an order that was served twice.
     """
-    found = []
+    found, own = [], result.safety
     if result.gridlock_s is not None:
         found.append(f"gridlock at {clock(result.gridlock_s)}")
     for count, what in (
-        (result.teleports, "teleport"),
-        (result.collisions, "collision"),
-        (result.emergency_stops, "emergency stop"),
-        (result.served_again, "second service"),
+        (own.collisions, "collision% of the fleet"),
+        (own.emergency_stops, "emergency stop% of the fleet"),
+        (own.teleports, "teleport% of the fleet"),
+        (result.collisions - own.collisions, "collision% of others"),
+        (result.emergency_stops - own.emergency_stops, "emergency stop% of others"),
+        (result.teleports - own.teleports, "teleport% of others"),
+        (result.served_again, "second service%"),
     ):
-        if count:
-            found.append(f"{count} {what}{'s' if count > 1 else ''}")
+        if count > 0:
+            found.append(f"{count} {what.replace('%', 's' if count > 1 else '')}")
     if not any(service.begun_s is not None for service in result.services) or not result.legs:
         found.append("no order was served")
     return tuple(found)

@@ -37,6 +37,7 @@ from slipstream_lab.simulation.evaluation.report.tables import (
     energy_table,
     losses_table,
     parts_table,
+    safety_table,
     waits_table,
 )
 from slipstream_lab.simulation.scenarios.acceptance import clock
@@ -57,6 +58,7 @@ def report(
         parts_table(evaluation),
         losses_table(evaluation),
         driving_table(evaluation),
+        safety_table(evaluation),
         waits_table(evaluation),
         lever_table(evaluation),
         gating_table(evaluation),

@@ -107,7 +107,8 @@ def day_table(evaluation: Evaluation) -> ReportTable:
         (
             f"{MEANS} A: shortest time, uncoordinated. B: the paper's baseline. C: every lever "
             "but signal priority. C+: every lever. installed: as a dispatcher is set by default. "
-            f"installed+: the same with signal priority. {EQUAL_TIME}",
+            "installed+: the same with signal priority. The vehicles of these two brake as their "
+            f"type does, those of the others are the paper's ideal ones. {EQUAL_TIME}",
             *missing_notes(evaluation, names),
         ),
     )
@@ -235,6 +236,43 @@ def driving_table(evaluation: Evaluation) -> ReportTable:
             "Open gates in turbulence: segments let for platoons while turbulent in truth, summed "
             "over dispatch cycles (the paper: no violation). Others: mean duration of the "
             "background's trips against B's. Unfinished: tours under way at the end.",
+        ),
+    )
+
+
+def safety_table(evaluation: Evaluation) -> ReportTable:
+    """Every arm, refused ones too: what went wrong, the fleet's apart from others'."""
+    rows = []
+    for name, of_seed in evaluation.runs.items():
+        for seed, m in of_seed.items():
+            own, least_m = m.safety, m.safety.least_gap_m
+            pairs = (
+                (own.collisions, m.collisions),
+                (own.emergency_stops, m.emergency_stops),
+                (own.teleports, m.teleports),
+            )
+            rows.append(
+                (
+                    *(name, str(seed)),
+                    *(f"{of_fleet} + {max(0, of_all - of_fleet)}" for of_fleet, of_all in pairs),
+                    *(str(own.promises_broken), number(own.most_over_mps2, 2)),
+                    *(str(own.held_back), number(least_m, 2)),
+                )
+            )
+    return ReportTable(
+        "Safety",
+        (
+            *("arm", "seed", "collisions", "emergency stops", "teleports"),
+            *("promises broken", "by at most, m/s²", "held back, steps", "least gap, m"),
+        ),
+        tuple(rows),
+        arm_rows_source(evaluation),
+        (
+            "Each count: of the fleet + of others, as SUMO has them. Promises broken: times that a "
+            "vehicle began to brake harder than its follower reckons with. Held back: SUMO's own "
+            "check braked a vehicle of a platoon harder than its agent. Least gap: between a "
+            "follower and the vehicle that it followed. Arms other than the installed ones have "
+            "the paper's ideal vehicles.",
         ),
     )
 

@@ -9,13 +9,14 @@ from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
 from typing import Final
 
+from slipstream.braking import Road
 from slipstream.sources import sources_digest
 from slipstream_lab.simulation.closed_loop.policy import AS_DRIVING, WaitingPrices
 from slipstream_lab.simulation.rsus import Rsu
 from slipstream_lab.simulation.scenarios.perception import measured_errors
 from slipstream_lab.simulation.scenarios.scenario import Scenario, SignalControl
 
-FORMAT: Final = 5
+FORMAT: Final = 6
 """Of stored arms. Raise it when the same order gives another result, or means another thing."""
 
 _PACKAGES: Final = (
@@ -54,6 +55,7 @@ class Provenance:
     format: int = FORMAT
     waiting_kw: float | None = None
     standing_kw: float | None = None
+    road: Road = "dry"
 
 
 def provenance_of(
@@ -62,6 +64,7 @@ def provenance_of(
     span_s: tuple[float, float],
     step_s: float,
     prices: WaitingPrices = AS_DRIVING,
+    road: Road = "dry",
 ) -> Provenance:
     """The provenance of a scenario's arms."""
     rsus = scenario.rsus
@@ -79,6 +82,7 @@ def provenance_of(
         step_s,
         waiting_kw=prices.waiting_kw,
         standing_kw=prices.standing_kw,
+        road=road,
     )
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from slipstream.braking import Road
 from slipstream_lab.simulation.closed_loop.arm import STEP_S, ArmSpec, home_by_s, run_arm
 from slipstream_lab.simulation.closed_loop.history_file import save_history
 from slipstream_lab.simulation.closed_loop.history_recording import (
@@ -76,12 +77,13 @@ class World:
         signals: SignalControl,
         span_s: tuple[float, float],
         prices: WaitingPrices = AS_DRIVING,
+        road: Road = "dry",
     ) -> None:
         self._files = files
         self._folder = folder
         self._signals = signals
         self._span_s = span_s
-        self._prices = prices
+        self._prices, self._road = prices, road
         self._scenario = files.load()
         self._lock = threading.Lock()
         self._recording: dict[int, threading.Lock] = {}
@@ -90,7 +92,9 @@ class World:
     @property
     def provenance(self) -> Provenance:
         """What its arms' results depend on."""
-        return provenance_of(self._scenario, self._signals, self._span_s, STEP_S, self._prices)
+        return provenance_of(
+            self._scenario, self._signals, self._span_s, STEP_S, self._prices, self._road
+        )
 
     @property
     def folder(self) -> Path:
@@ -146,6 +150,7 @@ class World:
             step_s=STEP_S,
             database=None if databases is None else databases / f"{policy.name}-{seed}.db",
             prices=self._prices,
+            road=self._road,
         )
         return (run or run_arm)(order, progress)
 
