@@ -3,7 +3,7 @@
 They are measured, not told by agents, and credited for gaps of at most 7.5 m, at 5 m/s and more,
 behind an open gate. By a measured law the reduction is that of the gap in the simulation and of the
 place in the row of vehicles that close up. The paper's is that of the advised gap of 1.5 m: in
-steps of 0.5 s followers keep 3.75 m and more, and the advised gap is given in the evaluation, not
+steps of 0.5 s followers keep 2.4 m and more, and the advised gap is given in the evaluation, not
 in the motion.
 """
 
