@@ -56,7 +56,7 @@ class Signals:
 class Town:
     """An exchange of three vehicles whose clock is set by hand."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, **world: float) -> None:
         self.now_s = 0.0
         self.signals = Signals()
         self.sent: list[Message] = []
@@ -68,6 +68,7 @@ class Town:
             lambda: self.now_s,
             self.sent.append,
             10.0,
+            **world,  # type: ignore[arg-type]
         )
         take = Agent.receive
         town = self
@@ -123,6 +124,36 @@ def test_platoon_messages_reach_those_who_listen_within_the_step(town: Town) -> 
         town.drives("three", "c")
     assert town.heard(PlatoonControl) == {"one": ["two", "two"], "two": ["one"]}
     assert not any(isinstance(m, PlatoonControl | PlatoonManagement) for m in town.sent)
+
+
+def test_copies_are_lost_each_for_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half of what vehicles send each other; what is for the dispatcher is not."""
+    town = Town(monkeypatch, loss=0.5)
+    for vehicle in ("one", "two", "three"):
+        town.exchange.send_plan(plan(segments("ab"), vehicle=vehicle))
+        town.drives(vehicle, "a", 100.0)
+    for step in range(100):
+        town.now_s += 0.1
+        town.drives("one", "a", 100.0 + step)
+    heard = town.heard(PlatoonControl)
+    assert all(30 < heard[name].count("one") < 70 for name in ("two", "three"))
+    assert heard["two"] != heard["three"]
+    assert sum(isinstance(message, PlanAcknowledgement) for message in town.sent) == 3
+
+
+def test_a_late_message_comes_with_the_first_step_after_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """0.12 s take two steps of 0.1 s."""
+    town = Town(monkeypatch, latency_s=0.12)
+    for vehicle in ("one", "two"):
+        town.exchange.send_plan(plan(segments("ab"), vehicle=vehicle))
+    town.drives("two", "a", 100.0)
+    town.drives("one", "a", 200.0)
+    heard = []
+    for _ in range(3):
+        heard.append(len(town.heard(PlatoonControl).get("two", [])))
+        town.now_s += 0.1
+        town.exchange.begin_step()
+    assert heard == [0, 0, 1]
 
 
 def test_the_dispatcher_gets_what_is_for_it(town: Town) -> None:
