@@ -22,6 +22,9 @@ _MIN_SPOT_PX: Final = 12
 _MIN_SPOTS: Final = 3
 _MIN_SHARE: Final = 0.02
 _MORE_THAN_VEHICLES: Final = 0.12
+_REPEAT_LEVELS: Final = 0.12
+"""Mean change of a repeated picture, encoded again, at most; a fixed real camera's are 0.19 and
+more."""
 
 
 class BareRoad:
@@ -41,6 +44,17 @@ class BareRoad:
         """Forget all: the next frame may show another scene."""
         self._seen = np.zeros(self._road.shape, np.float32)
         self._levels = np.zeros(self._road.shape, np.float32)
+        self._last: Grey | None = None
+
+    def repeats(self, small: Grey) -> bool:
+        """Whether a sample shows the road of the one before once more: what moves stands in it, and
+        would look like trails now, and like road in a while.
+        """
+        last, self._last = self._last, small
+        if last is None:
+            return False
+        change = cv2.absdiff(small, last)[self._road]
+        return bool(change.sum() < _REPEAT_LEVELS * change.size)
 
     def has_trails(self, small: Grey, changed: Mask, boxes: npt.NDArray[np.float32]) -> bool:
         """Whether a sample shows trails; it is learned from then.

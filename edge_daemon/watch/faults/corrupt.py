@@ -193,7 +193,7 @@ class CorruptJudge(FaultJudge):
         if boxes is not None:
             self._background.update(sample.small)
             changed = self._background.changed
-            if changed is not None:
+            if not self._bare_road.repeats(sample.small) and changed is not None:
                 found = self._bare_road.has_trails(sample.small, changed, boxes)
                 self._trails.append(found and not self._is_blind())
         seen = sum(self._trails)

@@ -20,6 +20,10 @@ Boxes = npt.NDArray[np.float32]
 GOOD = 40
 NONE = np.zeros((0, 4), np.float32)
 WIDTH_PX, HEIGHT_PX = 60.0, 45.0
+PAINT = np.kron(
+    np.random.default_rng(2).integers(0, 255, (3, 4, 3), np.uint8), np.ones((15, 15, 1), np.uint8)
+)
+"""What a vehicle of that size looks like."""
 
 
 @pytest.fixture(autouse=True)
@@ -190,13 +194,14 @@ def test_a_long_stand_does_not_become_road(road: Road) -> None:
     """The road was known, then a queue stood for three minutes, and drives off."""
     change, boxes = parked(road, 5)
     watch = Watch(road.camera, WatchSettings())
-    picture = {queue: road.seen(0, change if queue else None) for queue in (True, False)}
-    noise = [road.seen(n) for n in range(3)]
+    pictures = {
+        queue: [road.seen(n, change if queue else None) for n in range(3)]
+        for queue in (True, False)
+    }
     said = set()
     for n in range(GOOD + 900 + 60):
         stands = GOOD <= n < GOOD + 900
-        image = picture[True].copy() if stands else noise[n % 3]
-        image[n % 720] = noise[n % 3][n % 720]  # something changes, or it would be frozen
+        image = pictures[stands][n % 3]
         said.add(watch.look(at(n * EVERY_S, image), boxes if stands else NONE))
     assert "corrupt" not in said
 
@@ -245,6 +250,31 @@ def test_a_frozen_picture_that_moves_again_is_none(road: Road) -> None:
     said = faults(road, None, boxes, GOOD + 70)
     assert "frozen" in said
     assert said[-1] is None
+
+
+@pytest.mark.long
+def test_vehicles_in_a_frozen_picture_become_neither_trails_nor_road(road: Road) -> None:
+    """The detector misses them in the very picture that freezes, after 8 s of learning. When it
+    moves again the fault ends within 2.2 s, and none is left behind.
+    """
+    begin, end = GOOD, GOOD + 50
+    boxes = driving(road, lambda _: 15.0)
+
+    def traffic(picture: Picture, time_s: float) -> Picture:
+        picture = picture.copy()
+        for left, top, right, bottom in boxes(round(time_s / EVERY_S)).astype(int).tolist():
+            picture[top:bottom, left:right] = PAINT
+        return picture
+
+    watch = Watch(road.camera, WatchSettings())
+    still, said = road.seen(begin, traffic), []
+    for n in range(end + 75):
+        freezes = begin <= n < end
+        picture = still if freezes else road.seen(n, traffic)
+        said.append(watch.look(at(n * EVERY_S, picture), NONE if freezes else boxes(n)))
+    assert set(said[:begin]) == {None}
+    assert set(said[begin:end]) == {None, "frozen"}
+    assert set(said[end + round(2.2 / EVERY_S) :]) == {None}
 
 
 @pytest.mark.long
