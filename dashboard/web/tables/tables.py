@@ -220,7 +220,8 @@ class PageTables:
         known, self._orders = self._orders, {}
         same = len(known) == min(len(shown), rows.MAX_ORDERS)
         for order in shown[: rows.MAX_ORDERS]:
-            name, by = order.order, serving.get(order.vehicle or "")
+            # One that has ended is judged by no vehicle, whose plan may change each few seconds.
+            name, by = order.order, None if order.ended else serving.get(order.vehicle or "")
             before = known.get(name)
             # Orders and plans are replaced, never changed.
             if (

@@ -449,6 +449,20 @@ def test_orders_are_judged_by_the_clock(tables, world, now_ns):
     assert (served["level"], served["late_since"], served["late_s"]) == ("ok", None, 0)
 
 
+def test_the_row_of_an_order_that_has_ended_stays_the_same_object(tables, world, now_ns):
+    """Whatever its vehicle does next: a day's rows are not made anew with each plan."""
+    carried = _order("c1", "van-a", now_ns)
+    ended = replace(carried, order="c2", state="served")
+    seen = []
+    for cycle in (3, 4):
+        plans = {"van-a": world.plan("van-a", cycle, now_ns + cycle * S)}
+        snapshot = _snapshot(world, now_ns, plans=plans, orders=(carried, ended))
+        tables.update(snapshot, now_ns)
+        seen.append(tables.moment["orders"])
+    assert seen[0]["c2"] is seen[1]["c2"]
+    assert seen[0]["c1"] is not seen[1]["c1"]
+
+
 def test_an_order_whose_arrival_has_passed_is_late(tables, world, now_ns):
     """Also one of a vehicle that was never heard, and one without a window."""
     plan = world.plan("van-a", 3, now_ns)
