@@ -66,7 +66,6 @@ faster than trucks, which would else pass it."""
 SLOWING_SHARE: Final = 0.9
 """Of the deceleration by coasting, with which it does so."""
 
-_FAST_MPS: Final = 60.0
 _SOFTEST_SHARE: Final = 0.001
 
 
@@ -127,22 +126,20 @@ def front_limit_mps2(
 ) -> float:
     """The hardest braking of the vehicle ahead with which a gap is enough at every speed, m/s².
 
-    It is above 0: for a gap that none is soft enough for, next to no braking.
+    It is above 0: for a gap that none is soft enough for, next to no braking. It is half of what
+    the follower's brake guarantees at most: its own emergency brake, which acts where its agent
+    does not, begins later than that.
 
     Args:
         gap_m: that the follower wants to keep.
         own_limit_mps2: that the follower has promised to its own follower; None: it has none.
     """
-    room_m = gap_m - STANDING_M - GAP_ERROR_M
     b, rho, u = rear.guaranteed_mps2, reaction_s(rear, interval_s), SPEED_ERROR_MPS
-    low, high = _SOFTEST_SHARE * b, b
-    for _ in range(40):
-        middle = (low + high) / 2
-        if closing_m(_FAST_MPS, _FAST_MPS + u, middle, b, rho) <= room_m:
-            low = middle
-        else:
-            high = middle
-    return low if own_limit_mps2 is None else min(low, own_limit_mps2 / LIMIT_RATIO)
+    room_m = gap_m - STANDING_M - GAP_ERROR_M - u * rho
+    # The first line of the module's formula, solved for a: its squares cancel.
+    limit = (2 * b * room_m - u * u) / (b * rho * rho + 2 * room_m + 2 * u * rho)
+    limit = max(_SOFTEST_SHARE * b, min(limit, b / 2)) if room_m > 0 else _SOFTEST_SHARE * b
+    return limit if own_limit_mps2 is None else min(limit, own_limit_mps2 / LIMIT_RATIO)
 
 
 def promised_mps2(wanted_mps2: float, own: Braking) -> float:

@@ -43,9 +43,6 @@ _NotNegative = Annotated[float, Field(ge=0, le=1e6, allow_inf_nan=False)]
 _Share = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
 
 
-_CAR_BRAKING: Final = BRAKING["car"].on(UNKNOWN_ROAD)
-
-
 @dataclass(frozen=True)
 class RoutingProfile:
     """What of a vehicle decides by which ways it goes, and at what cost.

@@ -191,7 +191,7 @@ class DispatcherSettings(TunedSettings):
         default=ADVISED_GAP_M,
         gt=0,
         allow_inf_nan=False,
-        description="Gap advised to followers, m; they keep a larger one where their brakes ask for "
+        description="Gap advised to followers, m; they keep a larger one where their brakes need "
         "it.",
     )
     advice: AdviceSettings = Field(

@@ -246,13 +246,13 @@ def test_the_least_gap_is_monotone(
 def test_a_limit_is_the_hardest_braking_that_a_gap_allows(
     gap_m: float, rear: Braking, speed_mps: float
 ) -> None:
-    """At every speed, and at the highest one nothing is left: gap and limit are inverse."""
+    """At every speed; where it is so high that nobody stands before, gap and limit are inverse."""
     limit = front_limit_mps2(gap_m, rear)
     assume(limit > 0.002 * rear.guaranteed_mps2)
-    assert 0 < limit <= rear.guaranteed_mps2
+    assert 0 < limit <= rear.guaranteed_mps2 / 2
     assert least_gap_m(speed_mps, limit, rear) <= gap_m + 1e-6
-    if limit < 0.999 * rear.guaranteed_mps2:
-        assert least_gap_m(60.0, limit, rear) == pytest.approx(gap_m, abs=1e-5)
+    if limit < 0.499 * rear.guaranteed_mps2:
+        assert least_gap_m(1e5, limit, rear) == pytest.approx(gap_m, abs=1e-4)
 
 
 @pytest.mark.slow

@@ -289,6 +289,8 @@ class Platooning:
         driver would let it come. There its own model brakes as hard as a vehicle can, and a command
         would not be bound to that.
         """
+        if not s.sensing_in_time:
+            return False
         if self._kept is not None:
             return True
         calm = not self._member.is_just_alone(s.now_ns)

@@ -49,6 +49,7 @@ _GAIN_PER_S: Final = 0.4
 _LEADERS_SHARE: Final = 0.6
 _OPENING_MPS: Final = 1.0
 _OPENING_MPS2: Final = 1.5
+_OWN_MPS2: Final = 1.0
 _APPROACH_MPS: Final = 0.5
 _EXTRA_BRAKING_MPS2: Final = 1.0
 _MIN_GAP_M: Final = 0.5
@@ -98,6 +99,11 @@ class Own:
         return 1 / self.interval_s if nominal_s <= 0 else min(1 / self.interval_s, 0.5 / nominal_s)
 
     @property
+    def comfortable_mps2(self) -> float:
+        """Deceleration to command for a comfortable one, as its brake may do more."""
+        return COMFORTABLE_MPS2 / (1 + self.braking.error)
+
+    @property
     def coasting_mps2(self) -> float:
         """Its deceleration without traction and brake."""
         return coasting_mps2(self.speed_mps, self.vehicle)
@@ -133,7 +139,7 @@ def following_mps2(own: Own, ahead: AheadMotion, wanted_m: float) -> float:
     """Acceleration of a follower. Far behind, it closes up no faster than it can slow down again by
     coasting, so that the energy put into catching up is not braked away, and brakes no more than it
     must. A gap that is too small opens by 1 m/s, and no harder than with 1.5 m/s². More than a
-    comfortable deceleration, or the told one, is left to `needed_mps2`.
+    comfortable deceleration, or 1 m/s² beyond the told one, is left to `needed_mps2`.
 
     Args:
         wanted_m: g*.
@@ -148,7 +154,7 @@ def following_mps2(own: Own, ahead: AheadMotion, wanted_m: float) -> float:
         reference_mps += _LEADERS_SHARE * (ahead.leader_mps - ahead.speed_mps)
     gain = own.gain_per_s
     feedback = gain * (reference_mps - own.speed_mps) + max(gain * drift_mps, -_OPENING_MPS2)
-    a = max(ahead.feed_mps2 + feedback, min(ahead.feed_mps2, -COMFORTABLE_MPS2))
+    a = max(ahead.feed_mps2 + feedback, min(ahead.feed_mps2 - _OWN_MPS2, -own.comfortable_mps2))
     if error_m > 0:
         if error_m > wanted_m:
             slowing = ahead.slowing_mps2

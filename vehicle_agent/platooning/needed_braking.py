@@ -15,6 +15,7 @@ Who is heard tells its braking. Of who is not, sensing tells it: its speed has f
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass
 from typing import Final
@@ -91,15 +92,15 @@ def braking_mps2(speed_mps: float, front_mps: float, front_mps2: float, room_m: 
 
 
 class Evidence:
-    """Whether the vehicle ahead brakes harder than it tells, by what the own sensors have seen."""
+    """What the own sensors have seen of the braking of the vehicle ahead in the last 0.3 s."""
 
     def __init__(self) -> None:
         self._track: str | None = None
-        self._samples: deque[tuple[int, float]] = deque(maxlen=8)
+        self._samples: deque[tuple[int, float, float]] = deque(maxlen=8)
         self._until_ns, self._told_mps2 = 0, 0.0
 
     def update(self, time_ns: int, track: str | None, ahead_mps: float, told_mps2: float) -> bool:
-        """Take a sample; whether it brakes harder.
+        """Take a sample; whether it brakes harder than it tells.
 
         Args:
             time_ns: of the sample.
@@ -115,10 +116,20 @@ class Evidence:
         if not samples or time_ns > samples[-1][0]:
             # What it told before explains a part of what its speed has fallen by since.
             told_mps = self._told_mps2 * (time_ns - samples[-1][0]) / 1e9 if samples else 0.0
-            for number, (then_ns, mps) in enumerate([*samples]):
-                samples[number] = then_ns, mps - told_mps
-            samples.append((time_ns, ahead_mps))
+            for number, (then_ns, mps, explained) in enumerate([*samples]):
+                samples[number] = then_ns, mps, explained - told_mps
+            samples.append((time_ns, ahead_mps, ahead_mps))
+            while samples[0][0] < time_ns - _WITHIN_NS:
+                samples.popleft()
         self._told_mps2 = told_mps2
-        if max(s[1] for s in samples if s[0] >= time_ns - _WITHIN_NS) - ahead_mps > EVIDENT_MPS:
+        if max(explained for _, _, explained in samples) - ahead_mps > EVIDENT_MPS:
             self._until_ns = time_ns + _HOLDS_NS
         return time_ns < self._until_ns
+
+    @property
+    def most_mps2(self) -> float:
+        """The acceleration that it has at most, by its speeds and their errors."""
+        seconds = (self._samples[-1][0] - self._samples[0][0]) / 1e9 if self._samples else 0.0
+        if seconds <= 0:
+            return math.inf
+        return (self._samples[-1][1] - self._samples[0][1] + EVIDENT_MPS) / seconds

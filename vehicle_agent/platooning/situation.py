@@ -25,6 +25,7 @@ _MAX_GAP_M: Final = 1e4
 _MAX_ADVISED_GAP_M: Final = 50.0
 _MAX_ACCELERATION_MPS2: Final = 3.0
 _MIN_DESIRED_MPS: Final = 0.1
+_PARTING_MPS: Final = 0.5
 
 MAX_SENSING_AGE_NS: Final = 300_000_000
 """With older sensing of its own a vehicle leaves its platoon: two samples in a row were lost."""
@@ -173,11 +174,14 @@ def look(
     if ahead is not None:
         motion = ahead_motion(ahead, late_s, moved_m, partner, age_s, own, now_ns)
         leader = None if partner is None else neighbours.fresh(partner.leader, now_ns)
-        if leader is not None and partner is not None and partner.leader != partner.vehicle:
+        led = partner is not None and partner.leader != partner.vehicle
+        if leader is not None and led and partner is not None and partner.mode == "following":
             motion = _led(motion, *leader, interval_s)
         tells = max(motion.slowing_mps2, -(motion.trend_mps2 or 0.0))
         if evidence.update(sensing.time_ns, ahead.track, ahead.speed_mps, tells):
             motion = replace(motion, slowing_mps2=motion.bound_mps2, trend_mps2=None)
+        elif motion.trend_mps2 is not None:
+            motion = replace(motion, trend_mps2=min(motion.trend_mps2, evidence.most_mps2))
         aged = replace(braking, sensing_s=max(braking.sensing_s, late_s))
         wanted_m = wanted_gap_m(
             follower.speed_mps, follower.advised_gap_m, motion.bound_mps2, aged, interval_s
@@ -225,10 +229,11 @@ def ahead_motion(
         bound = min(bound, told.greatest_mps2)
         if told.limit_mps2 is not None and own.braking.emergency_brake:
             bound = min(bound, told.limit_mps2)
-        trend = _within(told.acceleration_mps2, -bound, 0.0)
+        trend = _within(told.acceleration_mps2, -own.others_mps2, 0.0)
         planned = planned_mps2(told, age_s, own.interval_s)
         if planned is not None:
-            feed = _within(planned, -bound, _MAX_ACCELERATION_MPS2)
+            # Who breaks its promise tells so.
+            feed = _within(planned, -own.others_mps2, _MAX_ACCELERATION_MPS2)
         slowing = max(0.0, -trend if planned is None else -feed)
     sensed_mps = _within(sensed.speed_mps, 0.0, MAX_SPEED_MPS)
     speed = max(0.0, sensed_mps - slowing * late_s)
@@ -241,27 +246,33 @@ def ahead_motion(
 
 
 def planned_mps2(told: PlatoonControl, age_s: float, interval_s: float) -> float | None:
-    """Acceleration that a vehicle told for now, age_s ago, the last one for one interval more;
-    None: it told none that far ahead.
+    """Acceleration that a vehicle told for now, age_s ago, the last one for one interval more, and
+    braking for as long as it counts as heard; None: it told none that far ahead.
     """
     number, planned = int(age_s / interval_s + 1e-3), told.planned_mps2
-    return planned[min(number, len(planned) - 1)] if planned and number <= len(planned) else None
+    if not planned or (number > len(planned) and planned[-1] >= 0):
+        return None
+    return planned[min(number, len(planned) - 1)]
 
 
 def _led(
     motion: AheadMotion, leader: PlatoonControl, age_s: float, interval_s: float
 ) -> AheadMotion:
-    """The same with what the leader of the platoon drives, where it told so far ahead."""
+    """The same with what the leader of the platoon drives, where it told so far ahead and the
+    vehicle directly ahead is not about to part from it.
+    """
     planned = planned_mps2(leader, age_s, interval_s)
     if planned is None:
         return motion
-    feed = _within(planned, -motion.bound_mps2, _MAX_ACCELERATION_MPS2)
     driven = leader.planned_mps2[: round(age_s / interval_s)]
     then_mps = leader.speed_mps + sum(driven) * interval_s
+    if motion.speed_mps < then_mps - _PARTING_MPS:
+        return motion
+    feed = _within(planned, -motion.bound_mps2, _MAX_ACCELERATION_MPS2)
     return replace(
         motion,
         feed_mps2=feed,
-        slowing_mps2=max(0.0, -feed),
+        slowing_mps2=max(motion.slowing_mps2, -feed),
         leader_mps=_within(then_mps, 0.0, MAX_SPEED_MPS),
     )
 

@@ -63,6 +63,8 @@ def commanded(
     if mode == "alone":
         return None
     s, own, ahead = situation, situation.own, situation.motion
+    if not s.sensing_in_time:  # blind, it brakes as the leader tells, and comfortably at least
+        return _command(s, min(0.0 if ahead is None else ahead.feed_mps2, -own.comfortable_mps2))
     if ahead is None:
         a = 0.0
         if front is not None and front.announced_mps < own.speed_mps:
@@ -79,6 +81,8 @@ def commanded(
         needed = needed_mps2(ahead, own.speed_mps, own.then_mps, own.braking.response_s)
         if needed > max(_least_needed_mps2(ahead, limit_mps2), -a):
             a = -needed
+        if ahead.gap_m < AIM_M and own.speed_mps >= ahead.speed_mps:
+            a = min(a, -ahead.slowing_mps2 - COMFORTABLE_MPS2)
     return _command(s, a)
 
 

@@ -1,4 +1,4 @@
-"""One vehicle of a platoon: its actuators, its own emergency brake, and its agent's platooning."""
+"""One vehicle of a platoon: its body, its own emergency brake, and its agent's platooning."""
 
 from __future__ import annotations
 
@@ -10,42 +10,42 @@ from typing import Final
 
 from slipstream.braking import Braking
 from slipstream.energy.traction import PAPER_CAR
-from slipstream.messages import PlannedSegment
+from slipstream.messages import PlannedSegment, SensedVehicle, VehicleSensing
 from vehicle_agent.leg import Leg, VehicleState
-from vehicle_agent.platooning import COMFORTABLE_MPS2, OwnVehicle, Platooning
-from vehicle_agent.platooning.needed_braking import AheadMotion, needed_mps2
+from vehicle_agent.platooning import COMFORTABLE_MPS2, OwnVehicle, Platooning, PlatoonStep
+from vehicle_agent.platooning.gap_control import IDM, Own
+from vehicle_agent.platooning.needed_braking import AIM_M, AheadMotion, needed_mps2
 
 LENGTH_M: Final = 4.6
 STEP_S: Final = 0.02
 INTERVAL_S: Final = 0.1
-VALID_S: Final = 0.25
+_VALID_S: Final = 0.25
 _OWN_SENSING_S: Final = 0.1
-_ACCELERATION_MPS2: Final = 1.8
+_IMMINENT_SHARE: Final = 0.6
+"""Of full braking: from there on its own emergency brake overrules advice."""
+
+_STANDING_GAP_M: Final = 1.0
 
 
 def road(limit_mps: float) -> Leg:
-    """Ten kilometres of a road without signals, all gates open."""
-    names = "abcdefghij"
-    return Leg(
-        1,
-        0,
-        tuple(
-            PlannedSegment(
-                segment=name,
-                entry_ns=0,
-                exit_ns=0,
-                speed_mps=limit_mps,
-                platoon="p",
-                place=1,
-                gap_m=None,
-                leg=0,
-                length_m=1000.0,
-                speed_limit_mps=limit_mps,
-                lanes=1,
-            )
-            for name in names
-        ),
-    )
+    """Ten kilometres of a road without signals."""
+    segments = [
+        PlannedSegment(
+            segment=name,
+            entry_ns=0,
+            exit_ns=0,
+            speed_mps=limit_mps,
+            platoon="p",
+            place=1,
+            gap_m=None,
+            leg=0,
+            length_m=1000.0,
+            speed_limit_mps=limit_mps,
+            lanes=1,
+        )
+        for name in "abcdefghij"
+    ]
+    return Leg(1, 0, tuple(segments))
 
 
 @dataclass(frozen=True)
@@ -83,11 +83,15 @@ class Body:
 
 @dataclass
 class Vehicle:
-    """A vehicle on the road.
+    """A vehicle on the road, with its agent.
 
     Attributes:
+        braking: as declared.
         place_m: of its front.
-        advised: acceleration, and until when it holds; None: its driver drives it.
+        phase_s: of its agent's steps within their interval.
+        agent_ends_s: when its agent dies.
+        hardest_mps2: lowest acceleration so far.
+        was_close: whether it has followed; before, it drives on behind the one ahead.
     """
 
     name: str
@@ -98,40 +102,70 @@ class Vehicle:
     speed_mps: float
     others_mps2: float
     phase_s: float
-    agent_dies_s: float = float("inf")
+    agent_ends_s: float = float("inf")
     acceleration_mps2: float = 0.0
-    mode: str = "alone"
-    advised: tuple[float, float] | None = None
     hardest_mps2: float = 0.0
+    last: PlatoonStep | None = None
+    was_close: bool = False
     platooning: Platooning = field(init=False)
+    _until_s: float = 0.0
     _pipeline: deque[float] = field(init=False)
-    _past: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=16))
+    _seen: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=16))
 
     def __post_init__(self) -> None:
         own = OwnVehicle(PAPER_CAR, self.braking, self.others_mps2, INTERVAL_S, 1.0, "paper")
         self.platooning = Platooning(self.name, LENGTH_M, own)
-        self._pipeline = deque([0.0] * max(1, round(self.body.dead_s / STEP_S)))
+        self._pipeline = deque([0.0] * round(self.body.dead_s / STEP_S))
 
-    def state(self, place_m: float, speed_mps: float, acceleration_mps2: float) -> VehicleState:
+    @property
+    def mode(self) -> str:
+        """As its agent said last."""
+        return "alone" if self.last is None else self.last.mode
+
+    def state(self) -> VehicleState:
         """Where it is on its leg."""
-        number = bisect_right(self.leg.begins_m, place_m) - 1
-        front_m = place_m - self.leg.begins_m[number]
+        number = bisect_right(self.leg.begins_m, self.place_m) - 1
+        front_m = self.place_m - self.leg.begins_m[number]
         return VehicleState(
-            self.leg.path[number], number, False, 0, front_m, speed_mps, acceleration_mps2
+            *(self.leg.path[number], number, False, 0, front_m),
+            *(self.speed_mps, self.acceleration_mps2),
         )
 
+    def sensing(
+        self, now_ns: int, ahead: SensedVehicle | None, behind: SensedVehicle | None
+    ) -> VehicleSensing:
+        """What it measures of itself, and of others as given."""
+        state = self.state()
+        return VehicleSensing(
+            vehicle=self.name,
+            time_ns=now_ns,
+            on_road=True,
+            segment=state.segment,
+            crossing=False,
+            lane=0,
+            front_m=state.front_m,
+            speed_mps=self.speed_mps,
+            acceleration_mps2=self.acceleration_mps2,
+            driven_m=0.0,
+            ahead=ahead,
+            behind=behind,
+        )
+
+    def take(self, step: PlatoonStep, now_s: float) -> None:
+        """Its agent's advice."""
+        self.last, self._until_s = step, now_s + _VALID_S
+        self.was_close |= step.mode != "alone"
+
     def move(self, now_s: float, gap_m: float, ahead_mps: float) -> None:
-        """One step of its body: the agent's command, or its own control where none holds."""
-        wanted = self._own_control(now_s, gap_m, ahead_mps)
-        if self.body.dead_s >= STEP_S / 2:
-            self._pipeline.append(wanted)
-            wanted = self._pipeline.popleft()
+        """One step of its body, by its agent's advice or its own control."""
+        self._seen.append((gap_m, ahead_mps))
+        wanted = self._wanted_mps2(now_s)
+        self._pipeline.append(wanted)
+        wanted = self._pipeline.popleft()
         if wanted < 0:
             wanted = max(wanted * self.body.share, -self.body.full_mps2)
-        if self.body.lag_s > STEP_S:
-            self.acceleration_mps2 += (wanted - self.acceleration_mps2) * STEP_S / self.body.lag_s
-        else:
-            self.acceleration_mps2 = wanted
+        rate = min(1.0, STEP_S / self.body.lag_s) if self.body.lag_s > 0 else 1.0
+        self.acceleration_mps2 += (wanted - self.acceleration_mps2) * rate
         before = self.speed_mps
         self.speed_mps = max(0.0, before + self.acceleration_mps2 * STEP_S)
         if self.speed_mps == 0.0:
@@ -139,20 +173,42 @@ class Vehicle:
         self.place_m += (before + self.speed_mps) / 2 * STEP_S
         self.hardest_mps2 = min(self.hardest_mps2, self.acceleration_mps2)
 
-    def _own_control(self, now_s: float, gap_m: float, ahead_mps: float) -> float:
-        if self.advised is None:
+    def _wanted_mps2(self, now_s: float) -> float:
+        step = self.last
+        if step is None:
             return 0.0
-        mps2, until_s = self.advised
-        self._past.append((gap_m, ahead_mps))
-        if now_s <= until_s:
-            return mps2
-        # No advice: the stated deceleration, and its own emergency brake.
-        late = min(len(self._past), round(_OWN_SENSING_S / STEP_S) + 1)
-        gap_m, ahead_mps = self._past[-late]
-        before_mps = self._past[-min(len(self._past), late + 10)][1]
-        slowing = max(0.0, (before_mps - ahead_mps) / (10 * STEP_S))
+        if now_s <= self._until_s and step.acceleration_mps2 is not None:
+            emergency = self._emergency_mps2()
+            imminent = emergency > _IMMINENT_SHARE * self.braking.guaranteed_mps2
+            return min(step.acceleration_mps2, -emergency) if imminent else step.acceleration_mps2
+        if step.mode == "alone":
+            return self._driver_mps2() if self.name == "v0" or self.was_close else 0.0
+        # No advice any more: the stated deceleration, and its own emergency brake.
+        return -max(COMFORTABLE_MPS2, self._emergency_mps2())
+
+    def _emergency_mps2(self) -> float:
+        """Of its own emergency brake, which senses ten times a second."""
+        seen = [*self._seen]
+        late = min(len(seen), round(_OWN_SENSING_S / STEP_S) + 1)
+        gap_m, ahead_mps = seen[-late]
+        span = min(len(seen) - late, 10)
+        slowing = max(0.0, seen[-late - span][1] - ahead_mps) / max(span * STEP_S, STEP_S)
+        if gap_m < AIM_M and self.speed_mps > ahead_mps:
+            return self.braking.guaranteed_mps2
         gap_m -= max(0.0, self.speed_mps - ahead_mps) * _OWN_SENSING_S
-        ahead = AheadMotion(gap_m, ahead_mps, slowing)
         then_mps = max(0.0, self.speed_mps + self.acceleration_mps2 * self.braking.nominal_s)
-        needed = needed_mps2(ahead, self.speed_mps, then_mps, self.braking.response_s)
-        return -max(COMFORTABLE_MPS2, min(needed, self.braking.guaranteed_mps2))
+        needed = needed_mps2(
+            AheadMotion(gap_m, ahead_mps, slowing),
+            *(self.speed_mps, then_mps, self.braking.response_s),
+        )
+        return min(needed, self.braking.guaranteed_mps2)
+
+    def _driver_mps2(self) -> float:
+        """A driver who has the vehicle alone: follows as drivers do, and brakes in an emergency."""
+        gap_m, ahead_mps = self._seen[-1]
+        if gap_m < _STANDING_GAP_M and self.speed_mps >= ahead_mps:
+            return -COMFORTABLE_MPS2
+        wish_mps = self.leg.limits_mps[0]
+        own = Own(self.speed_mps, wish_mps, wish_mps, 2.0, INTERVAL_S, PAPER_CAR, self.braking)
+        follows = IDM.acceleration_to_mps2(own, gap_m, ahead_mps)
+        return max(-self.braking.guaranteed_mps2, min(follows, -self._emergency_mps2()))

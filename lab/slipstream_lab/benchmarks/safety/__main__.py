@@ -1,0 +1,132 @@
+"""`python -m slipstream_lab.benchmarks.safety`: exit status 0 if no vehicle touches another one."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict
+from pathlib import Path
+from typing import Final
+
+from slipstream.errors import InputError
+from slipstream_cli.progress import ProgressLine
+from slipstream_lab.benchmarks.aims import Check, Load, check_table, machine
+from slipstream_lab.benchmarks.command import Measured, report, start
+from slipstream_lab.benchmarks.safety.campaign import Tally, drawn, run, worst_of
+
+_SHARES: Final[Mapping[str, float]] = {
+    "none": 0.37,
+    "calm": 0.03,
+    "agent": 0.2,
+    "router": 0.2,
+    "sensor": 0.2,
+}
+"""Of the stops, by what fails."""
+_GENERATIONS: Final = 10
+_OFFSPRING: Final = 12
+_SEARCHED: Final = 10_000
+_FEWEST: Final = 50
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the campaign."""
+    parser = argparse.ArgumentParser(
+        prog="python -m slipstream_lab.benchmarks.safety",
+        description="Emergency stops of platoons, drawn over the declared envelope.",
+    )
+    parser.add_argument("--stops", type=int, default=10_000, help="in all (default 10000)")
+    parser.add_argument("--workers", type=int, default=2, help="processes (default 2)")
+    parser.add_argument("--out", type=Path, default=Path(".slipstream") / "safety")
+    parser.add_argument("--json", action="store_true", help="print the report as JSON")
+    options = parser.parse_args(arguments)
+
+    def measure() -> Measured:
+        if options.stops < _FEWEST:
+            raise InputError("--stops", f"{options.stops} are too few", f"give {_FEWEST} or more")
+        load, done = Load(), 0
+        search = options.stops >= _SEARCHED
+        with (
+            ProgressLine("stopping", sys.stderr) as line,
+            ProcessPoolExecutor(options.workers) as executor,
+        ):
+
+            def progress(stops: int) -> None:
+                nonlocal done
+                done += stops
+                line.update(done, options.stops)
+
+            tallies = {
+                kind: run(kind, round(share * options.stops), executor, progress)
+                for kind, share in _SHARES.items()
+            }
+            found = {
+                kind: worst_of(drawn(7, kind), _GENERATIONS, _OFFSPRING, executor)
+                for kind in _SHARES
+                if search and kind != "calm"
+            }
+        checks = _checks(tallies, {kind: least for kind, (least, _) in found.items()})
+        figures = {
+            "machine": machine(),
+            **load.figures(),
+            "kinds": {kind: _figures(tally) for kind, tally in tallies.items()},
+            "search": {k: {"least_m": m, "case": asdict(case)} for k, (m, case) in found.items()},
+        }
+        options.out.mkdir(parents=True, exist_ok=True)
+        (options.out / "report.json").write_text(json.dumps(figures, indent=1), encoding="utf-8")
+        lines = ["# Emergency stops of platoons", "", *check_table(checks), "", *_table(tallies)]
+        (options.out / "report.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        return Measured(options.out, checks)
+
+    return report("safety", measure, as_json=options.json)
+
+
+def _checks(tallies: Mapping[str, Tally], searched: Mapping[str, float]) -> list[Check]:
+    checks = []
+    for kind, tally in tallies.items():
+        name = {"none": "no fault", "calm": "nobody brakes"}.get(kind, f"{kind} fails")
+        touched = len(tally.collisions) + len(tally.traffic)
+        checks.append(Check(f"collisions, {name}", f"{touched} of {tally.stops}", "0", not touched))
+    calm = -tallies["calm"].hardest_mps2
+    checks.append(Check("hardest, nobody brakes", f"{calm:.2f} m/s²", "≤ 2.5", calm <= 2.5))
+    for kind, least_m in searched.items():
+        checks.append(Check(f"least gap searched, {kind}", f"{least_m:.2f} m", "> 0", least_m > 0))
+    return checks
+
+
+def _figures(tally: Tally) -> dict[str, object]:
+    return {
+        "stops": tally.stops,
+        "followers": tally.followers,
+        "members": tally.members,
+        "mean_gap_m": tally.gap_sum_m / max(1, tally.members),
+        "least_m": tally.least_m,
+        "leader_broke_promise": tally.broken,
+        "hardest_mps2": tally.hardest_mps2,
+        "collisions": [{"impact_mps": m, **asdict(case)} for m, case in tally.collisions[:20]],
+        "traffic": [asdict(case) for case in tally.traffic[:20]],
+    }
+
+
+def _table(tallies: Mapping[str, Tally]) -> list[str]:
+    rows = [
+        "| fails | stops | followed | mean gap, m | least gap, m | members touched (m/s) | leader "
+        "touched traffic | leader broke its promise |",
+        "|---|--:|--:|--:|--:|--:|--:|--:|",
+    ]
+    for kind, tally in tallies.items():
+        hit = f"{len(tally.collisions)}"
+        if tally.collisions:
+            hit += f" ({tally.collisions[0][0]:.1f})"
+        share = tally.followers / max(1, tally.members)
+        rows.append(
+            f"| {kind} | {tally.stops} | {share:.1%} | {tally.gap_sum_m / tally.members:.2f} | "
+            f"{tally.least_m:.2f} | {hit} | {len(tally.traffic)} | {tally.broken} |"
+        )
+    return rows
+
+
+if __name__ == "__main__":
+    start(main)
