@@ -20,6 +20,7 @@ from slipstream.messages import (
     RsuHealth,
     SegmentState,
     StoppedVehicles,
+    Unserved,
     VehiclePlan,
     VehiclePosition,
     decode,
@@ -49,8 +50,8 @@ class Snapshot:
     Attributes:
         followed: the plan that each vehicle last reported to follow; it may be older than its
             latest one.
-        cycles: reports in ascending order of their numbers; only the last one has its solvers
-            and gates.
+        cycles: reports in ascending order of their numbers; only the last one has its solvers,
+            gates and the orders that it leaves unserved.
         cycle_failed_ns: UTC of the last increase of its count of failed cycles.
         flag_since: UTC since when each state's flag is what it is, by segment and RSU.
         has_database: whether there is one; True until it was looked for.
@@ -184,7 +185,7 @@ class LiveData:
                 del self._cycles[number]
             # In a city each report has hundreds of gates; only those of the last one are shown.
             for number in sorted(self._cycles)[:-1]:
-                self._cycles[number] = _without_details(self._cycles[number])
+                self._cycles[number] = without_details(self._cycles[number])
 
     def set_drafting(self, saved_kwh: dict[tuple[str, int], float]) -> None:
         """Set what platoons save of the latest stored plans, by vehicle and cycle; those before
@@ -219,7 +220,7 @@ class LiveData:
             return {name: health.segments for name, health in self._rsus.items()}
 
     def _add_cycle(self, report: CycleReport) -> None:
-        if self._cycles.get(report.cycle) in (report, _without_details(report)):
+        if self._cycles.get(report.cycle) in (report, without_details(report)):
             return
         now_ns = self._clock_ns()
         last = self._cycles[max(self._cycles)] if self._cycles else None
@@ -285,11 +286,18 @@ def published_tolerance_s(dispatcher: DispatcherHealth | None) -> float:
     return FUTURE_TOLERANCE_S if tolerance_s is None else tolerance_s
 
 
-def _without_details(report: CycleReport) -> CycleReport:
-    """The report without solvers and gates."""
-    if not (report.solvers or report.gates):
+_NOT_KEPT: Final = Unserved(stop="?", reason="only those of the last cycle are kept")
+
+
+def without_details(report: CycleReport) -> CycleReport:
+    """The report without solvers, gates, and names of the orders that it leaves unserved: these
+    have 1 kB each, and what waits for hours is in each report of it. Their number stays.
+    """
+    names = report.unserved[:1] not in ((), (_NOT_KEPT,))
+    if not (report.solvers or report.gates or names):
         return report
-    return report.model_copy(update={"solvers": (), "gates": ()})
+    unserved = (_NOT_KEPT,) * len(report.unserved)
+    return report.model_copy(update={"solvers": (), "gates": (), "unserved": unserved})
 
 
 def _check_key(key: str, expected: str) -> None:

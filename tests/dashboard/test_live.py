@@ -189,6 +189,21 @@ def test_only_the_last_cycle_is_kept_whole(live, world, now_ns):
         assert len(older.unserved) == 1
 
 
+def test_orders_that_wait_for_hours_are_kept_once(live, world, now_ns):
+    """Each report names them: of older ones their number is kept."""
+    waiting = tuple(Unserved(stop=f"c{k}", reason="no vehicle is free") for k in range(50))
+    for n in range(1, 4):
+        report = world.cycle(n, now_ns - (4 - n) * S).model_copy(update={"unserved": waiting})
+        live.on_cycle(CYCLE_KEY, report.to_bytes())
+    *older, last = live.snapshot().cycles
+    assert last.unserved == waiting
+    assert [len(report.unserved) for report in older] == [50, 50]
+    assert len({id(one) for report in older for one in report.unserved}) == 1
+    known = live.snapshot().cycles
+    live.add_history((), ())
+    assert all(a is b for a, b in zip(known, live.snapshot().cycles, strict=True))
+
+
 @pytest.mark.parametrize(
     ("number", "age_s", "left"),
     [(1, 0, [1]), (9, 0, [8, 9]), (10, 0, [8, 9, 10]), (7, 3, [8, 9, 10])],

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from typing import Final
 
+from dashboard.live import without_details
 from dashboard.web.energy import EnergyBook
 from dashboard.web.past.moment import moment_at, snapshot_at
 from dashboard.web.past.views import ALARMS_BEGAN_S, Facts
@@ -94,7 +95,8 @@ class StoredPast:
         return Known(snapshot, moment_at(facts, snapshot, self._scene), time_ns)
 
     def _read_cycles(self, number: int) -> tuple[CycleReport, ...]:
-        return self._reader.cycles(rows.MAX_CYCLES, before=number + 1, gates=False)
+        cycles = self._reader.cycles(rows.MAX_CYCLES, before=number + 1, gates=False)
+        return (*map(without_details, cycles[:-1]), *cycles[-1:])
 
     def _facts(self, time_ns: int) -> Facts:
         reader = self._reader
