@@ -8,7 +8,7 @@ TRAIN := .venv-train
 MINUTES ?= 5
 PORT ?= 8080
 
-.PHONY: setup run check test test-lab test-long test-all attack coverage mutants lint js format soak chaos bench-perception train train-venv clean bench-accuracy allowances bench-routing bench-quantum bench-world bench-agents bench-service bench-dashboard bench-storage bench-coordination bench-real
+.PHONY: setup run check test test-lab test-long test-all attack coverage mutants lint js format soak chaos safety bench-perception train train-venv clean bench-accuracy allowances bench-routing bench-quantum bench-world bench-agents bench-service bench-dashboard bench-storage bench-coordination bench-real
 
 setup: $(VENV)/.ready
 
@@ -117,6 +117,12 @@ soak: setup
 FAULTS ?= 200
 chaos: setup
 	$(BIN)/python -m slipstream_lab.benchmarks.chaos --faults $(FAULTS)
+
+# STOPS of platoons behind traffic that brakes as hard as it can, over the envelope of
+# docs/safety.md; fails where one vehicle touches another.
+STOPS ?= 10000
+safety: setup
+	$(BIN)/python -m slipstream_lab.benchmarks.safety --stops $(STOPS)
 
 # Speed of the edge beside Ultralytics, two cameras live for MINUTES, memory for MEMORY_MINUTES; all
 # on an idle machine. PEER is a Python that has Ultralytics; without it its rows are left out.

@@ -10,7 +10,7 @@ will be left then, the least constant deceleration b that ends before `AIM_M` is
 It is no more than the guaranteed one where the gap was at least `slipstream.spacing.least_gap_m`.
 
 Who is heard tells its braking. Of who is not, sensing tells it: its speed has fallen by
-`EVIDENT_MPS` more than it told. Then it is taken to brake as hard as it may.
+`EVIDENT_MPS` more than it told. Then it is taken to brake as hard as its speeds allow for.
 """
 
 from __future__ import annotations
@@ -127,9 +127,10 @@ class Evidence:
         return time_ns < self._until_ns
 
     @property
-    def most_mps2(self) -> float:
-        """The acceleration that it has at most, by its speeds and their errors."""
+    def span_mps2(self) -> tuple[float, float]:
+        """Least and largest acceleration that its speeds and their errors allow for."""
         seconds = (self._samples[-1][0] - self._samples[0][0]) / 1e9 if self._samples else 0.0
         if seconds <= 0:
-            return math.inf
-        return (self._samples[-1][1] - self._samples[0][1] + EVIDENT_MPS) / seconds
+            return -math.inf, math.inf
+        change_mps = self._samples[-1][1] - self._samples[0][1]
+        return (change_mps - EVIDENT_MPS) / seconds, (change_mps + EVIDENT_MPS) / seconds

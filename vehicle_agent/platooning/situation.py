@@ -179,9 +179,10 @@ def look(
             motion = _led(motion, *leader, interval_s)
         tells = max(motion.slowing_mps2, -(motion.trend_mps2 or 0.0))
         if evidence.update(sensing.time_ns, ahead.track, ahead.speed_mps, tells):
-            motion = replace(motion, slowing_mps2=motion.bound_mps2, trend_mps2=None)
+            slowing = _within(-evidence.span_mps2[0], motion.slowing_mps2, own.others_mps2)
+            motion = replace(motion, slowing_mps2=slowing, trend_mps2=None)
         elif motion.trend_mps2 is not None:
-            motion = replace(motion, trend_mps2=min(motion.trend_mps2, evidence.most_mps2))
+            motion = replace(motion, trend_mps2=min(motion.trend_mps2, evidence.span_mps2[1]))
         aged = replace(braking, sensing_s=max(braking.sensing_s, late_s))
         wanted_m = wanted_gap_m(
             follower.speed_mps, follower.advised_gap_m, motion.bound_mps2, aged, interval_s

@@ -48,6 +48,7 @@ class Case:
 
     Attributes:
         classes: of the vehicles, front to back.
+        declared: class that all of them are declared as; None: each as it is.
         traffic_mps2: deceleration of the traffic.
         to_mps: speed that it brakes to.
         loss: share of the messages that are lost, for each receiver anew.
@@ -71,6 +72,7 @@ class Case:
     speed_noise_mps: float = 0.05
     corner: float = 0.5
     fault: Fault | None = None
+    declared: BrakingClass | None = None
 
 
 @dataclass(frozen=True)
@@ -122,7 +124,7 @@ class _Run:
             Vehicle(
                 f"v{i}",
                 Body.drawn(own, self.rng, case.corner),
-                own,
+                own if case.declared is None else BRAKING[case.declared].on(case.road),
                 self.leg,
                 100.0 + (count - 1 - i) * (2.5 + LENGTH_M),
                 case.speed_mps,

@@ -12,9 +12,17 @@ from slipstream.braking import Braking
 from slipstream.energy.traction import PAPER_CAR
 from slipstream.messages import PlannedSegment, SensedVehicle, VehicleSensing
 from vehicle_agent.leg import Leg, VehicleState
-from vehicle_agent.platooning import COMFORTABLE_MPS2, OwnVehicle, Platooning, PlatoonStep
-from vehicle_agent.platooning.gap_control import IDM, Own
-from vehicle_agent.platooning.needed_braking import AIM_M, AheadMotion, needed_mps2
+from vehicle_agent.platooning import (
+    AIM_M,
+    COMFORTABLE_MPS2,
+    IDM,
+    AheadMotion,
+    Own,
+    OwnVehicle,
+    Platooning,
+    PlatoonStep,
+    needed_mps2,
+)
 
 LENGTH_M: Final = 4.6
 STEP_S: Final = 0.02
