@@ -273,7 +273,7 @@ def _led(
     return replace(
         motion,
         feed_mps2=feed,
-        slowing_mps2=max(motion.slowing_mps2, -feed),
+        slowing_mps2=max(0.0, -feed),
         leader_mps=_within(then_mps, 0.0, MAX_SPEED_MPS),
     )
 
