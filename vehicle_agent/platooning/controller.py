@@ -42,8 +42,8 @@ from vehicle_agent.platooning.speed_commands import (
 )
 
 _KEPT_NS: Final = 6_000_000_000
-"""A promise holds for so long after its follower was heard last, or until it is seen apart: opening
-a close gap to the one that nobody needs to promise takes as long."""
+"""A promise holds until its follower is seen apart, and for so long after it was heard last where
+it is not seen: opening a close gap to the one that nobody needs to promise takes as long."""
 
 _AGAIN_SHARE: Final = 1.1
 """Of the gap that a leader needs: so large it has to be before it promises anew."""
@@ -78,6 +78,7 @@ class Platooning:
         self._recent: deque[float] = deque(maxlen=8)
         self._plan: tuple[float, ...] = ()
         self._kept: tuple[float, int] | None = None
+        self._kept_for: str | None = None
         self._promises = False
         self._now_ns = self._look_ns = 0
         self._requests: dict[str, PlatoonManagement] = {}
@@ -256,17 +257,15 @@ class Platooning:
 
     def _keep_promise(self, s: Situation) -> None:
         """What the follower needs, if there is one, holds until it is apart."""
-        needs = [
-            one.needs_mps2
-            for one in self._platoon
-            if one.ahead == self._vehicle and one.needs_mps2 is not None
-        ]
+        direct = [one for one in self._platoon if one.ahead == self._vehicle]
+        needs = [(one.needs_mps2, one.vehicle) for one in direct if one.needs_mps2 is not None]
         if needs:
-            self._kept = promised_mps2(min(needs), s.own.braking), s.now_ns
+            needed, self._kept_for = min(needs)
+            self._kept = promised_mps2(needed, s.own.braking), s.now_ns
         elif self._kept is not None:
-            apart_m = driver_gap_m(s.own.speed_mps)
-            apart = s.behind is not None and s.behind.gap_m > apart_m
-            if apart or not 0 <= s.now_ns - self._kept[1] <= _KEPT_NS:
+            seen = s.behind is not None and s.behind.vehicle == self._kept_for
+            apart = s.behind is not None and s.behind.gap_m > driver_gap_m(s.own.speed_mps)
+            if apart or not (seen or 0 <= s.now_ns - self._kept[1] <= _KEPT_NS):
                 self._kept = None
 
     def _may_promise(self, s: Situation) -> bool:

@@ -92,7 +92,9 @@ def braking_mps2(speed_mps: float, front_mps: float, front_mps2: float, room_m: 
 
 
 class Evidence:
-    """What the own sensors have seen of the braking of the vehicle ahead in the last 0.3 s."""
+    """What the own sensors have seen of the braking of the vehicle ahead in the last 0.3 s, but
+    since the sample before at least.
+    """
 
     def __init__(self) -> None:
         self._track: str | None = None
@@ -119,7 +121,7 @@ class Evidence:
             for number, (then_ns, mps, explained) in enumerate([*samples]):
                 samples[number] = then_ns, mps, explained - told_mps
             samples.append((time_ns, ahead_mps, ahead_mps))
-            while samples[0][0] < time_ns - _WITHIN_NS:
+            while len(samples) > 2 and samples[0][0] < time_ns - _WITHIN_NS:
                 samples.popleft()
         self._told_mps2 = told_mps2
         if max(explained for _, _, explained in samples) - ahead_mps > EVIDENT_MPS:

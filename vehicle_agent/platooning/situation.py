@@ -278,8 +278,10 @@ def _led(
     )
 
 
-def allowed_mps(situation: Situation, within_s: float) -> float:
-    """Highest speed after a time with which all limits ahead are kept comfortably.
+def allowed_mps(
+    situation: Situation, within_s: float, braking_mps2: float = COMFORTABLE_MPS2
+) -> float:
+    """Highest speed after a time with which all limits ahead are kept by a deceleration b.
 
     c²/2b + c t ≤ d + v²/2b for each place that is d ahead and may be passed with v.
     """
@@ -287,7 +289,7 @@ def allowed_mps(situation: Situation, within_s: float) -> float:
     crossing = situation.planned.crossing
     if state.crossing and crossing is not None:
         allowed = min(allowed, crossing.speed_mps)
-    b, slack = COMFORTABLE_MPS2, COMFORTABLE_MPS2 * within_s
+    b, slack = braking_mps2, braking_mps2 * within_s
     reach_m = allowed * allowed / (2 * b) + allowed * within_s
     for slow in situation.leg.slow_ahead(situation.place_m):
         away_m = slow.at_m - situation.place_m

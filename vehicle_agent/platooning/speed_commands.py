@@ -74,7 +74,7 @@ def commanded(
     else:
         law = following_mps2 if mode == "following" else leaving_mps2
         a = law(own, ahead, s.wanted_m)
-    a = min(a, _bounded_mps2(s, cap_mps))
+    a = min(a, _bounded_mps2(s, cap_mps, limit_mps2))
     if limit_mps2 is not None:
         a = max(a, -limit_mps2 / (1 + own.braking.error))
     if ahead is not None:
@@ -95,13 +95,15 @@ def _least_needed_mps2(ahead: AheadMotion, limit_mps2: float | None) -> float:
     return COMFORTABLE_MPS2 if limit_mps2 is None else min(COMFORTABLE_MPS2, limit_mps2 / 2)
 
 
-def _bounded_mps2(s: Situation, cap_mps: float) -> float:
+def _bounded_mps2(s: Situation, cap_mps: float, limit_mps2: float | None) -> float:
     """The largest acceleration that keeps limits, places ahead and a cap."""
-    own = s.own
+    own, braking = s.own, COMFORTABLE_MPS2
+    if limit_mps2 is not None:
+        braking = min(braking, limit_mps2 / (1 + own.braking.error))
     if own.braking.nominal_s <= 0:
-        bound = min(allowed_mps(s, own.interval_s), cap_mps)
+        bound = min(allowed_mps(s, own.interval_s, braking), cap_mps)
         return (bound - own.speed_mps) / own.interval_s
-    bound = allowed_mps(s, own.interval_s + own.braking.response_s + 1 / own.gain_per_s)
+    bound = allowed_mps(s, own.interval_s + own.braking.response_s + 1 / own.gain_per_s, braking)
     return own.gain_per_s * (min(bound, cap_mps) - own.then_mps)
 
 
@@ -145,7 +147,7 @@ def leading(
         a = min(a, IDM.acceleration_to_mps2(own, ahead.gap_m, ahead.speed_mps))
         if limit_mps2 is not None and ahead.gap_m < leading_gap_m(s, limit_mps2):
             a = min(a, -own.coasting_mps2)
-    a, needed = min(a, _bounded_mps2(s, cap_mps)), 0.0
+    a, needed = min(a, _bounded_mps2(s, cap_mps, limit_mps2)), 0.0
     if ahead is not None:
         needed = needed_mps2(ahead, own.speed_mps, own.then_mps, own.braking.response_s)
         if needed > _least_needed_mps2(ahead, limit_mps2):

@@ -44,8 +44,8 @@ def test_four_ordinary_cars_stop_at_two_metres_without_using_them_up() -> None:
 @pytest.mark.slow
 def test_vehicles_that_brake_as_one_constant_says_would_touch() -> None:
     """The stop can fail: with an agent that takes ordinary brakes for ideal ones, members touch."""
-    assert min(drive(Case(20.0, ("ideal",) * 4, "dry", 1, 9.8)).least_m) > 0
-    assert min(drive(Case(20.0, ("car",) * 4, "dry", 2, 9.8, declared="ideal")).least_m) < 0
+    assert min(drive(Case(22.2, ("ideal",) * 3, "dry", 6, 9.8)).least_m) > 0
+    assert min(drive(Case(30.0, ("truck",) * 3, "dry", 6, 9.8, declared="ideal")).least_m) < 0
 
 
 def test_draws_are_the_same_for_the_same_number() -> None:
