@@ -48,7 +48,7 @@ COMFORTABLE_MPS2: Final = 2.5
 _GAIN_PER_S: Final = 0.4
 _LEADERS_SHARE: Final = 0.6
 _OPENING_MPS: Final = 1.0
-_OPENING_MPS2: Final = 1.5
+_OPENING_MPS2: Final = 0.7
 _OWN_MPS2: Final = 1.0
 _APPROACH_MPS: Final = 0.5
 _EXTRA_BRAKING_MPS2: Final = 1.0
@@ -138,8 +138,9 @@ IDM: Final = Idm()
 def following_mps2(own: Own, ahead: AheadMotion, wanted_m: float) -> float:
     """Acceleration of a follower. Far behind, it closes up no faster than it can slow down again by
     coasting, so that the energy put into catching up is not braked away, and brakes no more than it
-    must. A gap that is too small opens by 1 m/s, and no harder than with 1.5 m/s². More than a
-    comfortable deceleration, or 1 m/s² beyond the told one, is left to `needed_mps2`.
+    must. A gap that is too small opens by 1 m/s, and no harder than with 0.7 m/s², as those ahead
+    may do too. More than a comfortable deceleration, or 1 m/s² beyond the told one, is left to
+    `needed_mps2`.
 
     Args:
         wanted_m: g*.
