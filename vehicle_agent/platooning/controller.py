@@ -23,7 +23,7 @@ from vehicle_agent.platooning.catch_up import (
     find_catch_up,
 )
 from vehicle_agent.platooning.control_message import ControlMessages
-from vehicle_agent.platooning.gap_control import IDM
+from vehicle_agent.platooning.gap_control import COMFORTABLE_MPS2, IDM
 from vehicle_agent.platooning.interface import Gates, PlatoonStep
 from vehicle_agent.platooning.join_leave import followers, no_waiting_for
 from vehicle_agent.platooning.membership import Membership
@@ -44,6 +44,10 @@ from vehicle_agent.platooning.speed_commands import (
 _KEPT_NS: Final = 6_000_000_000
 """A promise holds until its follower is seen apart, and for so long after it was heard last where
 it is not seen: opening a close gap to the one that nobody needs to promise takes as long."""
+
+_SIGNAL_S: Final = 20.0
+"""A stop line within this time may ask for comfortable braking, which not every promise allows: the
+gap of a follower opens in it."""
 
 _AGAIN_SHARE: Final = 1.1
 """Of the gap that a leader needs: so large it has to be before it promises anew."""
@@ -270,7 +274,8 @@ class Platooning:
 
     def _may_promise(self, s: Situation) -> bool:
         """Whether it can keep what its follower needs: a follower, while the one ahead promises
-        too; a leader, where it is commanded, and far enough from the traffic ahead.
+        too; a leader, where it is commanded, far enough from the traffic ahead, and from signals
+        where it may have to brake harder.
         """
         limit = self.limit_mps2
         if limit is None:
@@ -279,6 +284,10 @@ class Platooning:
             return s.partner is not None and s.partner.limit_mps2 is not None
         if self._member.mode != "alone" or not s.gates.is_open(s.state.segment):
             return False
+        if limit < COMFORTABLE_MPS2 * (1 + s.own.braking.error):
+            line = s.leg.next_line(s.place_m)
+            if line is not None and line.at_m - s.place_m < _SIGNAL_S * s.own.speed_mps:
+                return False
         needed_m = leading_gap_m(s, limit) * (1.0 if self._promises else _AGAIN_SHARE)
         return self._may_be_commanded(s) and s.gap_m >= needed_m
 

@@ -157,7 +157,9 @@ def leading(
             at_least = (own.speed_mps, own.then_mps, own.braking.response_s, 0.0)
             if needed_mps2(ahead, *at_least) > _BROKEN_SHARE * limit_mps2:
                 return (max(-needed, -own.braking.guaranteed_mps2),) * (count + 1)
-        a = max(a, -limit_mps2 / (1 + own.braking.error))
+        capped = own.gain_per_s * (cap_mps - own.then_mps)  # a stop line may ask for more
+        least = min(-limit_mps2 / (1 + own.braking.error), max(capped, -COMFORTABLE_MPS2))
+        a = max(a, least)
     return (*told, max(a, -own.braking.guaranteed_mps2))
 
 

@@ -69,8 +69,9 @@ def ceiling(
     Args:
         interval_s: until the next advice can change anything.
         ahead: a vehicle to keep a safe gap to; None: none, or platooning keeps the gap.
-        hard_mps2: with which everything known ahead is met, where that is less than HARD_MPS2: a
-            leader of a close platoon has promised not to brake harder.
+        hard_mps2: with which places ahead are met, where that is less than HARD_MPS2: a leader of a
+            close platoon has promised not to brake harder. Stop lines are met with HARD_MPS2: a yellow
+            leaves no longer way to a stand.
     """
     place_m, speed = leg.place_m(state), state.speed_mps
     crossing = leg.planned[state.number].crossing if state.crossing else None
@@ -91,7 +92,7 @@ def ceiling(
         if line.at_m > reach_m:
             break
         away_m = line.at_m - place_m
-        bound = _line_mps(line, state, away_m, limit, timings, now_s, interval_s, hard_mps2)
+        bound = _line_mps(line, state, away_m, limit, timings, now_s, interval_s)
         if bound is None:
             unknown = True
         else:
@@ -130,7 +131,6 @@ def _line_mps(
     timings: SignalTimings,
     now_s: float,
     interval_s: float,
-    hard_mps2: float,
 ) -> float | None:
     """What a stop line allows; infinite where the vehicle may pass it, None if that is unknown."""
     speed = state.speed_mps
@@ -140,12 +140,12 @@ def _line_mps(
         return None
     if shown.may_go and now_s + free_drive_s(ahead_m, speed, limit_mps) <= shown.red_s:
         return math.inf
-    can_stop = speed * speed <= 2 * hard_mps2 * ahead_m
+    can_stop = speed * speed <= 2 * HARD_MPS2 * ahead_m
     if not can_stop and (shown.may_go or shown.clearing):
         return math.inf
-    stopping = braked_after_mps(speed, 0.0, ahead_m - LINE_GAP_M, hard_mps2, interval_s)
-    hard = speed - hard_mps2 * interval_s
+    stopping = braked_after_mps(speed, 0.0, ahead_m - LINE_GAP_M, HARD_MPS2, interval_s)
+    hard = speed - HARD_MPS2 * interval_s
     if can_stop:
         # Nearer to the line than the gap, it need not brake harder.
-        hard = min(hard, braked_after_mps(speed, 0.0, ahead_m, hard_mps2, interval_s))
+        hard = min(hard, braked_after_mps(speed, 0.0, ahead_m, HARD_MPS2, interval_s))
     return max(stopping, hard)

@@ -5,7 +5,8 @@ from itertools import pairwise
 
 import pytest
 
-from slipstream.messages import PlatoonControl
+from slipstream.braking import BRAKING
+from slipstream.messages import PlannedCrossing, PlatoonControl
 from slipstream.spacing import least_gap_m
 from tests.vehicle_agent.platooning.world import (
     IDEAL,
@@ -14,6 +15,7 @@ from tests.vehicle_agent.platooning.world import (
     Roadside,
     World,
     planned,
+    platooning_of,
     road,
     string,
 )
@@ -421,3 +423,32 @@ def test_the_same_road_twice_is_the_same_drive() -> None:
     other.run(60.0)
     assert one.speeds == other.speeds
     assert one.modes == other.modes
+
+
+@pytest.mark.slow
+def test_a_leader_that_promised_less_than_a_signal_asks_for_parts_before_it() -> None:
+    """Ordinary cars on wet roads promise 2 m/s²; a stop line may ask for 2.5, a yellow is short."""
+    crossing = PlannedCrossing(
+        length_m=10.0, speed_mps=20.0, yields=False, intersection="x", signal_groups=((0, 1),)
+    )
+    parts = [planned(name, 1500.0, 20.0) for name in "abc"]
+    parts[0] = parts[0].model_copy(update={"crossing": crossing})
+    leg, wet = Leg(1, 0, tuple(parts)), BRAKING["car"].on("wet")
+    world = World(string(3, None, 25.0, 19.0, leg))
+    for car in world.cars:
+        car.platooning = platooning_of(0.1, name=car.name, braking=wet)
+    assert world.run(60.0, lambda: promised(world) is not None)
+    limit = promised(world)
+    assert limit is not None
+    assert limit < 2.5
+    assert world.run(120.0, lambda: promised(world) is None)
+    away_m = leg.ends_m[0] - world.car("v0").place_m
+    assert away_m == pytest.approx(20.0 * world.car("v0").speed_mps, rel=0.05)
+    assert world.run(60.0, lambda: world.car("v0").place_m > leg.ends_m[0] + 20.0)
+    assert promised(world) is not None or world.run(60.0, lambda: promised(world) is not None)
+
+
+def promised(world: World) -> float | None:
+    """What the first vehicle promises now."""
+    step = world.car("v0").last
+    return None if step is None else step.control.limit_mps2
