@@ -70,8 +70,8 @@ def ceiling(
         interval_s: until the next advice can change anything.
         ahead: a vehicle to keep a safe gap to; None: none, or platooning keeps the gap.
         hard_mps2: with which places ahead are met, where that is less than HARD_MPS2: a leader of a
-            close platoon has promised not to brake harder. Stop lines are met with HARD_MPS2: a yellow
-            leaves no longer way to a stand.
+            close platoon has promised not to brake harder. Stop lines are met with HARD_MPS2 all
+            the same: a yellow leaves no longer way to a stand.
     """
     place_m, speed = leg.place_m(state), state.speed_mps
     crossing = leg.planned[state.number].crossing if state.crossing else None
