@@ -17,6 +17,9 @@ CANCELLED: Final = "cancelled by its caller"
 REMEMBERED_NS: Final = 86_400 * 10**9
 """How long an ended order is known after nobody asks for it any more."""
 
+OrderMark = tuple[Mapping[str, OrderRecord], int]
+"""(orders at a moment by id, number of changes that were pending)."""
+
 
 class OrderBook:
     """All orders. Each is held by one vehicle at most, and ends once.
@@ -56,6 +59,21 @@ class OrderBook:
     def stored(self) -> None:
         """What was pending is in the database."""
         self._changed, self._changes = {}, []
+
+    def mark(self, names: Iterable[str]) -> OrderMark:
+        """Some orders as they are now, for `undo`."""
+        known = {name: self._orders[name] for name in names if name in self._orders}
+        return known, len(self._changes)
+
+    def undo(self, mark: OrderMark) -> None:
+        """Where an order of a mark has its state and vehicle of then again, nothing has happened to
+        it: a cycle that cannot be stored leaves no steps, or they would pile up until one is.
+        """
+        before, number = mark
+        back = {n: was for n, was in before.items() if _holding(self._orders[n]) == _holding(was)}
+        for order in back.values():
+            self._quietly(order)
+        self._changes[number:] = [one for one in self._changes[number:] if one.order not in back]
 
     def steps(self, order: str) -> tuple[OrderChange, ...]:
         """Changes of one order since `stored` was called last."""
@@ -282,7 +300,7 @@ class OrderBook:
         self._disputed.discard(order.order)
         if moved.ended and moved.request is not None:
             moved = replace(moved, listed=False)
-        if (order.state, order.vehicle) == (moved.state, moved.vehicle):
+        if _holding(order) == _holding(moved):
             # Planned anew for the same vehicle: no step in its life.
             self._quietly(replace(moved, since_ns=order.since_ns, reason=order.reason))
         else:
@@ -314,3 +332,7 @@ class OrderBook:
         order = self._orders.get(name)
         if order is not None and order.vehicle is not None:
             self._held.get(order.vehicle, {}).pop(name, None)
+
+
+def _holding(order: OrderRecord) -> tuple[OrderState, str | None]:
+    return order.state, order.vehicle

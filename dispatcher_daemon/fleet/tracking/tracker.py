@@ -66,6 +66,7 @@ class FleetTracker:
         self._network, self._plan_ahead_s, self._bundle_s = network, plan_ahead_s, bundle_s
         self.unplanned: Mapping[str, str] = {}
         self.book = OrderBook(stored.orders)
+        self._before_plans = self.book.mark(())
         self.claims = Claims(self.book, network)
         self._life = PlanLife(self.book, self.claims, self._may_have)
         self._available = Availability(network, started_ns)
@@ -353,6 +354,8 @@ class FleetTracker:
             self._life.driven.advance(vehicle, now_ns)
             for name in [name for name in vehicle.given if self._is_over(name)]:
                 del vehicle.given[name]
+        names = [stop.stop for plan in plans for stop in plan.service_stops]
+        self._before_plans = self.book.mark(names)
         for plan in plans:
             vehicle = self._vehicles[plan.vehicle]
             energy = None if energies is None else energies.get(plan.vehicle)
@@ -374,6 +377,7 @@ class FleetTracker:
                 self.book.release(plan.vehicle, now_ns, "its plan could not be stored")
             else:
                 self.book.keep_only(vehicle.accepted.plan, now_ns)
+        self.book.undo(self._before_plans)
 
     def pending_records(self) -> FleetRecords:
         """What has changed since `stored` was called last."""

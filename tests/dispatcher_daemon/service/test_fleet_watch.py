@@ -27,7 +27,7 @@ from slipstream.messages import (
     state_key,
 )
 from slipstream.orders import FleetRecords
-from storage import open_database, open_reader
+from storage import StorageError, open_database, open_reader
 from tests.dispatcher_daemon.service.reporting import Bus, accept, at, make, tell
 
 
@@ -122,6 +122,41 @@ def test_measured_speeds_are_learned_and_survive_a_restart(
         expected = again.fleet_watch.expected(unseen)
         assert expected.segments["avenue_east"].speed_mps == pytest.approx(7.0, abs=0.5)
         assert expected.segments["avenue_west"] == unseen.segments["avenue_west"]
+
+
+@pytest.mark.slow
+def test_cycles_that_cannot_be_stored_leave_no_steps(
+    demo: RoutingProblem, url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A day of a full disk is thousands of cycles: what waits to be stored does not grow by them,
+    and an order's life does not tell of plans that nobody was sent.
+    """
+
+    def pending(dispatcher: Dispatcher) -> int:
+        return dispatcher.fleet_watch.read(lambda tracker: len(tracker.book.pending()[1]))
+
+    def full(*_: object) -> None:
+        raise StorageError("the disk is full")
+
+    bus = Bus()
+    with open_database(url) as database:
+        dispatcher = make(demo, bus, database)
+        with monkeypatch.context() as patch:
+            patch.setattr(database, "record_cycle", full)
+            dispatcher.run_cycle()
+            first = pending(dispatcher)
+            dispatcher.run_cycle()
+            dispatcher.run_cycle()
+            assert pending(dispatcher) == first
+        assert dispatcher.delivery.failed == 3
+        assert bus.plans("van-a") == []
+        dispatcher.run_cycle()
+        (plan,) = bus.plans("van-a")
+        assert pending(dispatcher) == 0
+    with open_reader(url) as reader:
+        for stop in plan.service_stops:
+            life = [change.state for change in reader.order_changes(stop.stop)]
+            assert life == ["open", "planned"]
 
 
 def test_messages_that_are_not_what_their_key_says_are_counted(
