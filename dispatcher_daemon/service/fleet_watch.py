@@ -207,6 +207,11 @@ class FleetWatch:
             learned = self._learning.learned(snapshot.now_ns)
         return learned.onto(snapshot)
 
+    def count_drives(self) -> None:
+        """Learn from the drives that have ended; `expected` does so for a cycle."""
+        with self._lock:
+            self._learning.count_drives()
+
     def learned(self, now_ns: int) -> Learned:
         """What was learned until now, which nothing is added to."""
         with self._lock:

@@ -47,6 +47,10 @@ class Learning:
     def on_traffic(self, snapshot: TrafficSnapshot) -> None:
         """Take in the traffic of one cycle, which counts what was learned until then."""
         self._usual.on_traffic(snapshot, snapshot.now_ns // HOUR_NS % HOURS)
+        self.count_drives()
+
+    def count_drives(self) -> None:
+        """Count the drives that have ended, which are kept second by second until then."""
         self._costs.count()
 
     def learned(self, now_ns: int) -> Learned:

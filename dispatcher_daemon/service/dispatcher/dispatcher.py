@@ -121,6 +121,7 @@ class Dispatcher:
 
     def _store_reports(self) -> None:
         now_ns = time.time_ns()
+        self.fleet_watch.count_drives()
         self.delivery.store_fleet(now_ns)
         self.receiver.store_rollups(self._store, now_ns)
         self.pruner.after_cycle(now_ns)

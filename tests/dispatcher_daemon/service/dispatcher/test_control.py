@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -77,6 +78,26 @@ def test_what_is_reported_meanwhile_is_stored(
         again.control.resume("bob")
     with open_database(url) as database:
         assert make_stored(demo, bus, database).control.paused is None
+
+
+@pytest.mark.slow
+def test_drives_in_a_pause_are_counted_in_it(demo: RoutingProblem, tmp_path: Path) -> None:
+    """Their seconds are not kept until it ends, however long that takes."""
+    way = ["avenue_east"]
+    while len(way) < 4:
+        way.append(demo.network.turns(way[-1])[0])
+    with open_database(f"sqlite:///{tmp_path}/a.db") as database:
+        dispatcher = make_stored(demo, Bus(), database)
+        dispatcher.run_cycle()
+        dispatcher.control.pause("ada")
+        base = at(None, way[0], 0.5)
+        for second, segment in enumerate([*way, way[-1]]):
+            drives = second < len(way)
+            told = {"segment": segment, "time_ns": base.time_ns + second * 10**9}
+            tell(dispatcher, base.model_copy(update={**told, "on_road": drives}))
+        dispatcher.run_cycle()
+        counted = database.load_fleet(time.time_ns()).movements
+    assert {(one.segment, one.following) for one in counted} == set(pairwise(way[1:]))
 
 
 @pytest.mark.slow
