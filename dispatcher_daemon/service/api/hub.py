@@ -24,7 +24,9 @@ Kind = Literal["plan", "state", "cycle", "order", "alarm"]
 KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
 
 KEPT_EVENTS: Final = 1000
-"""Numbered events that are kept for callers that come back."""
+KEPT_BYTES: Final = 16 * 2**20
+"""Numbered events that are kept for callers that come back: so many, or fewer where they would be
+larger than this, as reports that name thousands of orders are."""
 MAX_WAITING: Final = 2000
 """Numbered events that a caller may have ahead of it; beyond, one `reset` takes their place, as a
 burst may be larger than what any caller reads meanwhile."""
@@ -39,23 +41,21 @@ class HubEvent:
 
     Attributes:
         kind: of it, or "reset": events between the caller's last one and now are lost.
+        value: a state, of which most are replaced before anybody takes them; or all else as
+            `text/event-stream` has it, which is a seventh of the object.
         id: its number, with the run of the dispatcher; None: not numbered.
     """
 
     kind: Kind | Literal["reset"]
-    value: Message | OrderChange | dict[str, str]
+    value: SegmentState | bytes
     id: str | None = None
 
     @cached_property
     def encoded(self) -> bytes:
         """As `text/event-stream` has it."""
-        if isinstance(self.value, Message):
-            data = self.value.to_bytes().decode()
-        else:
-            data = json.dumps(self.value if isinstance(self.value, dict) else asdict(self.value))
-        number = "" if self.id is None else f"id: {self.id}\n"
-        # JSON has no line ends of its own.
-        return f"{number}event: {self.kind}\ndata: {data}\n\n".encode()
+        if isinstance(self.value, bytes):
+            return self.value
+        return _encoded(self.kind, self.value.to_bytes())
 
 
 class Stream(EventQueue[HubEvent]):
@@ -97,19 +97,19 @@ class EventHub:
         self._run = run
         self._count = 0
         self._lock = threading.Lock()
-        self._kept: deque[HubEvent] = deque(maxlen=KEPT_EVENTS)
+        self._kept: deque[HubEvent] = deque()
+        self._kept_bytes = 0
         self._streams: set[Stream] = set()
 
     def publish(self, kind: Kind, value: Message | OrderChange) -> None:
         """Tell all that listen; from any thread, and without waiting for any of them."""
         if kind == "state" and not self._streams:
             return
+        data = value if isinstance(value, SegmentState) else _json(value)
         with self._lock:
-            event = HubEvent(kind, value)
-            if kind != "state":
-                self._count += 1
-                event = HubEvent(kind, value, f"{self._run}-{self._count}")
-                self._kept.append(event)
+            event = (
+                HubEvent(kind, data) if isinstance(data, SegmentState) else self._next(kind, data)
+            )
             for stream in self._streams:
                 if kind in stream.kinds:
                     stream.put(event)
@@ -147,6 +147,17 @@ class EventHub:
                 stream.close()
             self._streams = set()
 
+    def _next(self, kind: Kind, data: bytes) -> HubEvent:
+        """A numbered event, which is kept."""
+        self._count += 1
+        number = f"{self._run}-{self._count}"
+        event = HubEvent(kind, _encoded(kind, data, number), number)
+        self._kept.append(event)
+        self._kept_bytes += len(event.encoded)
+        while len(self._kept) > KEPT_EVENTS or self._kept_bytes > KEPT_BYTES:
+            self._kept_bytes -= len(self._kept.popleft().encoded)
+        return event
+
     def _since(self, last_id: str) -> Iterator[HubEvent]:
         run, _, text = last_id.partition("-")
         number = int(text) if text.isdecimal() and len(text) < 20 else -1
@@ -160,4 +171,17 @@ class EventHub:
 
 
 def _reset(why: str) -> HubEvent:
-    return HubEvent("reset", {"reason": f"{why}; read the present state again"})
+    told = {"reason": f"{why}; read the present state again"}
+    return HubEvent("reset", _encoded("reset", json.dumps(told).encode()))
+
+
+def _encoded(kind: str, data: bytes, number: str | None = None) -> bytes:
+    head = "" if number is None else f"id: {number}\n"
+    # JSON has no line ends of its own.
+    return f"{head}event: {kind}\ndata: ".encode() + data + b"\n\n"
+
+
+def _json(value: Message | OrderChange) -> bytes:
+    if isinstance(value, OrderChange):
+        return json.dumps(asdict(value)).encode()
+    return value.to_bytes()

@@ -14,7 +14,7 @@ from dispatcher_daemon.service.api import hub
 from dispatcher_daemon.service.api.endpoints import events
 from dispatcher_daemon.service.dispatcher.reports import failed_report
 from slipstream.http.problems import Problem
-from slipstream.messages import SegmentState
+from slipstream.messages import SegmentState, Unserved
 from tests.dispatcher_daemon.service.waiting import wait_for
 
 from .asgi import Listener
@@ -132,6 +132,28 @@ def test_what_waits_for_a_caller_is_bounded(state: State) -> None:
     assert newest.sequence == 49
     assert reset.kind == "reset"
     assert [event.id for event in others] == [f"1-{hub.MAX_WAITING + 2}"]
+
+
+def test_what_is_kept_is_bounded_in_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A thousand reports that each name thousands of waiting orders would be gigabytes. A caller
+    that comes back for what is gone is told so; one that missed less gets it.
+    """
+    monkeypatch.setattr(hub, "KEPT_BYTES", 100_000)
+    waiting = tuple(Unserved(stop=f"o{n}", reason="nobody is free for it") for n in range(400))
+    report = failed_report(1, 0, 0.0, "a reason").model_copy(update={"unserved": waiting})
+    size = len(report.to_bytes())
+
+    async def come_back() -> list[list[hub.HubEvent]]:
+        told = hub.EventHub(1)
+        for _ in range(50):
+            told.publish("cycle", report)
+        late = [told.open(("cycle",), f"1-{number}", f"{number}") for number in (1, 47)]
+        return [await stream.take(5.0) for stream in late]
+
+    long_away, short = asyncio.run(come_back())
+    assert 100_000 / 6 < size < 100_000 / 3
+    assert [event.kind for event in long_away] == ["reset"]
+    assert [event.id for event in short] == ["1-48", "1-49", "1-50"]
 
 
 def test_streams_are_bounded_and_end_with_the_dispatcher(
