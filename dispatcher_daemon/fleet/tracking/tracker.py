@@ -165,9 +165,9 @@ class FleetTracker:
         vehicle.reports_progress = True
         self.claims.tell(vehicle, progress.visits, now_ns)
         if vehicle.is_news(before, progress.time_ns, now_ns):
-            vehicle.progress = progress
             if progress.cycle is not None:
                 self._life.follows(vehicle, progress.cycle, now_ns)
+            vehicle.progress = self._of_now(vehicle, progress)
         visited = {visit.stop for visit in progress.visits}
         accepted = vehicle.accepted
         if accepted is not None and any(
@@ -409,6 +409,13 @@ class FleetTracker:
         if vehicle is None and (key in self._strangers or len(self._strangers) < MAX_STRANGERS):
             self._strangers[key] = report
         return vehicle
+
+    def _of_now(self, vehicle: TrackedVehicle, progress: VehicleProgress) -> VehicleProgress:
+        """A report without the visits of past tours, which it repeats by the hundred."""
+        records = (vehicle.offered, vehicle.accepted, vehicle.withdrawn)
+        own = {stop.stop for record in records if record for stop in record.plan.stops}
+        visits = (one for one in progress.visits if one.stop in own or not self._is_over(one.stop))
+        return progress.model_copy(update={"visits": tuple(visits)})
 
     def _has_been_at(self, vehicle: TrackedVehicle, stop: str) -> bool:
         order = self.book.orders.get(stop)

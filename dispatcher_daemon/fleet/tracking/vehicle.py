@@ -29,6 +29,7 @@ class TrackedVehicle:
         definition: in the fleet's file, as it was there last.
         depot: likewise.
         heard_ns: when its position came, by the dispatcher's clock.
+        progress: its latest visits, without those of past tours.
         answered_ns: when its last message of any kind came; None: it has never sent one.
         withdrawn: plan that was taken back last, as it did not answer it or let it lie.
         leg: of the accepted plan, the furthest that it has reported.

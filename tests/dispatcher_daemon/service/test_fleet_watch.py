@@ -125,6 +125,31 @@ def test_measured_speeds_are_learned_and_survive_a_restart(
 
 
 @pytest.mark.slow
+def test_visits_of_past_tours_are_not_kept(demo: RoutingProblem, url: str) -> None:
+    """An agent repeats its last 200; of 1,000 vehicles they would be 200 MB."""
+
+    def visit(stop: str) -> Visit:
+        now_ns = time.time_ns()
+        return Visit(stop=stop, status="arrived", arrived_ns=now_ns, ended_ns=None, reason=None)
+
+    bus = Bus()
+    with open_database(url) as database:
+        dispatcher = make(demo, bus, database)
+        dispatcher.run_cycle()
+        (plan,) = bus.plans("van-a")
+        accept(dispatcher, plan)
+        own = plan.service_stops[0].stop
+        visits = tuple(visit(stop) for stop in (*(f"past-{n}" for n in range(200)), own))
+        told = VehicleProgress(
+            vehicle="van-a", time_ns=time.time_ns(), cycle=plan.cycle, visits=visits
+        )
+        tell(dispatcher, told)
+        kept = dispatcher.fleet_watch.read(lambda tracker: tracker.vehicles["van-a"].progress)
+    assert kept is not None
+    assert kept.visits == visits[-1:]
+
+
+@pytest.mark.slow
 def test_cycles_that_cannot_be_stored_leave_no_steps(
     demo: RoutingProblem, url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
