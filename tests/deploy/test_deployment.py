@@ -249,7 +249,7 @@ def test_page_answers_soon_after_an_upgrade_that_keeps_orders_and_cycles(
 
 def test_orders_become_plans_by_each_solver(site: Site) -> None:
     """By exact, with LC-QAOA's answer beside it; then by LC-QAOA alone."""
-    # Else it waits for others for up to five minutes. The version before knows no such key.
+    # Else it waits for others for up to five minutes. The site's file has no such key.
     api = "[dispatcher.api]\n"
     at_once = f"[dispatcher.orders]\nbundle_s = 0.0\n\n{api}"
     site.set(api, at_once)
@@ -259,11 +259,12 @@ def test_orders_become_plans_by_each_solver(site: Site) -> None:
     report = site.solved_by("exact", "lc-qaoa")
     assert report["solver"] == "exact"
     assert site.api("GET", "/v1/orders/after")[1]["state"] != "open"
-    solvers = 'solvers = ["exact", "lc-qaoa"]'
-    site.set(solvers, 'solvers = ["lc-qaoa"]')
+    both = "[dispatcher]\n"
+    alone = f'{both}solvers = ["lc-qaoa"]\n'
+    site.set(both, alone)
     site.restart_dispatcher()
     assert site.solved_by("lc-qaoa")["solver"] == "lc-qaoa"
-    site.set('solvers = ["lc-qaoa"]', solvers)
+    site.set(alone, both)
     site.set(at_once, api)
     site.restart_dispatcher()
 
