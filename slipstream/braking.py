@@ -66,6 +66,10 @@ class Braking:
         """The same at most."""
         return (1 + self.tolerance) * self.nominal_s
 
+    def commanded_mps2(self, most_mps2: float) -> float:
+        """The deceleration to command where no more than `most_mps2` may come of it, m/s²."""
+        return most_mps2 / (1 + self.error)
+
 
 _Deceleration = Annotated[float, Field(gt=0, le=GREATEST_MPS2, allow_inf_nan=False)]
 _Seconds = Annotated[float, Field(ge=0, le=2, allow_inf_nan=False)]

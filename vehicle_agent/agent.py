@@ -249,7 +249,7 @@ class Agent:
             top = ceiling(leg, state, self._timings, now_s, self._interval_s, ahead)
         else:  # what a leader is commanded now, it drives after those that it has told
             later_s = self._interval_s + DELAY_S
-            hard = min(HARD_MPS2, limit / (1 + self._braking.error))
+            hard = min(HARD_MPS2, self._braking.commanded_mps2(limit))
             top = ceiling(leg, state, self._timings, now_s, later_s, ahead, hard)
         doubt = _clock_doubt(sensing, now_ns)
         distrust = doubt or _distrust(plan, now_ns, signal_unknown=top.signal_unknown)

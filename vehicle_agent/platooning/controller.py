@@ -284,7 +284,7 @@ class Platooning:
             return s.partner is not None and s.partner.limit_mps2 is not None
         if self._member.mode != "alone" or not s.gates.is_open(s.state.segment):
             return False
-        if limit < COMFORTABLE_MPS2 * (1 + s.own.braking.error):
+        if s.own.braking.commanded_mps2(limit) < COMFORTABLE_MPS2:
             line = s.leg.next_line(s.place_m)
             if line is not None and line.at_m - s.place_m < _SIGNAL_S * s.own.speed_mps:
                 return False

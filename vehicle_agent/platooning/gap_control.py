@@ -101,7 +101,7 @@ class Own:
     @property
     def comfortable_mps2(self) -> float:
         """Deceleration to command for a comfortable one, as its brake may do more."""
-        return COMFORTABLE_MPS2 / (1 + self.braking.error)
+        return self.braking.commanded_mps2(COMFORTABLE_MPS2)
 
     @property
     def coasting_mps2(self) -> float:

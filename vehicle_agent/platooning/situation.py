@@ -172,11 +172,11 @@ def look(
     )
     motion, wanted_m = None, follower.close_gap_m(follower.speed_mps)
     if ahead is not None:
-        motion = ahead_motion(ahead, late_s, moved_m, partner, age_s, own, now_ns)
-        leader = None if partner is None else neighbours.fresh(partner.leader, now_ns)
-        led = partner is not None and partner.leader != partner.vehicle
-        if leader is not None and led and partner is not None and partner.mode == "following":
-            motion = _led(motion, *leader, interval_s)
+        motion = ahead_motion(ahead, late_s, moved_m, partner, age_s, own)
+        if partner is not None and partner.mode == "following":
+            leader = neighbours.fresh(partner.leader, now_ns)
+            if leader is not None and partner.leader != partner.vehicle:
+                motion = _led(motion, *leader, interval_s)
         tells = max(motion.slowing_mps2, -(motion.trend_mps2 or 0.0))
         if evidence.update(sensing.time_ns, ahead.track, ahead.speed_mps, tells):
             slowing = _within(-evidence.span_mps2[0], motion.slowing_mps2, own.others_mps2)
@@ -216,7 +216,6 @@ def ahead_motion(
     told: PlatoonControl | None,
     age_s: float,
     own: OwnVehicle,
-    now_ns: int,
 ) -> AheadMotion:
     """Motion of the vehicle ahead by the own sensors, `late_s` ago, the own way within which was
     `moved_m`, and by what it told `age_s` ago, while it is fresh.
@@ -225,7 +224,7 @@ def ahead_motion(
     else what it tells that it can; of who is silent what the hardest braking vehicle can.
     """
     slowing, bound, feed = 0.0, own.others_mps2, 0.0
-    trend: float | None = None
+    trend = None
     if told is not None:
         bound = min(bound, told.greatest_mps2)
         if told.limit_mps2 is not None and own.braking.emergency_brake:

@@ -76,7 +76,7 @@ def commanded(
         a = law(own, ahead, s.wanted_m)
     a = min(a, _bounded_mps2(s, cap_mps, limit_mps2))
     if limit_mps2 is not None:
-        a = max(a, -limit_mps2 / (1 + own.braking.error))
+        a = max(a, -own.braking.commanded_mps2(limit_mps2))
     if ahead is not None:
         needed = needed_mps2(ahead, own.speed_mps, own.then_mps, own.braking.response_s)
         if needed > max(_least_needed_mps2(ahead, limit_mps2), -a):
@@ -99,7 +99,7 @@ def _bounded_mps2(s: Situation, cap_mps: float, limit_mps2: float | None) -> flo
     """The largest acceleration that keeps limits, places ahead and a cap."""
     own, braking = s.own, COMFORTABLE_MPS2
     if limit_mps2 is not None:
-        braking = min(braking, limit_mps2 / (1 + own.braking.error))
+        braking = min(braking, own.braking.commanded_mps2(limit_mps2))
     if own.braking.nominal_s <= 0:
         bound = min(allowed_mps(s, own.interval_s, braking), cap_mps)
         return (bound - own.speed_mps) / own.interval_s
@@ -158,7 +158,7 @@ def leading(
             if needed_mps2(ahead, *at_least) > _BROKEN_SHARE * limit_mps2:
                 return (max(-needed, -own.braking.guaranteed_mps2),) * (count + 1)
         capped = own.gain_per_s * (cap_mps - own.then_mps)  # a stop line may ask for more
-        least = min(-limit_mps2 / (1 + own.braking.error), max(capped, -COMFORTABLE_MPS2))
+        least = min(-own.braking.commanded_mps2(limit_mps2), max(capped, -COMFORTABLE_MPS2))
         a = max(a, least)
     return (*told, max(a, -own.braking.guaranteed_mps2))
 
@@ -170,7 +170,7 @@ def leading_gap_m(s: Situation, limit_mps2: float) -> float:
     if s.motion is None:
         return 0.0
     own = s.own
-    rear_mps2 = limit_mps2 / (1 + own.braking.error) * (1 - own.braking.error)
+    rear_mps2 = own.braking.commanded_mps2(limit_mps2) * (1 - own.braking.error)
     wait_s = DELAY_S if own.interval_s <= RESPONSE_S else 0.0
     rho_s = reaction_s(own.braking, own.interval_s) + wait_s
     return AIM_M + closing_m(

@@ -192,7 +192,7 @@ class _Run:
         """Traffic ahead, as near as the leader may have it."""
         leader, own = self.cars[0], self.cars[0].braking
         limit = leader.platooning.limit_mps2 or own.guaranteed_mps2
-        limit *= (1 - own.error) / (1 + own.error)
+        limit = own.commanded_mps2(limit) * (1 - own.error)
         v, rho_s = leader.speed_mps, reaction_s(own) + DELAY_S
         gap_m = STANDING_M + 0.1 + closing_m(v, v, self.others_mps2, limit, rho_s)
         self.traffic = leader.place_m + LENGTH_M + gap_m, v
