@@ -173,7 +173,8 @@ class Agent:
             if due_ns is not None and due_ns <= now_ns:
                 tour.skip(now_ns)
         changed = before != (tour.leg, tour.driving, tour.plan is None)
-        self._outgoing += self._reports.due(self.tour, sensing, now_ns, changed=changed)
+        share = self._platooning.braking_share
+        self._outgoing += self._reports.due(tour, sensing, now_ns, share, changed=changed)
         if not sensing.on_road:
             return self._standing(sensing, now_ns)
         return self._driving(sensing, now_ns)
@@ -253,6 +254,9 @@ class Agent:
             top = ceiling(leg, state, self._timings, now_s, later_s, ahead, hard)
         doubt = _clock_doubt(sensing, now_ns)
         distrust = doubt or _distrust(plan, now_ns, signal_unknown=top.signal_unknown)
+        share = self._platooning.braking_share
+        if distrust is None and share is not None:
+            distrust = f"it brakes with {share:.0%} of what is declared"
         if distrust is not None:
             self._end_platooning(distrust)
         alone = self._mode == "alone" and doubt is None

@@ -29,14 +29,23 @@ class Reports:
         self._position_ns = self._progress_ns = 0
 
     def due(
-        self, tour: Tour, sensing: VehicleSensing, now_ns: int, *, changed: bool
+        self,
+        tour: Tour,
+        sensing: VehicleSensing,
+        now_ns: int,
+        braking_share: float | None,
+        *,
+        changed: bool,
     ) -> Iterator[Outgoing]:
         """Position once a second, progress every five; both where it has left or come to a stop, or
         has another leg or plan.
+
+        Args:
+            braking_share: as in VehiclePosition.
         """
         if changed or now_ns - self._position_ns >= _POSITION_NS:
             self._position_ns = now_ns
-            yield position_key(self._vehicle), _position(tour, sensing)
+            yield position_key(self._vehicle), _position(tour, sensing, braking_share)
         if changed or now_ns - self._progress_ns >= _PROGRESS_NS:
             yield from self.progress(tour, now_ns)
 
@@ -46,7 +55,7 @@ class Reports:
         yield progress_key(self._vehicle), tour.progress(now_ns)
 
 
-def _position(tour: Tour, sensing: VehicleSensing) -> VehiclePosition:
+def _position(tour: Tour, sensing: VehicleSensing, braking_share: float | None) -> VehiclePosition:
     share = 1.0  # it stands at the end of the segment that it came by
     if sensing.on_road:
         leg, state = tour.current, tour.state
@@ -62,4 +71,5 @@ def _position(tour: Tour, sensing: VehicleSensing) -> VehiclePosition:
         cycle=None if tour.plan is None else tour.plan.cycle,
         leg=None if tour.plan is None else tour.leg,
         charge_kwh=sensing.charge_kwh,
+        braking_share=braking_share,
     )

@@ -39,6 +39,11 @@ class VehiclePosition(Model):
     charge_kwh: NonNegative | None = Field(
         default=None, description="Energy in its battery; null: not known."
     )
+    braking_share: Share | None = Field(
+        default=None,
+        description="Of the deceleration that its type declares, what its brakes did of late; it "
+        "keeps no close gap. Null: as declared, or not known.",
+    )
 
     @model_validator(mode="after")
     def _leg_has_a_plan(self) -> Self:

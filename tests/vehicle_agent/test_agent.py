@@ -11,6 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from slipstream.braking import BRAKING
 from slipstream.messages import (
     DrivingAdvice,
     Estimate,
@@ -30,6 +31,7 @@ from tests.vehicle_agent.road import course, crossing, ns, segment, spat, state
 from tests.vehicle_agent.tours import VAN, ahead, continued, plan, report, sensing
 from vehicle_agent.agent import Agent, AgentParameters
 from vehicle_agent.host import AgentHost
+from vehicle_agent.platooning.brake_estimate import BrakeEstimate
 
 LIMIT_MPS = 13.4
 ROUGH = KinematicFeatures(
@@ -268,6 +270,20 @@ def test_a_lapsed_plan_ends_a_close_gap() -> None:
     advice = advised(one, 10_000.0)
     assert advice.mode == "open_gap"
     assert one.tour.plan is not None
+
+
+def test_brakes_that_do_less_than_declared_end_a_close_gap(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Its driver and its dispatcher are told by how much."""
+    one = joined()
+    monkeypatch.setattr(BrakeEstimate, "share", 0.62)
+    monkeypatch.setattr(BrakeEstimate, "braking", BRAKING["truck"].on("snow"))
+    advice = advised(one, 1.0)
+    assert advice.mode == "open_gap"
+    assert advice.reason == "it brakes with 62% of what is declared"
+    (position,) = sent(one, VehiclePosition)
+    assert position.braking_share == 0.62
 
 
 def test_what_an_agent_sends_to_partners_reaches_them_in_one_process() -> None:

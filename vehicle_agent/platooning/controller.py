@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_left, bisect_right
 from collections import deque
+from dataclasses import replace
 from typing import Final
 
 from slipstream.messages import PlatoonControl, PlatoonManagement, VehicleSensing
@@ -16,6 +17,7 @@ from slipstream.spacing import (
 )
 from vehicle_agent.leg import Leg, VehicleState
 from vehicle_agent.platooning.agreement import MAX_REASON, RENEW_NS, Agreements
+from vehicle_agent.platooning.brake_estimate import BrakeEstimate
 from vehicle_agent.platooning.catch_up import (
     DROP_BACK,
     MOTORWAY_MPS,
@@ -69,6 +71,7 @@ class Platooning:
 
     def __init__(self, vehicle: str, length_m: float, own: OwnVehicle) -> None:
         self._vehicle, self._own = vehicle, own
+        self._brakes = BrakeEstimate(own.braking)
         self._neighbours = Neighbours(vehicle, own.interval_s)
         self._agreements = Agreements(vehicle)
         self._controls = ControlMessages(vehicle, length_m, own.braking.greatest_mps2)
@@ -156,10 +159,13 @@ class Platooning:
         if len(self._neighbours):
             self._neighbours.forget(now_ns)
         self._agreements.joined.expire(now_ns)
-        last = Commanded(self._commanded_mps, tuple(self._recent), self._own.interval_s)
+        own = self._own
+        if self._brakes.share is not None:
+            own = replace(own, braking=self._brakes.braking)
+        last = Commanded(self._commanded_mps, tuple(self._recent), own.interval_s)
         s = look(
             *(now_ns, leg, state, sensing, gates),
-            *(self._neighbours, self._evidence, self._own, last),
+            *(self._neighbours, self._evidence, own, last),
         )
         self._platoon = followers(s, self._neighbours, self._vehicle)
         if any(one.vehicle == self._agreements.joined.by for one in self._platoon):
@@ -172,7 +178,10 @@ class Platooning:
         if len(self._neighbours) or self._member.mode != "alone" or self._agreements.joining.front:
             self._decide(s)
         cap = math.inf if cap_mps is None else cap_mps
-        return self._result(s, cap)
+        result = self._result(s, cap)
+        driven = result.acceleration_mps2
+        self._brakes.update(now_ns, sensing.time_ns, state.speed_mps, driven)
+        return result
 
     def _decide(self, s: Situation) -> None:
         due = not 0 < self._look_ns - s.now_ns <= RENEW_NS
@@ -258,6 +267,11 @@ class Platooning:
     def limit_mps2(self) -> float | None:
         """The hardest braking that others reckon with; None: they reckon with all it can do."""
         return None if self._kept is None else self._kept[0]
+
+    @property
+    def braking_share(self) -> float | None:
+        """Of the declared deceleration, what its brakes do; None: as much, or not known."""
+        return self._brakes.share
 
     def _keep_promise(self, s: Situation) -> None:
         """What the follower needs, if there is one, holds until it is apart."""

@@ -134,6 +134,11 @@ KINDS: Final[Mapping[str, AlarmKind]] = {
     "vehicle_late": AlarmKind(
         "warning", "tell the customer, or move the window", 10.0, 30.0, "vehicles are late"
     ),
+    "brakes_weak": AlarmKind(
+        "warning",
+        "have its brakes seen to, or declare in its type what they do",
+        many="vehicles brake less than declared",
+    ),
     "order_late": AlarmKind(
         "warning", "call its driver; tell the customer", 10.0, 30.0, "orders are late"
     ),

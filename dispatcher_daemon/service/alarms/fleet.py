@@ -139,7 +139,10 @@ def _of_vehicle(
         gone = vehicle.withdrawn
         text = f"{gone.reason or 'it did not answer its plan'}; its orders go to others"
         yield Condition("plan_refused", name, text, gone.since_ns)
-    accepted = vehicle.accepted
+    position, accepted = vehicle.position, vehicle.accepted
+    if position is not None and (share := position.braking_share) is not None:
+        text = f"its last brakings came to {share:.0%} of what was declared: it keeps no close gap"
+        yield Condition("brakes_weak", name, text)
     if accepted is None and not held:
         return
     if vehicle.answered_ns is None:
@@ -148,7 +151,7 @@ def _of_vehicle(
             text = f"it has {_orders(len(held))} since {utc(since_ns)}, and was never heard"
             yield Condition("vehicle_unheard", name, text, since_ns)
     elif not vehicle.is_fresh(now_ns):
-        where = "" if vehicle.position is None else f" on {vehicle.position.segment}"
+        where = "" if position is None else f" on {position.segment}"
         plan = "" if accepted is None else f"the plan of cycle {accepted.plan.cycle} and "
         heard = f"last heard of at {utc(vehicle.answered_ns)}{where}"
         text = f"{heard}; it has {plan}{_orders(len(held))}"

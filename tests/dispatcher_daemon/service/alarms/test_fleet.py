@@ -74,6 +74,17 @@ def test_a_van_that_falls_silent_with_its_plan(running: Running) -> None:
     assert f"{len(plan.service_stops)} orders" in text
 
 
+def test_brakes_that_do_less_than_declared(running: Running) -> None:
+    """As the vehicle's agent tells with its place."""
+    dispatcher, plan, _ = running
+    accept(dispatcher, plan)
+    place = at(plan, plan.segments[0].segment, 0.4)
+    tell(dispatcher, place.model_copy(update={"braking_share": 0.62}))
+    ((kind, subject, text),) = conditions(dispatcher)
+    assert (kind, subject) == ("brakes_weak", "vehicle/van-a")
+    assert "62%" in text
+
+
 def lost(dispatcher: Dispatcher, after_s: float, started_s: float = -STARTED_S) -> list[bool]:
     """Whether no vehicle is heard, some time from now: as what is only awaited, or not."""
     started_ns, now_ns = (time.time_ns() + round(1e9 * s) for s in (started_s, after_s))
