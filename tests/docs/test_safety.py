@@ -10,13 +10,18 @@ from typing import Any
 import pytest
 
 from slipstream.braking import BRAKING, HARDEST_MPS2, Braking, Road
+from slipstream.energy.drafting import reductions_at
+from slipstream.energy.traction import drag_saving_kwh, steady_energy_kwh
 from slipstream.spacing import (
     closing_m,
+    driver_gap_m,
     front_limit_mps2,
     least_gap_m,
+    planned_gap_m,
     promised_mps2,
     reaction_s,
 )
+from slipstream.vehicle_types import PRESETS, VehicleType
 from vehicle_agent.platooning.needed_braking import AheadMotion
 from vehicle_agent.platooning.speed_commands import leading_gap_m
 
@@ -106,6 +111,29 @@ def test_tables_are_what_the_law_gives(header: str, row_of: Any) -> None:
     assert {(name, road) for name in BRAKING for road in ("dry", "wet")} - shown == {
         ("ideal", "wet")
     }
+
+
+def drafting_left(kind: VehicleType, braking: Braking) -> list[str]:
+    """One row: gap and saving of a pair that has promised, unannounced, and as drivers drive."""
+    v, physics = 80 / 3.6, kind.profile.physics
+    gaps = [planned_gap_m(v, 2.0, braking), least_gap_m(v, braking.greatest_mps2, braking)]
+    whole = steady_energy_kwh(1000.0, v, vehicle=physics)
+    found = []
+    for gap_m in (*gaps, driver_gap_m(v)):
+        reductions = reductions_at(kind.drafting, gap_m)
+        places = (reductions.at(number, 2) for number in range(2))
+        saved = sum(drag_saving_kwh(1000.0, v, eta, physics) for eta in places)
+        found += [f"{gap_m:.1f}", f"{100 * saved / 2 / whole:.1f}"]
+    return found[:4] + found[5:]
+
+
+def test_what_drafting_is_left_is_what_the_laws_give() -> None:
+    """Of each type of vehicle, by the law that is measured for it."""
+    rows = table("promised gap, m |")
+    for name, brakes, road, *cells in rows:
+        braking = BRAKING[brakes].on(road)  # type: ignore[index]
+        assert cells == drafting_left(PRESETS[name], braking), f"{name}, {brakes}, {road}"
+    assert {name for name, *_ in rows} == set(PRESETS)
 
 
 def test_each_hazard_has_an_answer_or_is_open() -> None:
