@@ -137,6 +137,7 @@ bench-perception: setup
 bench-accuracy: setup
 	$(BIN)/python -m slipstream_lab.benchmarks.accuracy --json .slipstream/accuracy.json
 	$(BIN)/python -m slipstream_lab.benchmarks.accuracy.weather
+	$(BIN)/python -m slipstream_lab.benchmarks.accuracy.drawn
 
 # What vehicles that nobody saw do to the features: estimated anew on clips that judge nothing; the
 # table goes into edge_daemon/features/occlusion.py.

@@ -216,6 +216,7 @@ class Pipeline:
                 vehicles,
                 window.frames,
                 window.coverage,
+                variance=measured.variance if measured else None,
                 sparse=window.sparse,
             )
             if fault is None
@@ -234,4 +235,5 @@ class Pipeline:
             vehicles=vehicles,
             frames=window.frames,
             coverage=window.coverage,
+            p_stable=flag.p_stable,
         )

@@ -98,13 +98,10 @@ class StabilitySettings(Settings):
     min_vehicles: Annotated[int, Field(ge=1)] = Field(
         default=3, description="Vehicles in the window."
     )
-    hysteresis: Annotated[float, Field(ge=0, lt=1)] = Field(
-        default=0.05,
-        description="A segment becomes stable this share below the thresholds; 0: at them.",
-    )
-    confidence_sigmas: Annotated[float, Field(ge=0, le=5)] = Field(
-        default=1.0,
-        description="Standard errors that must lie between value and threshold; 0: none.",
+    confidence: Annotated[float, Field(ge=0, lt=1)] = Field(
+        default=0.95,
+        description="Probability from which on a segment is called stable, or turbulent, above "
+        "0.5; 0: the values alone decide.",
     )
     keep_s: Annotated[float, Field(ge=0, le=3600)] = Field(
         default=0.0,
@@ -113,8 +110,14 @@ class StabilitySettings(Settings):
     )
 
     def bare(self) -> StabilitySettings:
-        """The paper's rule alone: no hysteresis, no standard errors, no flag kept."""
-        return self.model_copy(update={"hysteresis": 0.0, "confidence_sigmas": 0.0, "keep_s": 0.0})
+        """The paper's rule alone: no standard errors, no flag kept."""
+        return self.model_copy(update={"confidence": 0.0, "keep_s": 0.0})
+
+    @model_validator(mode="after")
+    def _confidence_is_more_than_even(self) -> Self:
+        if 0 < self.confidence <= 0.5:
+            raise ValueError("confidence must be above 0.5, or 0")
+        return self
 
 
 class WatchSettings(Settings):

@@ -1,3 +1,3 @@
 """What all Slipstream daemons share: roads, messages, bus, energy, settings, service life."""
 
-__version__ = "0.3.0"
+__version__ = "0.4.0"

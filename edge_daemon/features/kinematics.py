@@ -16,9 +16,13 @@ import numpy as np
 from edge_daemon.camera import Array, WatchedSegment
 from edge_daemon.camera.pose import CameraPose
 from edge_daemon.features.centreline import Centreline, fit_centreline
-from edge_daemon.features.moments import posterior_moments, with_persistent_errors
+from edge_daemon.features.moments import (
+    VariancePosterior,
+    posterior_moments,
+    with_persistent_errors,
+)
 from edge_daemon.features.occlusion import VirtualCars, correct_for_occlusion
-from edge_daemon.features.smoother import Motion, Smoother, estimate_variance_components
+from edge_daemon.features.smoother import ComponentsPosterior, Motion, Smoother
 from edge_daemon.features.trajectories import (
     GroupedSightings,
     Trajectory,
@@ -67,12 +71,13 @@ class VehicleMotion:
 @dataclass(frozen=True)
 class WindowFeatures:
     """The features of one window, corrected for occlusion, and what they rest on: those of the
-    visible vehicles, the share of the segment that was hidden, None where the pose is unknown, and
-    the motions.
+    visible vehicles, what σ²_a may be, the share of the segment that was hidden, None where the
+    pose is unknown, and the motions.
     """
 
     features: KinematicFeatures
     seen: KinematicFeatures
+    variance: VariancePosterior
     occluded_share: float | None
     vehicles: tuple[VehicleMotion, ...]
 
@@ -103,8 +108,8 @@ class SegmentKinematics:
         if not trajectories:
             return None
         smoother = Smoother([trajectory.positions for trajectory in trajectories])
-        motion = smoother.smooth(estimate_variance_components(smoother))
-        around_mean = smoother.smooth(estimate_variance_components(smoother, around_mean=True))
+        components = smoother.components()
+        motion = smoother.smooth(components.mean)
         ends = centreline.arc_length(np.array([segment.begin_m, segment.end_m]))
         weights = _weights(motion, trajectories, ends, begin_s)
         vehicles = tuple(
@@ -122,11 +127,15 @@ class SegmentKinematics:
         )
         if not vehicles:
             return None
-        seen = _features(motion, around_mean, weights, vehicles, observed_s * segment.length_m)
+        variance = _acceleration_variance(smoother, components, weights)
+        area = observed_s * segment.length_m
+        seen = _features(motion, variance.estimate, weights, vehicles, area)
         if self._virtual_cars is None:
-            return WindowFeatures(seen, seen, None, vehicles)
+            return WindowFeatures(seen, seen, variance, None, vehicles)
         share = self._virtual_cars.occluded_share(sightings, begin_s)
-        return WindowFeatures(correct_for_occlusion(seen, share), seen, share, vehicles)
+        features = correct_for_occlusion(seen, share)
+        variance = variance.corrected(features.acceleration_variance_m2ps4)
+        return WindowFeatures(features, seen, variance, share, vehicles)
 
     def _find_trajectories(
         self, grouped: GroupedSightings, centreline: Centreline
@@ -175,9 +184,23 @@ def _weights(
     return np.asarray(in_window * np.clip(in_segment, 0.0, 1.0))
 
 
+def _acceleration_variance(
+    smoother: Smoother, components: ComponentsPosterior, weights_s: Array
+) -> VariancePosterior:
+    """σ²_a of the vehicles, for each of the components that the data allow for."""
+    weights = weights_s / weights_s.sum()
+    moments = with_persistent_errors(
+        weights,
+        posterior_moments(weights, *smoother.accelerations(components)),
+        OWN_ACCELERATION_STD_MPS2,
+        COMMON_ACCELERATION_STD_MPS2,
+    )
+    return VariancePosterior(components.weight, moments.variance, moments.variance_error)
+
+
 def _features(
     motion: Motion,
-    around_mean: Motion,
+    variance: Estimate,
     weights_s: Array,
     vehicles: Sequence[VehicleMotion],
     area: float,
@@ -186,31 +209,26 @@ def _features(
 
     Args:
         motion: of all vehicles, a stack of (v, n).
-        around_mean: the same with accelerations around a common mean. Where all vehicles speed up
-            alike it is no variance: around 0 the posterior's own would be added for it.
+        variance: σ²_a.
         weights_s: time that each position stands for, shape (v, n).
         vehicles: those of them that were in segment and window.
         area: the segment's length times the observed time, m s.
     """
     present_s = float(weights_s.sum())
     weights = weights_s / present_s
-    speed, spread = posterior_moments(weights, motion.speed_mps, motion.speed_covariance)
-    own, common = OWN_SPEED_STD * speed.value, COMMON_SPEED_STD * speed.value
-    speed, spread = with_persistent_errors(weights, speed, spread, own, common)
-    (acceleration, _), (_, variance) = (
-        with_persistent_errors(
-            weights,
-            *posterior_moments(weights, each.acceleration_mps2, each.acceleration_covariance),
-            OWN_ACCELERATION_STD_MPS2,
-            COMMON_ACCELERATION_STD_MPS2,
-        )
-        for each in (motion, around_mean)
+    speeds = posterior_moments(weights, motion.speed_mps, motion.speed_covariance)
+    own, common = OWN_SPEED_STD * speeds.mean, COMMON_SPEED_STD * speeds.mean
+    speeds = with_persistent_errors(weights, speeds, float(own), float(common))
+    accelerations = with_persistent_errors(
+        weights,
+        posterior_moments(weights, motion.acceleration_mps2, motion.acceleration_covariance),
+        OWN_ACCELERATION_STD_MPS2,
+        COMMON_ACCELERATION_STD_MPS2,
     )
-    std = float(np.sqrt(spread.value))
-    error = spread.standard_error or 0.0
+    std, error = float(np.sqrt(speeds.variance)), float(speeds.variance_error)
     return KinematicFeatures(
-        mean_speed_mps=speed,
-        mean_acceleration_mps2=acceleration,
+        mean_speed_mps=_estimate(speeds.mean, speeds.mean_error),
+        mean_acceleration_mps2=_estimate(accelerations.mean, accelerations.mean_error),
         density_veh_per_m=Estimate(
             value=present_s / area, standard_error=_presence_error_s(vehicles) / area
         ),
@@ -220,6 +238,10 @@ def _features(
         acceleration_variance_m2ps4=variance,
         mean_gap_m=_mean_gap(vehicles),
     )
+
+
+def _estimate(value: Array, error: Array) -> Estimate:
+    return Estimate(value=float(value), standard_error=float(error))
 
 
 def _presence_error_s(vehicles: Sequence[VehicleMotion]) -> float:

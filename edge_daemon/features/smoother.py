@@ -4,9 +4,9 @@ Position is s(t) = s₀ + v₀ t + ∬ a, with the acceleration a Gaussian proce
 Matérn-3/2 correlation (Rasmussen & Williams, Gaussian Processes, 2006, eq. 4.17), around 0 or
 around a mean that all vehicles share, s₀ and v₀ unknown (ibid., eq. 2.41). It is the smoother of a
 Singer-like manoeuvre model (Singer, IEEE Trans. AES 6, 1970) over the whole window. How strong
-accelerations and noise are is taken from the data: the two variance components are estimated by
-restricted maximum likelihood over all vehicles of the segment, so that calm traffic is smoothed
-hard and rough traffic is not flattened.
+accelerations and noise are is taken from the data, by the restricted likelihood of all vehicles of
+the segment, so that calm traffic is smoothed hard and rough traffic is not flattened. Few vehicles
+on a short way do not tell σ²_a: what is asked of accelerations is averaged over its posterior.
 """
 
 from __future__ import annotations
@@ -32,9 +32,15 @@ NOISE_CORRELATION_S: Final = 0.05
 SLOW_SHARE: Final = 0.6
 """Share of a box's error variance that stays for longer: the same side hidden, the same shape."""
 SLOW_CORRELATION_S: Final = 1.0
-_PRIOR_OBSERVATIONS: Final = 10.0
-_PRIOR_ACCELERATION_VARIANCE: Final = 0.3
-_MIN_VARIANCE, _MAX_VARIANCE = 1e-4, 50.0
+_NOISE_OBSERVATIONS: Final = 10.0
+"""For so many the stated noise counts."""
+_STD_MPS2: Final = np.geomspace(0.04, 6.0, 20)
+_MEDIAN_STD_MPS2: Final = 0.7
+"""Of σ_a, before anything is seen: as likely calm as turbulent, by the paper's threshold."""
+_NOISE_SCALES: Final = np.geomspace(0.1, 20.0, 25)
+_CLIP: Final = 9.0
+"""A box that jumped is no acceleration: a contrast speaks for no more than 3 σ."""
+_UNLIKELY: Final = 1e-4
 
 
 @dataclass(frozen=True)
@@ -97,6 +103,25 @@ class VarianceComponents:
 
 
 @dataclass(frozen=True)
+class ComponentsPosterior:
+    """Variance components that the data allow for, each with its probability, arrays (k,)."""
+
+    weight: Array
+    acceleration_variance: Array
+    noise_scale: Array
+    mean_acceleration_mps2: Array
+
+    @property
+    def mean(self) -> VarianceComponents:
+        """The posterior mean of each."""
+        return VarianceComponents(
+            float(self.weight @ self.acceleration_variance),
+            float(self.weight @ self.noise_scale),
+            float(self.weight @ self.mean_acceleration_mps2),
+        )
+
+
+@dataclass(frozen=True)
 class Motion:
     """Smoothed motion at n condensed positions of one vehicle, or of a stack of v vehicles.
 
@@ -131,10 +156,8 @@ class Smoother:
     vehicles with fewer positions are padded with uninformative observations: at their last time, of
     zero, with independent noise and no part in the motion.
 
-    Attributes:
-        gains: of all vehicles' contrasts, shape (k,): each has variance noise + σ²_a · gain.
-        contrasts: shape (k,).
-        accelerated: what a contrast is where all vehicles accelerate at 1 m/s², shape (k,).
+    A vehicle's contrasts are independent combinations of its positions, free of s₀ and v₀: each has
+    the variance noise + σ²_a · gain, and all that the positions say of accelerations is in them.
     """
 
     def __init__(self, positions: Sequence[Positions]) -> None:
@@ -175,10 +198,12 @@ class Smoother:
         self._target = np.where(self._real, along - self._middle, 0.0)
         self._way = np.where(self._real, time**2 / 2, 0.0)
         self._since_s = np.where(self._real, time, 0.0)
-        self.gains, self.contrasts, self.accelerated = self._contrasts()
+        self._find_contrasts(with_along)
 
-    def _contrasts(self) -> tuple[Array, Array, Array]:
-        """Gains, values and accelerated values of independent contrasts free of s₀ and v₀."""
+    def _find_contrasts(self, with_along: Array) -> None:
+        """Arrays (v, n − 2): gains, values, and values where all accelerate at 1 m/s²; and the
+        covariance of accelerations with them for σ²_a = 1, (v, n, n − 2).
+        """
         n = self._real.shape[1]
         whiten = np.linalg.inv(np.linalg.cholesky(self._noise))
         design = self._start[:, :n]
@@ -189,8 +214,57 @@ class Smoother:
         covariance -= np.eye(n - 2) * ~self._real[:, 2:, None]
         gain, vectors = np.linalg.eigh(covariance)
         both = vectors.mT @ (projected @ np.stack([self._target, self._way], axis=2))
-        real = gain > -0.5
-        return np.maximum(gain[real], 0.0), both[:, :, 0][real], both[:, :, 1][real]
+        self._contrasted = gain > -0.5
+        self._gain = np.where(self._contrasted, np.maximum(gain, 0.0), 0.0)
+        self._contrast, self._accelerated = np.where(self._contrasted, np.moveaxis(both, 2, 0), 0.0)
+        self._with_contrast = with_along @ projected.mT @ vectors * self._contrasted[:, None]
+
+    def components(self) -> ComponentsPosterior:
+        """Posterior of the variance components, on a grid of σ_a and of the noise's scale.
+
+        σ_a has a half-Cauchy prior (Gelman, Bayesian Analysis 1, 2006), the noise's scale one of
+        `_NOISE_OBSERVATIONS` at 1, the common mean acceleration the process's own variance, as a
+        lone vehicle's is as likely its own. The noise's scale is averaged for each σ_a.
+        """
+        real = self._contrasted
+        gain, value, common = self._gain[real], self._contrast[real], self._accelerated[real]
+        variance = _STD_MPS2**2
+        spread = _NOISE_SCALES[:, None] + variance[:, None, None] * gain
+        precision = (common**2 / spread).sum(axis=2) + 1 / variance[:, None]
+        mean = (common * value / spread).sum(axis=2) / precision
+        squares = (value - mean[:, :, None] * common) ** 2 / spread
+        likelihood = -0.5 * (
+            np.log(spread).sum(axis=2)
+            + np.minimum(squares, _CLIP).sum(axis=2)
+            + mean**2 / variance[:, None]
+            + np.log(precision * variance[:, None])
+            + _NOISE_OBSERVATIONS * (np.log(_NOISE_SCALES) + 1 / _NOISE_SCALES)
+        )
+        prior = _STD_MPS2 / (1 + (_STD_MPS2 / _MEDIAN_STD_MPS2) ** 2)
+        joint = np.exp(likelihood - likelihood.max()) * prior[:, None]
+        joint /= joint.sum()
+        weight = joint.sum(axis=1)
+        kept = weight > _UNLIKELY
+        joint, weight = joint[kept], weight[kept]
+        return ComponentsPosterior(
+            weight / weight.sum(),
+            variance[kept],
+            np.exp(joint @ np.log(_NOISE_SCALES) / weight),
+            (joint * mean[kept]).sum(axis=1) / weight,
+        )
+
+    def accelerations(self, components: ComponentsPosterior) -> tuple[Array, Array]:
+        """Posterior means (k, v, n) of the accelerations for each of k components, and their
+        covariances (k, v, n, n).
+        """
+        variance = components.acceleration_variance[:, None, None]
+        common = components.mean_acceleration_mps2[:, None, None]
+        known = self._contrasted / (components.noise_scale[:, None, None] + variance * self._gain)
+        left = known * (self._contrast - common * self._accelerated)
+        mean = common + variance * (self._with_contrast @ left[..., None])[..., 0]
+        explained = (self._with_contrast * known[:, :, None]) @ self._with_contrast.mT
+        variance = variance[..., None]
+        return mean, variance * self._of_acceleration - variance**2 * explained
 
     def smooth(self, components: VarianceComponents) -> Motion:
         """Posterior of the motions as a stack, given how strong acceleration and noise are."""
@@ -222,42 +296,6 @@ class Smoother:
             - cross[acceleration] @ solved[:, :, 3 + n :]
             + left[acceleration] @ spread @ left[acceleration].mT,
         )
-
-
-def estimate_variance_components(
-    smoother: Smoother, *, around_mean: bool = False
-) -> VarianceComponents:
-    """Variance components by restricted maximum likelihood (Fisher scoring).
-
-    A contrast of gain g is normal with variance noise + σ²_a g, so the squares regress on (1, g)
-    with weights that the estimate itself gives. A weak prior stands in where vehicles are few.
-    `around_mean`: the common mean acceleration follows by weighted least squares, with the
-    process's own variance as prior, as a lone vehicle's acceleration is as likely its own; else it
-    is 0.
-    """
-    gains, common = smoother.gains, 0.0
-    design = np.stack([np.ones_like(gains), gains])
-    estimate = np.array([1.0, _PRIOR_ACCELERATION_VARIANCE])
-    prior = _PRIOR_OBSERVATIONS / 2 * np.diag([1.0, 0.0])
-    for _ in range(20):
-        variance = estimate[0] + estimate[1] * gains
-        pull = smoother.accelerated / variance
-        common = (
-            around_mean
-            * float(pull @ smoother.contrasts)
-            / (float(pull @ smoother.accelerated) + 1 / estimate[1])
-        )
-        squares = (smoother.contrasts - common * smoother.accelerated) ** 2
-        # A box that jumped is no acceleration: residuals are clipped at 3 σ.
-        seen = np.minimum(squares, 9.0 * variance)
-        weighted = design * (0.5 / variance**2)
-        normal = weighted @ design.T + prior
-        new = np.linalg.solve(normal, weighted @ seen + prior @ [1.0, 0.0])
-        new = np.clip(new, [0.05, _MIN_VARIANCE], [25.0, _MAX_VARIANCE])
-        if (np.abs(new - estimate) <= 1e-3 * estimate).all():
-            break
-        estimate = new
-    return VarianceComponents(float(estimate[1]), float(estimate[0]), common)
 
 
 def _integrals(time_s: Array) -> tuple[Array, Array]:

@@ -1,20 +1,25 @@
 """Features → the stability flag y_e, or unknown with a reason (paper, section V-A).
 
-Hysteresis makes the paper's rule stricter, never looser: stable always means that it holds, or,
-with `keep_s`, that it held when traffic was last dense enough to tell.
+The paper's rule is CV ≤ 0.12 and σ²_a ≤ 0.5 m²/s⁴. Neither is known for certain: the flag goes by
+the probability that the rule holds, P = P(CV ≤ …) P(σ²_a ≤ …). Stable means that it is surely held;
+with `keep_s`, that it was when traffic was last dense enough to tell.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import hypot, inf, isinf
+from dataclasses import dataclass, field
+from math import erfc, hypot, sqrt
 from typing import Final, Literal
 
+from edge_daemon.features.moments import VariancePosterior
 from edge_daemon.settings import StabilitySettings
-from slipstream.messages import Estimate, KinematicFeatures, UnknownReason
+from slipstream.messages import KinematicFeatures, UnknownReason
 
 MIN_COVERAGE: Final = 0.8
 """Share of the window that frames must cover."""
+DWELL_S: Final = 3.0
+"""A stable segment stays so for as long while the rule is likelier to hold than not: windows that
+end so soon after another have most of their data in common."""
 _MIN_SPEED_SHARE: Final = 0.7
 """A kept flag ends below this share of the mean speed at which it was judged: a vehicle that stands
 on an empty road is not light traffic."""
@@ -25,10 +30,13 @@ _POWER_W_PER_KG: Final = 45.0
 
 @dataclass(frozen=True)
 class Flag:
-    """1 stable, 0 turbulent, None unknown for the reason."""
+    """1 stable, 0 turbulent, None unknown for the reason; and the probability that the rule holds,
+    None where nothing tells it.
+    """
 
     y_e: Literal[0, 1] | None
     reason: UnknownReason | None
+    p_stable: float | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True)
@@ -55,6 +63,7 @@ class StabilityJudge:
         frames: int,
         coverage: float,
         *,
+        variance: VariancePosterior | None = None,
         sparse: bool = False,
     ) -> Flag:
         """The flag of a segment's latest window; windows come in the order of their ends,
@@ -63,18 +72,14 @@ class StabilityJudge:
         """
         before = self._stable.get(segment)
         flag = classify(
-            features,
-            vehicles,
-            frames,
-            coverage,
-            self._settings,
-            was_stable=before is not None,
-            sparse=sparse,
+            features, vehicles, frames, coverage, self._settings, variance=variance, sparse=sparse
         )
         if flag.y_e == 1 and features is not None:
             self._stable[segment] = _Stable(time_ns, features.mean_speed_mps.value)
         elif flag.reason == "too_few_vehicles" and self._keeps(before, time_ns, features):
             return Flag(1, None)
+        elif flag.reason == "uncertain" and _dwells(before, time_ns, flag):
+            return Flag(1, None, flag.p_stable)
         else:
             self._stable.pop(segment, None)
         return flag
@@ -97,6 +102,12 @@ class StabilityJudge:
         return features is None or features.mean_speed_mps.value >= slowest_mps
 
 
+def _dwells(before: _Stable | None, time_ns: int, flag: Flag) -> bool:
+    if before is None or flag.p_stable is None or flag.p_stable < 0.5:
+        return False
+    return 0 < time_ns - before.judged_ns <= DWELL_S * 1e9
+
+
 def classify(
     features: KinematicFeatures | None,
     vehicles: int,
@@ -104,7 +115,7 @@ def classify(
     coverage: float,
     settings: StabilitySettings,
     *,
-    was_stable: bool = False,
+    variance: VariancePosterior | None = None,
     sparse: bool = False,
 ) -> Flag:
     """Decide the flag of one segment for one window.
@@ -114,7 +125,7 @@ def classify(
         vehicles: with a usable track.
         frames: processed in the window.
         coverage: share of the window with frames, in [0, 1].
-        was_stable: the segment's flag was 1 so far: it stays so up to the threshold itself.
+        variance: what σ²_a may be; None: a gamma distribution of its value and standard error.
         sparse: frames come too seldom for vehicles to be followed from one to the next.
     """
     if frames == 0:
@@ -126,19 +137,16 @@ def classify(
     most = max_acceleration_variance(features.mean_speed_mps.value)
     if features.acceleration_variance_m2ps4.value > most:
         return Flag(None, "implausible")
-    ratios = _ratios(features, settings)
-    values = [ratio.value for ratio in ratios]
-    errors = [_margin(ratio, settings.confidence_sigmas) for ratio in ratios]
-    lowest = max(value - (0.0 if isinf(e) else e) for value, e in zip(values, errors, strict=True))
-    highest = max(value + e for value, e in zip(values, errors, strict=True))
-    slack = settings.hysteresis
-    if lowest > 1:
-        return Flag(0, None)
-    if was_stable and max(values) <= 1 and highest <= 1 + slack:
-        return Flag(1, None)
-    if highest <= 1:
-        return Flag(1 if highest <= 1 - slack else 0, None)
-    return Flag(None, "uncertain")
+    if settings.confidence == 0:
+        return Flag(1 if _holds(features, settings) else 0, None)
+    chance = _chance(features, variance, settings)
+    if chance is None:
+        return Flag(None, "uncertain")
+    if chance >= settings.confidence:
+        return Flag(1, None, chance)
+    if chance <= 1 - settings.confidence:
+        return Flag(0, None, chance)
+    return Flag(None, "uncertain", chance)
 
 
 def max_acceleration_variance(mean_speed_mps: float) -> float:
@@ -152,34 +160,30 @@ def max_acceleration_variance(mean_speed_mps: float) -> float:
     return ((a + _MAX_BRAKING_MPS2) / 2) ** 2
 
 
-def _ratios(features: KinematicFeatures, settings: StabilitySettings) -> tuple[Estimate, Estimate]:
-    """The rule's two quantities as multiples of their thresholds."""
+def _holds(features: KinematicFeatures, settings: StabilitySettings) -> bool:
+    """The paper's rule by the values alone; standing traffic has no CV and is not stable."""
+    mean, std = features.mean_speed_mps.value, features.speed_std_mps.value
+    variance = features.acceleration_variance_m2ps4.value
+    calm = variance <= settings.max_acceleration_variance_m2ps4
+    return calm and mean > 0 and std / mean <= settings.max_speed_cv
+
+
+def _chance(
+    features: KinematicFeatures, variance: VariancePosterior | None, settings: StabilitySettings
+) -> float | None:
+    """Probability that the rule holds; None: a standard error is missing."""
     mean, spread = features.mean_speed_mps, features.speed_std_mps
+    of_variance = features.acceleration_variance_m2ps4
     if mean.value <= 0:
-        # Standing traffic has no CV; it counts as turbulent.
-        cv = Estimate(value=1e9, standard_error=0.0)
-    else:
-        value = spread.value / mean.value
-        errors = spread.standard_error, mean.standard_error
-        error = (
-            None
-            if None in errors
-            else hypot(errors[0] or 0.0, value * (errors[1] or 0.0)) / mean.value
-        )
-        cv = _over(Estimate(value=value, standard_error=error), settings.max_speed_cv)
-    variance = features.acceleration_variance_m2ps4
-    return cv, _over(variance, settings.max_acceleration_variance_m2ps4)
-
-
-def _over(estimate: Estimate, limit: float) -> Estimate:
-    error = estimate.standard_error
-    return Estimate(
-        value=estimate.value / limit, standard_error=None if error is None else error / limit
-    )
-
-
-def _margin(ratio: Estimate, sigmas: float) -> float:
-    """Margin of a ratio; infinite for one without an error, where errors count."""
-    if sigmas == 0:
         return 0.0
-    return inf if ratio.standard_error is None else sigmas * ratio.standard_error
+    if variance is None:
+        if of_variance.standard_error is None:
+            return None
+        variance = VariancePosterior.of(of_variance)
+    if spread.standard_error is None or mean.standard_error is None:
+        return None
+    cv = spread.value / mean.value
+    error = hypot(spread.standard_error, cv * mean.standard_error) / mean.value
+    left = settings.max_speed_cv - cv
+    calm = float(left >= 0) if error <= 0 else erfc(-left / error / sqrt(2)) / 2
+    return calm * variance.below(settings.max_acceleration_variance_m2ps4)

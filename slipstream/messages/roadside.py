@@ -96,6 +96,13 @@ class SegmentState(Compact, frozen=True, kw_only=True):
     vehicles: Annotated[Count, Meta(description="Vehicles with a usable track.")]
     frames: Annotated[Count, Meta(description="Frames processed in the window.")]
     coverage: Annotated[Share, Meta(description="Share of the window with frames.")]
+    p_stable: Annotated[
+        Share | None,
+        Meta(
+            description="Probability that the traffic is stable, by which y_e is decided; null where "
+            "nothing tells it."
+        ),
+    ] = None
 
     def __post_init__(self) -> None:
         if (self.y_e is None) != (self.reason is not None):

@@ -45,16 +45,28 @@ def road_facts(segment: Segment | None) -> Part:
     }
 
 
+def _judged_by(road: str, known: Known) -> SegmentState | None:
+    """The state that a road is judged by, if it is fresh."""
+    row = known.moment["roads"].get(road)
+    state = None if row is None else known.snapshot.states.get((road, row["rsu"] or ""))
+    if state is None or freshness.fault(state.time_ns, known.now_ns) is not None:
+        return None
+    return state
+
+
+def stable_share(road: str, known: Known) -> float | None:
+    """Probability that its traffic is stable; None: nothing tells it."""
+    state = _judged_by(road, known)
+    return None if state is None or state.p_stable is None else round(state.p_stable, 3)
+
+
 def features(road: str, known: Known) -> list[Part]:
     """The six features of the state that a road is judged by, with the limits that they are
     held against.
     """
-    row = known.moment["roads"].get(road)
-    state = None if row is None else known.snapshot.states.get((road, row["rsu"] or ""))
+    state = _judged_by(road, known)
     measured = None if state is None else state.features
     if state is None or measured is None:
-        return []
-    if freshness.fault(state.time_ns, known.now_ns) is not None:
         return []
     limits = _limits_of(known.snapshot, state)
     found = []

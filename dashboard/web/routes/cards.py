@@ -67,6 +67,7 @@ def road_card(page: Page, road: str, t: T = None) -> Response:
             "id": road,
             **(row or {}),
             **parts.road_facts(segment),
+            "p_stable": parts.stable_share(road, known) if known.moment["live"] else None,
             "features": parts.features(road, known)
             if known.moment["live"]
             else parts.features_of_minute(minutes, known.now_ns),

@@ -305,6 +305,7 @@ class RoadFacts(TypedDict):
     name: str | None
     length_m: Number | None
     limit_kmh: int | None
+    p_stable: Number | None
     features: list[Feature]
     hour: Hour
     refused: list[Refused]

@@ -13,7 +13,6 @@ from edge_daemon.features.smoother import (
     Smoother,
     VarianceComponents,
     bin_positions,
-    estimate_variance_components,
 )
 
 Array = npt.NDArray[np.float64]
@@ -77,7 +76,7 @@ def test_the_variance_of_acceleration_is_estimated_from_the_data(
     for phase in rng.uniform(0, 2 * np.pi, 20):
         wave = np.sqrt(2) * std * np.sin(2 * np.pi * np.arange(150) / FPS / 8 + phase)
         positions.append(drive(wave, sigma_m, rng)[0])
-    components = estimate_variance_components(Smoother(positions))
+    components = Smoother(positions).components().mean
     motions = smooth(positions, components)
     second = np.mean([m.acceleration_mps2**2 + np.diag(m.acceleration_covariance) for m in motions])
     assert second == pytest.approx(std**2, rel=0.35)
@@ -87,7 +86,7 @@ def test_calm_traffic_is_not_made_rough_by_noise() -> None:
     """No acceleration at all under 0.3 m of noise: the estimate stays far under the threshold."""
     rng = np.random.default_rng(4)
     calm = [drive(np.zeros(105), 0.3, rng)[0] for _ in range(12)]
-    components = estimate_variance_components(Smoother(calm))
+    components = Smoother(calm).components().mean
     assert components.acceleration_variance < 0.1
 
 
@@ -99,7 +98,7 @@ def test_noise_larger_than_stated_is_noticed() -> None:
         times = np.arange(120) / FPS
         along = 15.0 * times + rng.normal(0, 0.3, 120)
         positions.append(alone(times, along, np.full(120, 0.1**2)))
-    assert estimate_variance_components(Smoother(positions)).noise_scale > 2
+    assert Smoother(positions).components().mean.noise_scale > 2
 
 
 def test_long_tracks_are_condensed_to_a_bounded_number_of_positions() -> None:
@@ -125,14 +124,52 @@ def test_vehicles_smoothed_together_move_as_they_would_alone() -> None:
     assert [len(each) for each in positions] == [3, 25, 10]
     together = Smoother(positions)
     apart = [Smoother([each]) for each in positions]
-    for name in ("gains", "contrasts"):
-        one_by_one = np.concatenate([getattr(smoother, name) for smoother in apart])
-        assert np.abs(getattr(together, name)) == pytest.approx(np.abs(one_by_one), abs=1e-6)
+    posterior = together.components()
+    means, covariances = together.accelerations(posterior)
+    for i, (each, smoother) in enumerate(zip(positions, apart, strict=True)):
+        n = len(each)
+        alone_means, alone_covariances = smoother.accelerations(posterior)
+        assert means[:, i, :n] == pytest.approx(alone_means[:, 0], abs=1e-6)
+        assert covariances[:, i, :n, :n] == pytest.approx(alone_covariances[:, 0], abs=1e-6)
     components = VarianceComponents(0.7, 1.3)
     for motion, each in zip(smooth(positions, components), positions, strict=True):
         (wanted,) = smooth([each], components)
         for name in Motion.__dataclass_fields__:
             assert getattr(motion, name) == pytest.approx(getattr(wanted, name), abs=1e-7)
+
+
+def test_accelerations_are_those_of_the_smoothed_motion() -> None:
+    """By contrasts, and by the motion with all its parts: the same for each of the components."""
+    rng = np.random.default_rng(8)
+    positions = [drive(rng.normal(0, 1, n), 0.2, rng)[0] for n in (90, 40)]
+    smoother = Smoother(positions)
+    posterior = smoother.components()
+    means, covariances = smoother.accelerations(posterior)
+    columns = zip(
+        *(posterior.acceleration_variance, posterior.noise_scale),
+        posterior.mean_acceleration_mps2,
+        strict=True,
+    )
+    for k, column in enumerate(columns):
+        for i, motion in enumerate(smooth(positions, VarianceComponents(*map(float, column)))):
+            n = len(positions[i])
+            assert means[k, i, :n] == pytest.approx(motion.acceleration_mps2, abs=1e-6)
+            wanted = motion.acceleration_covariance
+            assert covariances[k, i, :n, :n] == pytest.approx(wanted, abs=1e-6)
+
+
+def test_few_vehicles_on_a_short_way_do_not_tell_how_rough_traffic_is() -> None:
+    """Three in view for 1.5 s, with 0.6 m of noise: most of the prior is left. Twenty of 5 s tell."""
+    rng = np.random.default_rng(9)
+
+    def spread(count: int, n: int) -> float:
+        parts = [drive(np.zeros(n), 0.6, rng)[0] for _ in range(count)]
+        posterior = Smoother(parts).components()
+        calm = posterior.acceleration_variance <= 0.5
+        return float(posterior.weight[calm].sum())
+
+    assert spread(3, 45) < 0.8
+    assert spread(20, 150) > 0.999
 
 
 def test_vehicles_condensed_together_have_the_positions_they_would_have_alone() -> None:

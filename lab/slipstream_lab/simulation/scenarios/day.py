@@ -32,7 +32,7 @@ class DaySpec:
     Attributes:
         begin_s: simulated time; vehicles due earlier are left out.
         step_s: of the simulation; a window and a second must be multiples of it.
-        rule: of the true stability of windows: the paper's, without hysteresis.
+        rule: of the true stability of windows: the paper's, without doubt.
     """
 
     net: Path

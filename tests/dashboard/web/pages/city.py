@@ -388,6 +388,7 @@ def road_details(t: int) -> Row:
         "name": "River Road 1",
         "length_m": 150.0,
         "limit_kmh": 50.0,
+        "p_stable": 0.31,
         "features": [
             {
                 "name": name,

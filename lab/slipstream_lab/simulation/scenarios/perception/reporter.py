@@ -180,7 +180,7 @@ class Reporter:
         self._sequence = 0
 
     def report(self, observation: Observation) -> SegmentState:
-        """The state that an RSU sends of a window; hysteresis takes the windows in this order."""
+        """The state that an RSU sends of a window; a judge takes the windows in this order."""
         rsu, segment = observation.rsu, observation.segment
         place = zlib.crc32(f"{rsu}\n{segment}".encode())
         stream = [self._seed, place, round(observation.time_s * 1000)]
@@ -205,6 +205,7 @@ class Reporter:
             vehicles=vehicles,
             frames=frames,
             coverage=1.0,
+            p_stable=flag.p_stable,
         )
 
     def _judge(self, rsu: str) -> StabilityJudge:
