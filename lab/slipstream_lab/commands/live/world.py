@@ -196,6 +196,9 @@ def _world_monitor(world: WorldProcess, supervisor: Supervisor) -> Callable[[flo
 
 def _line(world: WorldProcess) -> str:
     """The world's minute in a line."""
+    # Later, as the command's other parts of the simulation.
+    from slipstream_lab.simulation.fleet.safety import MAX_TELEPORTED
+
     counts = world.counts
     assert counts is not None
     minutes = round(counts.time_s / 60)
@@ -207,8 +210,10 @@ def _line(world: WorldProcess) -> str:
     )
     if counts.frames_skipped:
         line += f", {counts.frames_skipped} left out"
-    if counts.safety.collisions:
-        line += f"; {counts.safety.collisions} COLLISIONS of the fleet"
+    for whose, found in (("fleet", counts.safety), ("others", counts.others)):
+        line += f"; {whose}: {found.words}" if found.words else ""
+    if counts.others.is_doubtful:
+        line += f", above {MAX_TELEPORTED:.0%} of {counts.others.trips} trips: BLOCKED ROADS"
     if counts.slipped_s > 1.0:
         line += f"; {counts.slipped_s:.0f} s behind: this machine is too slow for it"
     return line

@@ -237,6 +237,7 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
             duration_s=_mean([trip.duration_s + trip.delay_s for trip in others]),
             time_loss_s=_mean([trip.time_loss_s for trip in others]),
             stops=_mean([trip.stops for trip in others]),
+            trips=world.safety.others.trips,
         ),
         disengagements=world.disengagements,
         teleports=counts.teleports,

@@ -35,12 +35,15 @@ class LoopCycleRecord:
 
 @dataclass(frozen=True)
 class Others:
-    """The background's trips that ended: the fleet's effect on other traffic."""
+    """The background's trips that ended: the fleet's effect on other traffic. `trips`: all that
+    came onto the road.
+    """
 
     arrived: int
     duration_s: float
     time_loss_s: float
     stops: float
+    trips: int
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ from slipstream_lab.simulation.scenarios.scenario import Scenario
 from slipstream_lab.simulation.sumo import Progress
 
 _STYLE: Final = DrivingStyle()
-_NO_OTHERS: Final = Others(0, 0.0, 0.0, 0.0)
+_NO_OTHERS: Final = Others(0, 0.0, 0.0, 0.0, 0)
 
 
 def exogenous_day(

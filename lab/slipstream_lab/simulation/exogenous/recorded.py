@@ -12,6 +12,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from slipstream.roads import RoadNetwork
+from slipstream_lab.simulation.fleet.safety import MAX_TELEPORTED
 from slipstream_lab.simulation.ground_truth import TrueWindow
 from slipstream_lab.simulation.rsus import Rsu, WatchedStretch
 from slipstream_lab.simulation.scenarios.acceptance import AcceptanceLimits
@@ -86,7 +87,7 @@ def record_background(
     found = _read(path, key)
     if found is None:
         day = run_day(spec, progress)
-        AcceptanceLimits().check(day, spec.source)
+        AcceptanceLimits(incidents=MAX_TELEPORTED).check(day, spec.source)
         found = RecordedTraffic(day.traffic, day.observations, spec.window_every_s)
         _write(path, key, found)
     return found

@@ -173,6 +173,7 @@ class FleetWorld:
             ((one.collider, one.victim) for one in simulation.getCollisions()),
             simulation.getEmergencyStoppingVehiclesIDList(),
             simulation.getStartingTeleportIDList(),
+            simulation.getDepartedIDList(),
         )
 
     def _stand(self, name: str, van: SimulatedVan, now_s: float, now_ns: int) -> None:

@@ -169,6 +169,7 @@ class _World:
             fleet_on_road=fleet.on_road,
             fleet_vehicles_driven=fleet.driven,
             safety=fleet.safety.found,
+            others=fleet.safety.others,
         )
 
 

@@ -9,7 +9,7 @@ from typing import Final
 
 from slipstream.braking import Road
 from slipstream.config import BusSettings
-from slipstream_lab.simulation.fleet.safety import FleetSafety
+from slipstream_lab.simulation.fleet.safety import FleetSafety, OthersSafety
 from slipstream_lab.simulation.rsus import Rsu
 from slipstream_lab.simulation.scenarios.day import DaySpec
 from slipstream_lab.simulation.scenarios.demand import Deliveries
@@ -90,3 +90,4 @@ class WorldCounts:
     fleet_on_road: int
     fleet_vehicles_driven: int
     safety: FleetSafety
+    others: OthersSafety

@@ -14,21 +14,22 @@ class AcceptanceLimits:
 
     Attributes:
         left: vehicles driving or waiting at the end, below; of whole days alone.
-        emergency_stops: at most; each is a vehicle that could not brake in time.
+        incidents: share of the trips, at most, for each of teleports, collisions and emergency
+            stops; one of these is a vehicle that could not brake in time.
     """
 
-    teleports: int = 0
+    incidents: float = 0.0
     depart_delay_s: float = 5.0
     left: int = 100
-    emergency_stops: int = 0
 
     def faults(self, day: SimulatedDay) -> tuple[str, ...]:
         """Reasons to refuse a day; empty if it is accepted."""
         found, faults = day.statistics, []
         if day.gridlock_s is not None:
             faults.append(f"gridlock at {clock(day.gridlock_s)}")
-        if found.teleports > self.teleports:
-            faults.append(f"{found.teleports} teleports (at most {self.teleports})")
+        most = int(self.incidents * found.inserted)
+        if found.teleports > most:
+            faults.append(f"{found.teleports} teleports (at most {most})")
         if found.mean_depart_delay_s >= self.depart_delay_s:
             faults.append(
                 f"departures {found.mean_depart_delay_s:.1f} s late on average "
@@ -37,12 +38,10 @@ class AcceptanceLimits:
         left = found.running + found.waiting
         if day.end_s % 86400 == 0 and left >= self.left:
             faults.append(f"{left} vehicles left at the end (below {self.left})")
-        if found.collisions:
-            faults.append(f"{found.collisions} collisions")
-        if found.emergency_stops > self.emergency_stops:
-            faults.append(
-                f"{found.emergency_stops} emergency stops (at most {self.emergency_stops})"
-            )
+        if found.collisions > most:
+            faults.append(f"{found.collisions} collisions (at most {most})")
+        if found.emergency_stops > most:
+            faults.append(f"{found.emergency_stops} emergency stops (at most {most})")
         return tuple(faults)
 
     def check(self, day: SimulatedDay, scenario: str) -> None:

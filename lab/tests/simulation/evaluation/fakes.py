@@ -98,7 +98,7 @@ def make_arm(policy: Policy, seed: int, legs: int = 24, **changes: Any) -> ArmRe
             )
             for n in range(36)
         ),
-        others=Others(1000, 300.0 + 10 * ("priority" in policy.levers), 60.0, 2.0),
+        others=Others(1000, 300.0 + 10 * ("priority" in policy.levers), 60.0, 2.0, 1000),
         disengagements=0 if policy.gating == "rsu" else 3,
         teleports=0,
         collisions=0,

@@ -62,7 +62,7 @@ STOPPED: Final = ramp((0, 0), (10, 14), (40, 14), (50, 0), (70, 0), (80, 14), (1
 def an_arm(*traces: list[float]) -> ArmResult:
     """Vehicles on the way a, b, c with these speeds every half second."""
     legs = tuple(_leg(i, trace) for i, trace in enumerate(traces))
-    nobody = Others(0, 0.0, 0.0, 0.0)
+    nobody = Others(0, 0.0, 0.0, 0.0, 0)
     return ArmResult("x", 1, "B", 0.0, 3600.0, legs, (), (), nobody, 0, 0, 0, 0, None, 0)
 
 

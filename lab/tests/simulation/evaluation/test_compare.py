@@ -14,7 +14,7 @@ from slipstream_lab.simulation.evaluation.arms import POLICIES
 from slipstream_lab.simulation.evaluation.measures.compare import MIN_ORDERS, SeedSpread, compare
 from slipstream_lab.simulation.evaluation.measures.curves import BIN_S, HOUR_S, day_course
 from slipstream_lab.simulation.evaluation.measures.figures import Measures, measure
-from slipstream_lab.simulation.fleet.safety import FleetSafety
+from slipstream_lab.simulation.fleet.safety import FleetSafety, OthersSafety
 
 
 def arm(name: str, seed: int = 1, **changes: object) -> ArmResult:
@@ -67,10 +67,12 @@ def test_an_order_is_late_once_its_time_is_over() -> None:
     ("change", "words"),
     [
         ({"gridlock_s": 30000.0}, "gridlock at 08:20"),
-        ({"teleports": 1}, "1 teleport of others"),
-        ({"collisions": 2}, "2 collisions of others"),
-        ({"emergency_stops": 1}, "1 emergency stop of others"),
-        ({"collisions": 1, "safety": FleetSafety(collisions=1)}, "1 collision of the fleet"),
+        ({"collisions": 3, "safety": FleetSafety(collisions=1)}, "1 collision of the fleet"),
+        ({"teleports": 3, "safety": FleetSafety(teleports=2)}, "2 teleports of the fleet"),
+        (
+            {"emergency_stops": 1, "safety": FleetSafety(emergency_stops=1)},
+            "1 emergency stop of the fleet",
+        ),
         ({"served_again": 1}, "1 second service"),
         ({"services": ()}, "no order was served"),
     ],
@@ -83,6 +85,17 @@ def test_an_arm_that_broke_down_counts_nowhere(change: dict[str, object], words:
     base = measure(arm("B", **change))
     found = compare({"B": {1: base}, "C": {1: measure(arm("C"))}})
     assert (found.compared["C"], found.apart["C"]) == ({}, {1: "there is no sound B"})
+
+
+def test_what_happens_to_others_counts_against_no_arm() -> None:
+    """Only where SUMO teleports more than one in a hundred of them is the arm doubtful."""
+    few = measure(arm("C", teleports=10, collisions=4, emergency_stops=2))
+    assert (few.faults, few.others_safety) == ((), OthersSafety(4, 2, 10, trips=1000))
+    assert not few.others_safety.is_doubtful
+    many = measure(arm("C", teleports=12, safety=FleetSafety(teleports=1)))
+    assert many.others_safety.is_doubtful
+    assert many.faults == ("1 teleport of the fleet",)
+    assert "C" in compare({"B": {1: measure(arm("B"))}, "C": {1: few}}).compared
 
 
 def test_slower_driving_alone_is_no_saving_at_equal_time() -> None:

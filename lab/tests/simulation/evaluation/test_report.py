@@ -22,6 +22,7 @@ from slipstream_lab.simulation.evaluation.report.files import write_results
 from slipstream_lab.simulation.evaluation.report.markdown import headlines, terminal_summary
 from slipstream_lab.simulation.evaluation.runs.run import record_wall_time
 from slipstream_lab.simulation.evaluation.runs.store import ArmStore
+from slipstream_lab.simulation.fleet.safety import FleetSafety
 
 SEEDS = (1, 2, 3)
 
@@ -46,8 +47,11 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("whole")
     fill(folder, tuple(POLICIES.values()))
     with ArmStore(folder, GROUND, "code") as store:
-        broken = make_arm(POLICIES["only-coasting"], 2, emergency_stops=2)
+        stops = FleetSafety(emergency_stops=2)
+        broken = make_arm(POLICIES["only-coasting"], 2, emergency_stops=2, safety=stops)
         store.put(POLICIES["only-coasting"], 2, broken)
+        blocked = make_arm(POLICIES["only-departures"], 3, teleports=15)
+        store.put(POLICIES["only-departures"], 3, blocked)
     assert write_results(folder, read(folder)) is None
     return folder
 
@@ -112,19 +116,31 @@ def test_every_table_names_its_sources(whole: Path) -> None:
 def test_a_broken_arm_is_refused_in_words_and_counts_nowhere(whole: Path) -> None:
     """Its seed is left out of the means, its row says why."""
     text = (whole / "report.md").read_text()
-    assert "only-coasting, seed 2, is refused: 2 emergency stops of others" in text
+    assert "only-coasting, seed 2, is refused: 2 emergency stops of the fleet" in text
     assert row(text, "Arms", "only-coasting")[1] == "1, 3"
     with (whole / "arms.csv").open() as file:
         rows = {(r["arm"], r["seed"]): r for r in csv.DictReader(file)}
-    assert rows["only-coasting", "2"]["refused"] == "2 emergency stops of others"
+    assert rows["only-coasting", "2"]["refused"] == "2 emergency stops of the fleet"
     assert rows["only-coasting", "2"]["saving_at_equal_time"] == ""
     kept = [float(rows["only-coasting", seed]["energy_kwh"]) for seed in ("1", "3")]
     summary = json.loads((whole / "report.json").read_text())
     mean = summary["arms"]["only-coasting"]["figures"]["energy_kwh"]["mean"]
     assert mean == pytest.approx(sum(kept) / 2)
     assert summary["refused"] == [
-        {"arm": "only-coasting", "seed": 2, "faults": ["2 emergency stops of others"]}
+        {"arm": "only-coasting", "seed": 2, "faults": ["2 emergency stops of the fleet"]}
     ]
+
+
+@pytest.mark.long
+def test_blocked_traffic_of_others_is_a_warning(whole: Path) -> None:
+    """Its arm counts, its row of the table of safety has others' teleports apart."""
+    text = (whole / "report.md").read_text()
+    assert "- seed 3: in 1 arms SUMO teleported more than 1% of the others" in text
+    assert "(up to 15 of 1000 trips)" in text
+    assert "| only-departures | 3 | 0 + 0 | 0 + 0 | 0 + 15 |" in text
+    assert row(text, "Arms", "only-departures")[1] == "1, 2, 3"
+    (doubtful,) = json.loads((whole / "report.json").read_text())["doubtful"]
+    assert [doubtful[key] for key in ("seed", "teleports", "trips")] == [3, 15, 1000]
 
 
 def test_the_figures_data_end_at_the_days_energy(whole: Path) -> None:

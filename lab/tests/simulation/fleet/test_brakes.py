@@ -10,7 +10,7 @@ import pytest
 from slipstream.braking import Road
 from slipstream.messages import SensedVehicle, VehicleAdvice
 from slipstream_lab.simulation.fleet.brakes import Brakes, Reality
-from slipstream_lab.simulation.fleet.safety import NOTHING, SafetyWatch
+from slipstream_lab.simulation.fleet.safety import NOTHING, OthersSafety, SafetyWatch
 from slipstream_lab.simulation.fleet.sensing import standing
 
 
@@ -122,9 +122,11 @@ def test_the_least_gap_is_that_of_followers() -> None:
 
 
 def test_the_fleets_accidents_are_counted_apart() -> None:
-    """Once each, for as long as they last; others' not at all."""
+    """Once each, for as long as they last; so are others'."""
     watch = SafetyWatch(0.5)
     for _ in range(3):
         watch.look([("car1", "car2"), ("car3", "cav/v1/0/0")], ["car4", "cav/v2/0/0"], ())
-    watch.look((), (), ["cav/v1/0/0", "car3"])
+    watch.look((), (), ["cav/v1/0/0", "car3"], ["cav/v1/0/1", "car5"])
     assert watch.found == replace(NOTHING, collisions=1, emergency_stops=1, teleports=1)
+    assert watch.others == OthersSafety(1, 1, 1, trips=1)
+    assert watch.others.words == "1 collision, 1 emergency stop, 1 teleport"

@@ -127,6 +127,9 @@ def test_gates_name_every_fault(morning: Morning) -> None:
         assert part in text
     with pytest.raises(InputError, match="3 teleports"):
         gates.check(sick, "troy")
+    few = replace(bad, running=0, mean_depart_delay_s=0.0, inserted=300, collisions=4)
+    day = replace(morning.day, statistics=few)
+    assert AcceptanceLimits(incidents=0.01).faults(day) == ("4 collisions (at most 3)",)
 
 
 @pytest.mark.long

@@ -15,6 +15,7 @@ from slipstream_lab.simulation.evaluation.measures.compare import (
 )
 from slipstream_lab.simulation.evaluation.measures.figures import Measures, measure
 from slipstream_lab.simulation.evaluation.runs import ArmStore, Provenance, StoredArm
+from slipstream_lab.simulation.fleet.safety import OthersSafety
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,16 @@ class Evaluation:
             for name, of_seed in self.runs.items()
             for seed, found in of_seed.items()
             if found.faults
+        )
+
+    @property
+    def doubtful(self) -> tuple[tuple[str, int, OthersSafety], ...]:
+        """Arms in which too many of the others were teleported: name, seed and what happened."""
+        return tuple(
+            (name, seed, found.others_safety)
+            for name, of_seed in self.runs.items()
+            for seed, found in of_seed.items()
+            if found.others_safety.is_doubtful
         )
 
 

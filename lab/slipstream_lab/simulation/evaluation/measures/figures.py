@@ -9,7 +9,7 @@ from slipstream.energy.consumption import ETA_FOLLOWER, Energy, total
 from slipstream_lab.simulation.closed_loop.record import ArmResult, Others
 from slipstream_lab.simulation.fleet.drafting import CAUSES, Cause
 from slipstream_lab.simulation.fleet.losses import Losses
-from slipstream_lab.simulation.fleet.safety import FleetSafety
+from slipstream_lab.simulation.fleet.safety import FleetSafety, OthersSafety
 from slipstream_lab.simulation.scenarios.acceptance import clock
 
 
@@ -58,6 +58,18 @@ class Measures:
     emergency_stops: int
     safety: FleetSafety
     faults: tuple[str, ...]
+
+    @property
+    def others_safety(self) -> OthersSafety:
+        """What is not the fleet's of the collisions, emergency stops and teleports."""
+        own = self.safety
+        return OthersSafety(
+            # SUMO may count a collision of the fleet otherwise than we do.
+            max(0, self.collisions - own.collisions),
+            max(0, self.emergency_stops - own.emergency_stops),
+            max(0, self.teleports - own.teleports),
+            self.others.trips,
+        )
 
     @property
     def served(self) -> int:
@@ -160,8 +172,8 @@ def measure(result: ArmResult) -> Measures:
 
 
 def faults(result: ArmResult) -> tuple[str, ...]:
-    """Faults that make an arm invalid: gridlock, collisions, emergency stops and teleports, the
-    fleet's first, an order that was served twice.
+    """Faults that make an arm invalid: gridlock, collisions, emergency stops and teleports of the
+    fleet, an order that was served twice. Others' make none: no energy of theirs is measured.
     """
     found, own = [], result.safety
     if result.gridlock_s is not None:
@@ -170,9 +182,6 @@ def faults(result: ArmResult) -> tuple[str, ...]:
         (own.collisions, "collision% of the fleet"),
         (own.emergency_stops, "emergency stop% of the fleet"),
         (own.teleports, "teleport% of the fleet"),
-        (result.collisions - own.collisions, "collision% of others"),
-        (result.emergency_stops - own.emergency_stops, "emergency stop% of others"),
-        (result.teleports - own.teleports, "teleport% of others"),
         (result.served_again, "second service%"),
     ):
         if count > 0:

@@ -77,6 +77,7 @@ FIGURES: Final[Mapping[str, Callable[[Measures], float | None]]] = {
     "most_over_promise_mps2": lambda m: m.safety.most_over_mps2,
     "held_back": lambda m: m.safety.held_back,
     "least_gap_m": lambda m: m.safety.least_gap_m,
+    "others_trips": lambda m: m.others.trips,
     "others_arrived": lambda m: m.others.arrived,
     "others_duration_s": lambda m: m.others.duration_s,
     "others_time_loss_s": lambda m: m.others.time_loss_s,
@@ -163,6 +164,10 @@ def summary(evaluation: Evaluation) -> dict[str, Any]:
         "refused": [
             {"arm": name, "seed": seed, "faults": list(faults)}
             for name, seed, faults in evaluation.refused
+        ],
+        "doubtful": [
+            {"arm": name, "seed": seed, **asdict(others)}
+            for name, seed, others in evaluation.doubtful
         ],
         "no_platoons": {
             name: {str(seed): why for seed, why in of_seed.items()}

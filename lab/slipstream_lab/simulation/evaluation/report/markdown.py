@@ -40,6 +40,7 @@ from slipstream_lab.simulation.evaluation.report.tables import (
     safety_table,
     waits_table,
 )
+from slipstream_lab.simulation.fleet.safety import MAX_TELEPORTED, OthersSafety
 from slipstream_lab.simulation.scenarios.acceptance import clock
 
 _NO_PLATOON: Final = "Nobody drove in a platoon"
@@ -122,6 +123,22 @@ def refusals(evaluation: Evaluation) -> list[str]:
     ]
 
 
+def doubts(evaluation: Evaluation) -> list[str]:
+    """Seeds in which so many of the others were teleported that their traffic says little."""
+    by_seed: dict[int, list[OthersSafety]] = {}
+    for _, seed, others in evaluation.doubtful:
+        by_seed.setdefault(seed, []).append(others)
+    lines = []
+    for seed, arms in by_seed.items():
+        most = max(arms, key=lambda others: others.teleports)
+        lines.append(
+            f"seed {seed}: in {len(arms)} arms SUMO teleported more than {MAX_TELEPORTED:.0%} of "
+            f"the others, who had stood for 300 s (up to {most.teleports} of {most.trips} trips): "
+            "so blocked a traffic says little; take fewer trips (--demand) or another net"
+        )
+    return lines
+
+
 def gaps(evaluation: Evaluation) -> list[str]:
     """What makes the evaluation less than whole: arms without some seed, code that changed."""
     lines = [
@@ -152,6 +169,7 @@ def _head(evaluation: Evaluation) -> str:
     lines += ["", *(f"- {line}." for line in headlines(evaluation))]
     for title, words in (
         ("Refused: their figures count nowhere", refusals(evaluation)),
+        ("Doubtful: traffic that stands", doubts(evaluation)),
         ("Not whole", gaps(evaluation)),
     ):
         if words:
@@ -216,4 +234,5 @@ def terminal_summary(evaluation: Evaluation) -> str:
             f"{number(hours and hours.mean, 2):>7} "
             f"{'' if name == BASELINE else equal_time(evaluation, name):>20}"
         )
-    return "\n".join([*lines, *headlines(evaluation), *refusals(evaluation), *gaps(evaluation)])
+    notes = (headlines, refusals, doubts, gaps)
+    return "\n".join([*lines, *(line for of in notes for line in of(evaluation))])

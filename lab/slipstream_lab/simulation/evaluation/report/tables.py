@@ -245,16 +245,16 @@ def safety_table(evaluation: Evaluation) -> ReportTable:
     rows = []
     for name, of_seed in evaluation.runs.items():
         for seed, m in of_seed.items():
-            own, least_m = m.safety, m.safety.least_gap_m
+            own, others, least_m = m.safety, m.others_safety, m.safety.least_gap_m
             pairs = (
-                (own.collisions, m.collisions),
-                (own.emergency_stops, m.emergency_stops),
-                (own.teleports, m.teleports),
+                (own.collisions, others.collisions),
+                (own.emergency_stops, others.emergency_stops),
+                (own.teleports, others.teleports),
             )
             rows.append(
                 (
                     *(name, str(seed)),
-                    *(f"{of_fleet} + {max(0, of_all - of_fleet)}" for of_fleet, of_all in pairs),
+                    *(f"{of_fleet} + {of_others}" for of_fleet, of_others in pairs),
                     *(str(own.promises_broken), number(own.most_over_mps2, 2)),
                     *(str(own.held_back), number(least_m, 2)),
                 )
@@ -268,11 +268,11 @@ def safety_table(evaluation: Evaluation) -> ReportTable:
         tuple(rows),
         arm_rows_source(evaluation),
         (
-            "Each count: of the fleet + of others, as SUMO has them. Promises broken: times that a "
-            "vehicle began to brake harder than its follower reckons with. Held back: SUMO's own "
-            "check braked a vehicle of a platoon harder than its agent. Least gap: between a "
-            "follower and the vehicle that it followed. Arms other than the installed ones have "
-            "the paper's ideal vehicles.",
+            "Each count: of the fleet + of others, as SUMO has them; others' count against no arm. "
+            "Promises broken: times that a vehicle began to brake harder than its follower reckons "
+            "with. Held back: SUMO's own check braked a vehicle of a platoon harder than its "
+            "agent. Least gap: between a follower and the vehicle that it followed. Arms other "
+            "than the installed ones have the paper's ideal vehicles.",
         ),
     )
 

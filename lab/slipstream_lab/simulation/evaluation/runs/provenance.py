@@ -16,7 +16,7 @@ from slipstream_lab.simulation.rsus import Rsu
 from slipstream_lab.simulation.scenarios.perception import measured_errors
 from slipstream_lab.simulation.scenarios.scenario import Scenario, SignalControl
 
-FORMAT: Final = 6
+FORMAT: Final = 7
 """Of stored arms. Raise it when the same order gives another result, or means another thing."""
 
 _PACKAGES: Final = (
