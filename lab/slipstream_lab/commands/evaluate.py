@@ -189,11 +189,9 @@ def _evaluate(
     left_out = world.scenario.left_out
     if left_out is not None:
         print(f"slipstream: {world.scenario.net}: {left_out}", file=sys.stderr)
-    if files.routes and not options.stored and not world.background(seeds[0]).rsus:
-        print(
-            "slipstream: no RSU stands beside these roads, so no platoon will drive; give --rsus",
-            file=sys.stderr,
-        )
+    made = world.made_up(seeds[0])
+    for line in made:
+        print(f"slipstream: made up: {line}", file=sys.stderr)
     with ArmStore(out, world.provenance, code_stamp()) as store:
         kept = 0 if options.stored else _simulate(options, policies, seeds, store, world, workers)
         evaluation = collect(store, world.provenance, seeds)
@@ -206,7 +204,7 @@ def _evaluate(
         except InputError as error:  # as of a background with a teleport: the other arms count
             refused = error
         more = _further_tables(world, evaluation, exogenous)
-        missing = write_results(out, evaluation, more, exogenous)
+        missing = write_results(out, evaluation, more, exogenous, made)
     if missing is not None:
         print(f"slipstream: {missing}", file=sys.stderr)
     if not options.json:
@@ -218,7 +216,7 @@ def _evaluate(
     if refused is not None:
         problem = f"no exogenous evaluation: {refused.problem}"
         raise InputError(refused.source, problem, refused.mend, key=refused.key)
-    return evaluation, whole_summary(evaluation, more, exogenous)
+    return evaluation, whole_summary(evaluation, more, exogenous, made)
 
 
 def _simulate(

@@ -17,7 +17,12 @@ from slipstream_lab.simulation.live.world_spec import WorldSpec
 from slipstream_lab.simulation.rsus import Rsu
 from slipstream_lab.simulation.scenarios.acceptance import clock
 from slipstream_lab.simulation.scenarios.demand import Deliveries, draw_deliveries
-from slipstream_lab.simulation.scenarios.scenario import day_spec, load_scenario, prepare
+from slipstream_lab.simulation.scenarios.scenario import (
+    day_spec,
+    load_scenario,
+    made_up,
+    prepare,
+)
 
 WARM_UP_S: Final = 300.0
 """Simulated before the world opens, so that the roads are not empty then."""
@@ -77,6 +82,8 @@ def prepare_world(
     if scenario.rsus is not None:
         _check_count(name, scenario.rsus, cameras)
     background = prepare(scenario, seed, folder)
+    for line in made_up(scenario, background, seed):
+        say(f"made up: {line}")
     _check_count(name, background.rsus, cameras)
     day = day_spec(scenario, background, folder, begin_s=max(from_s, begin_s - WARM_UP_S))
     return WorldSpec(

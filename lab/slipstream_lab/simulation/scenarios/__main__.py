@@ -28,7 +28,12 @@ from slipstream_lab.simulation.scenarios.networks import (
     write_fixed_time,
 )
 from slipstream_lab.simulation.scenarios.record import SimulatedDay
-from slipstream_lab.simulation.scenarios.scenario import day_spec, load_scenario, prepare
+from slipstream_lab.simulation.scenarios.scenario import (
+    day_spec,
+    load_scenario,
+    made_up,
+    prepare,
+)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -86,6 +91,8 @@ def day(options: argparse.Namespace) -> int:
     if scenario.left_out is not None:
         print(f"{scenario.net}: {scenario.left_out}", file=sys.stderr)
     background = prepare(scenario, options.seed, options.out)
+    for line in made_up(scenario, background, options.seed):
+        print(f"made up: {line}", file=sys.stderr)
     order = day_spec(
         scenario,
         background,

@@ -11,22 +11,27 @@ from typing import Final, Literal
 from slipstream.config import load
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork
-from slipstream.roads.access import ALL_CLASSES
 from slipstream.roads.sumo_net import load_network
 from slipstream_lab.simulation.rsus import Rsu, load_rsus
 from slipstream_lab.simulation.scenarios.day import DaySpec
+from slipstream_lab.simulation.scenarios.defaults import (
+    KM_PER_RSU,
+    TRIPS_PER_KM,
+    default_demand,
+    default_fleet,
+    road_km,
+    rsu_count,
+)
 from slipstream_lab.simulation.scenarios.demand import (
     DemandSettings,
     DrawnBreakdown,
     FleetSettings,
-    Flow,
     Routes,
     Trips,
-    Zone,
     draw_breakdowns,
+    draw_deliveries,
     draw_trips,
     find_routes,
-    gateways,
     write_routes,
 )
 from slipstream_lab.simulation.scenarios.networks import (
@@ -45,13 +50,6 @@ BUILT_IN: Final = ("troy", "corridor")
 
 SignalControl = Literal["actuated", "fixed"]
 
-_TRIPS_PER_KM: Final = 170
-_SHARES: Final = {"car": 0.9, "van": 0.06, "truck": 0.04}
-_ALL_DAY: Final = (
-    *(0.5, 0.3, 0.2, 0.2, 0.4, 1.2, 3.0, 6.0, 6.0, 5.0, 5.0, 5.4),
-    *(5.8, 5.6, 5.8, 6.6, 7.4, 7.2, 5.8, 4.4, 3.4, 2.6, 1.6, 0.8),
-)
-
 
 @dataclass(frozen=True)
 class Scenario:
@@ -60,6 +58,7 @@ class Scenario:
     Attributes:
         rsus: where they stand; None: on the busiest approaches of the day's background.
         left_out: what of the net is not in the network; None: nothing.
+        made_up: which of "demand" and "fleet" nobody gave.
     """
 
     name: str
@@ -71,6 +70,7 @@ class Scenario:
     routes: tuple[Path, ...] = ()
     additional: tuple[Path, ...] = ()
     left_out: LeftOut | None = None
+    made_up: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -103,9 +103,10 @@ def load_scenario(
 ) -> Scenario:
     """A built-in scenario, parts of it replaced, or one of the user's own around a net.
 
-    With another net, what is not given is made up: trips between random places, RSUs on the
-    busiest approaches, a fleet of delivery rounds from random depots. Around routes of the user's,
-    which may last for an hour at any time, orders come evenly, some in each five minutes.
+    With another net, what is not given is made up and sized for it: trips between random places,
+    RSUs on the busiest approaches, a fleet of delivery rounds from random depots. Around routes of
+    the user's, which may last for an hour at any time, orders come evenly, some in each five
+    minutes.
 
     Args:
         own_routes: whether there are routes of the user's, where they are not given here.
@@ -126,17 +127,51 @@ def load_scenario(
     check_additional(additional)
     demand = demand or (None if own else folder / "demand.toml")
     rsus = rsus or (None if own else folder / "rsus.toml")
+    routed = own_routes or bool(routes)
+    deliveries = fleet_settings(name, fleet, own_net=own, own_routes=routed)
+    given = {"demand": demand or routed or None, "fleet": fleet}
+    made_up = frozenset(part for part, of in given.items() if own and of is None)
     return Scenario(
         name,
         net,
         network,
         default_demand(network) if demand is None else load(demand, DemandSettings),
         None if rsus is None else load_rsus(rsus, network),
-        fleet_settings(name, fleet, own_net=own, own_routes=own_routes or bool(routes)),
+        default_fleet(network, deliveries) if "fleet" in made_up else deliveries,
         tuple(routes),
         tuple(additional),
         left_out,
+        made_up,
     )
+
+
+def made_up(scenario: Scenario, background: BackgroundTraffic, seed: int) -> tuple[str, ...]:
+    """What nobody gave and the net and a seed's background stand for, a line each."""
+    lines, fleet = [], scenario.fleet
+    km = road_km(scenario.network)
+    if "demand" in scenario.made_up:
+        lines.append(
+            f"demand: {scenario.demand.flows[0].trips:,} trips a day between random places, "
+            f"{TRIPS_PER_KM} for each of {km:.0f} km of road, at least "
+            f"{scenario.demand.min_trip_m:g} m; {', '.join(scenario.demand.types)}"
+        )
+    if scenario.rsus is None:
+        at = [stretch.segment for rsu in background.rsus for stretch in rsu.watch]
+        lines.append(
+            f"RSUs: {len(at)} on the busiest approaches, of {rsu_count(scenario.network)} (one "
+            f"for each {KM_PER_RSU:g} km of road, 12 at least), seed {seed}: "
+            f"{', '.join(at) or 'no segment is long enough, so no platoon will drive'}"
+        )
+    if "fleet" in scenario.made_up:
+        early, late = (round(time_s / 60) for time_s in fleet.wave_due_s)
+        lines.append(
+            f"fleet: {fleet.orders:,} orders a day, {fleet.vehicles} vehicles for "
+            f"{fleet.capacity} parcels each, due {early} to {late} min after each wave"
+        )
+    if not fleet.depots:
+        drawn = draw_deliveries(fleet, scenario.network, seed).settings.depots
+        lines.append(f"depots, seed {seed}: {', '.join(depot.node for depot in drawn)}")
+    return tuple(lines)
 
 
 def prepare(scenario: Scenario, seed: int, folder: Path) -> BackgroundTraffic:
@@ -158,7 +193,8 @@ def prepare(scenario: Scenario, seed: int, folder: Path) -> BackgroundTraffic:
             put_file(types, text)
             additional = (*additional, types)
         if rsus is None:
-            rsus = place_rsus(scenario.network, count_passages(scenario.routes, scenario.network))
+            passages = count_passages(scenario.routes, scenario.network)
+            rsus = place_rsus(scenario.network, passages, rsu_count(scenario.network))
         return BackgroundTraffic(scenario.routes, rsus, additional=additional)
     source = f"{scenario.name}: demand"
     trips = draw_trips(scenario.demand, scenario.network, seed, source)
@@ -167,7 +203,7 @@ def prepare(scenario: Scenario, seed: int, folder: Path) -> BackgroundTraffic:
     file = folder / f"{scenario.name}-{seed}.rou.xml"
     write_routes(file, trips, routes, scenario.network, breakdowns)
     if rsus is None:
-        rsus = place_rsus(scenario.network, routes.passages())
+        rsus = place_rsus(scenario.network, routes.passages(), rsu_count(scenario.network))
     return BackgroundTraffic((file,), rsus, trips, routes, breakdowns, additional)
 
 
@@ -195,32 +231,6 @@ def day_spec(
         begin_s=begin_s,
         end_s=end_s,
     )
-
-
-def default_demand(network: RoadNetwork) -> DemandSettings:
-    """Light demand for a net of which nothing is known: random pairs of places, a day's curve."""
-    km = sum(segment.length_m for segment in network.segments.values()) / 1000
-    ends = dict.fromkeys(sorted(gateways(network)), 1.0)
-    return DemandSettings(
-        zones={"anywhere": Zone(base=1.0, junctions=ends)},
-        flows=(
-            Flow(
-                name="any",
-                trips=max(500, round(_TRIPS_PER_KM * km)),
-                origin="anywhere",
-                destination="anywhere",
-                hours=_ALL_DAY,
-            ),
-        ),
-        types={name: share for name, share in _SHARES.items() if _is_open(network, name)},
-    )
-
-
-def _is_open(network: RoadNetwork, kind: str) -> bool:
-    """Whether vehicles of a type may use every segment and turn, so that any route is theirs."""
-    vclass = TYPES[kind].vclass
-    classes = [segment.access.classes or ALL_CLASSES for segment in network.segments.values()]
-    return all(vclass in one for one in (*classes, *network.turn_classes.values()))
 
 
 def fleet_settings(

@@ -36,10 +36,11 @@ from slipstream_lab.simulation.exogenous.recorded import (
 from slipstream_lab.simulation.exogenous.roadside import RecordedRoadside
 from slipstream_lab.simulation.ground_truth import TrueWindow
 from slipstream_lab.simulation.scenarios.day import DaySpec
+from slipstream_lab.simulation.scenarios.defaults import default_demand
 from slipstream_lab.simulation.scenarios.demand.deliveries import FleetSettings
 from slipstream_lab.simulation.scenarios.perception.observer import Observation
 from slipstream_lab.simulation.scenarios.record import SimulatedDay, Statistics, Traffic
-from slipstream_lab.simulation.scenarios.scenario import BackgroundTraffic, Scenario, default_demand
+from slipstream_lab.simulation.scenarios.scenario import BackgroundTraffic, Scenario
 
 CALM: Final = TrueWindow(12.0, 0.0, 0.03, 0.4, 0.03, 30.0, 6, 1, False)
 ROUGH: Final = TrueWindow(5.0, -0.3, 0.1, 2.5, 1.5, None, 9, 0, False)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from slipstream.errors import InputError
+from slipstream_lab.simulation.scenarios.defaults import default_demand
 from slipstream_lab.simulation.scenarios.demand.routes import find_routes
 from slipstream_lab.simulation.scenarios.demand.trips import (
     DemandSettings,
@@ -20,7 +21,7 @@ from slipstream_lab.simulation.scenarios.demand.trips import (
     gateways,
 )
 from slipstream_lab.simulation.scenarios.networks.route_files import check_routes
-from slipstream_lab.simulation.scenarios.scenario import Scenario, default_demand, prepare
+from slipstream_lab.simulation.scenarios.scenario import Scenario, prepare
 from slipstream_lab.simulation.sumo.vehicle_types import TYPES
 
 FLAT = (1.0,) * 24

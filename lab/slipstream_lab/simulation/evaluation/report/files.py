@@ -25,10 +25,14 @@ def write_results(
     evaluation: Evaluation,
     more: Sequence[ReportTable] = (),
     exogenous: Mapping[Watched, Evaluation] | None = None,
+    made_up: Sequence[str] = (),
 ) -> str | None:
     """Write tables, figures, their data and the report; returns why there are no pictures, if so.
 
     The same arms give the same bytes.
+
+    Args:
+        made_up: what of the world nobody gave, in words.
 
     Raises:
         InputError: a file cannot be written.
@@ -49,9 +53,9 @@ def write_results(
             if (error.name or "").split(".")[0] != "matplotlib":
                 raise
             missing = _NO_PICTURES
-        write_atomically(folder / "report.md", report(evaluation, pictures, missing, more))
+        write_atomically(folder / "report.md", report(evaluation, pictures, missing, more, made_up))
         write_atomically(
-            folder / "report.json", as_json(whole_summary(evaluation, more, exogenous))
+            folder / "report.json", as_json(whole_summary(evaluation, more, exogenous, made_up))
         )
     except OSError as error:
         raise not_writable(Path(error.filename or folder), error) from None
@@ -62,10 +66,12 @@ def whole_summary(
     evaluation: Evaluation,
     more: Sequence[ReportTable] = (),
     exogenous: Mapping[Watched, Evaluation] | None = None,
+    made_up: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Means and spreads of all arms, and further tables as the report has them."""
     return {
         **summary(evaluation),
+        "made_up": list(made_up),
         "exogenous": {name: summary(found) for name, found in (exogenous or {}).items()},
         "tables": [asdict(table) for table in more],
     }

@@ -51,6 +51,7 @@ def report(
     pictures: Sequence[str],
     missing: str | None,
     more: Sequence[ReportTable] = (),
+    made_up: Sequence[str] = (),
 ) -> str:
     """The whole report."""
     tables = (
@@ -70,7 +71,7 @@ def report(
         _head(evaluation),
         *(as_markdown(table) for table in tables if table is not None),
         _figures(pictures, missing),
-        _provenance(evaluation),
+        _provenance(evaluation, made_up),
     ]
     return "\n".join(parts)
 
@@ -192,7 +193,7 @@ def _figures(pictures: Sequence[str], missing: str | None) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _provenance(evaluation: Evaluation) -> str:
+def _provenance(evaluation: Evaluation, made_up: Sequence[str]) -> str:
     provenance = evaluation.provenance
     lines = [
         "## What it stands on",
@@ -200,6 +201,7 @@ def _provenance(evaluation: Evaluation) -> str:
         f"- scenario {provenance.scenario}; SHA-256 of its net `{provenance.net[:12]}`, background "
         f"`{provenance.demand[:12]}`, fleet `{provenance.fleet[:12]}`, RSUs "
         + (f"`{provenance.rsus[:12]}`" if provenance.rsus else "placed by the traffic"),
+        *(f"- made up: {line}" for line in made_up),
         f"- {provenance.begin_s:g} to {provenance.end_s:g} s, steps of {provenance.step_s:g} s, "
         f"{provenance.signals} signals; an hour of waiting for other vehicles costs "
         f"{prices(provenance)}",

@@ -26,6 +26,7 @@ from slipstream_lab.simulation.scenarios.scenario import (
     SignalControl,
     day_spec,
     load_scenario,
+    made_up,
     prepare,
 )
 from slipstream_lab.simulation.sumo import Progress
@@ -114,6 +115,11 @@ class World:
     def background(self, seed: int) -> BackgroundTraffic:
         """A seed's background, made when first needed. Raises InputError: it cannot be made."""
         return self._background(seed)[0]
+
+    def made_up(self, seed: int) -> tuple[str, ...]:
+        """What of the world nobody gave, a line each; of a seed what hangs on it."""
+        own, given = self._scenario, self._scenario.rsus is not None and self._scenario.fleet.depots
+        return () if given and not own.made_up else made_up(own, self.background(seed), seed)
 
     def simulate(
         self,
