@@ -7,8 +7,9 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Final, Self
 
+from slipstream.config import Settings
 from slipstream.errors import InputError
 from slipstream_cli.progress import ProgressLine
 
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 
 _Evaluate = Callable[[Path, "WorldFiles"], "tuple[Evaluation, dict[str, Any]]"]
 """Evaluates files in a folder: what it found, and its summary."""
+_MOST_VEHICLES: Final = 3000
+"""A day: more take hours and gigabytes."""
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -25,7 +28,8 @@ def add_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--density",
         metavar="N,N",
-        help="plan so many vehicles a day on the corridor with every strategy, no simulation",
+        help="plan so many vehicles a day on the scenario's roads with every strategy, no "
+        "simulation",
     )
     command.add_argument(
         "--drive",
@@ -46,6 +50,14 @@ def parse_numbers(key: str, text: str, least: int, example: str) -> tuple[int, .
         problem = f"no whole numbers from {least} on: {text!r}"
         raise InputError("evaluate", problem, f"give some as {example}", key=key)
     return tuple(numbers)
+
+
+def _densities(key: str, text: str, example: str) -> tuple[int, ...]:
+    numbers = parse_numbers(key, text, 1, example)
+    if numbers[-1] > _MOST_VEHICLES:
+        problem = f"{numbers[-1]} vehicles a day are too many"
+        raise InputError("evaluate", problem, f"give {_MOST_VEHICLES} at most", key=key)
+    return numbers
 
 
 @dataclass(frozen=True)
@@ -70,20 +82,14 @@ class Curve:
                 mend = "give --density too, as --density 20,50,100"
                 raise InputError("evaluate", "there is no curve to add to", mend, key="--drive")
             return None
-        densities = parse_numbers("--density", options.density, 1, "20,50,100")
-        own = (options.net, options.demand, options.rsus, options.fleet, options.sumocfg)
-        sumo = (*options.routes, *options.additional)
-        if options.scenario != "corridor" or any(part is not None for part in (*own, *sumo)):
-            problem = "the law is of the corridor's roads and fleet"
-            mend = "give --scenario corridor and no file of your own"
-            raise InputError("evaluate", problem, mend, key="--density")
+        densities = _densities("--density", options.density, "20,50,100")
         if options.drive is None:
             numbers = (options.hours, options.waiting_kw, options.standing_kw)
             if options.arms or options.begin or any(given is not None for given in numbers):
                 problem = "arms, hours and prices are of what is driven, and nothing is"
                 raise InputError("evaluate", problem, "name densities as 29,100", key="--drive")
             return cls(options.out, densities, (), options.stored, options.json)
-        driven = parse_numbers("--drive", options.drive, 1, "29,100")
+        driven = _densities("--drive", options.drive, "29,100")
         if wants_exogenous(options.arms or ""):
             mend = "give --arms B,C"
             raise InputError("evaluate", "no density has exogenous arms", mend, key="--arms")
@@ -105,9 +111,18 @@ class Curve:
             planned,
             write_curve,
         )
+        from slipstream_lab.simulation.evaluation.runs import WorldFiles
 
-        fleets = self._fleets(files)
-        cells = curve_cells(self.densities, seeds)
+        # The law was made for the corridor, whose parts are all given.
+        own = files != WorldFiles("corridor")
+        made: list[str] = []
+        if own:
+            files = self._world(files, seeds[0], made)
+        fleets = self._fleets(files, made if own else [])
+        if not self.quiet:
+            for line in made:
+                print(f"slipstream: made up: {line}", file=sys.stderr)
+        cells = curve_cells(self.densities, seeds, files if own else None)
         if not self.stored:
             with ProgressLine("planning", sys.stderr) as progress:
                 plan_missing(cells, self.out, workers, progress.update)
@@ -116,7 +131,7 @@ class Curve:
         summaries: dict[str, Any] = {}
         if not (results or fleets):
             raise InputError(self.out, "nothing of these is stored", "run it without --stored")
-        missing = write_curve(self.out, results, {}) if results else None
+        missing = write_curve(self.out, results, {}, made) if results else None
         for number, (vehicles, fleet) in enumerate(fleets.items(), 1):
             if sys.stderr.isatty():
                 said = f"{vehicles} vehicles a day ({number} of {len(fleets)} that are driven)"
@@ -124,30 +139,63 @@ class Curve:
             evaluation, summary = evaluate(fleet.parent, replace(files, fleet=fleet))
             found[vehicles], summaries[str(vehicles)] = evaluation, summary
         if found:
-            missing = write_curve(self.out, results, found)
+            missing = write_curve(self.out, results, found, made)
         if missing is not None:
             print(f"slipstream: {missing}", file=sys.stderr)
         if not self.quiet:
             print(self.out / "density.md")
-        return {"planned": as_data(results), "driven": summaries}
+        return {"planned": as_data(results), "driven": summaries, "made_up": made}
 
-    def _fleets(self, files: WorldFiles) -> dict[int, Path]:
-        """Files with the fleets that are driven, by vehicles a day; all densities are checked."""
+    def _world(self, files: WorldFiles, seed: int, made: list[str]) -> WorldFiles:
+        """With RSUs for all densities and seeds: those that one seed's traffic has placed are put
+        into a file. `made` gets what nobody gave.
+        """
+        from slipstream_lab.simulation.rsus import RsuFile
+        from slipstream_lab.simulation.scenarios.scenario import made_up, prepare
+
+        scenario = files.load()
+        if scenario.rsus is not None and scenario.fleet.depots and not scenario.made_up:
+            return files
+        background = prepare(scenario, seed, self.out / "background")
+        made += made_up(scenario, background, seed)
+        if scenario.rsus is not None:
+            return files
+        if not background.rsus:
+            problem = "no segment is long enough for an RSU"
+            raise InputError(scenario.net, problem, "give RSUs", key="--rsus")
+        path = self.out / "rsus.toml"
+        self._write(path, RsuFile(rsus=background.rsus))
+        return replace(files, rsus=path)
+
+    def _fleets(self, files: WorldFiles, made: list[str]) -> dict[int, Path]:
+        """Files with the fleets that are driven, by vehicles a day. `made` gets the law."""
+        from slipstream_lab.simulation.evaluation.density import scaled, tours
+
+        if not self.driven:
+            return {}
+        scenario = files.load()
+        fleet, own = scenario.fleet, tours(scenario)
+        made.append(
+            f"driven fleets: {own} tours a day are made with {fleet.orders} orders and "
+            f"{fleet.vehicles} vehicles (seed 1, empty roads); N vehicles a day have N / {own} of "
+            "both"
+        )
+        fleets = {n: scaled(fleet, n, own, "--drive") for n in self.driven}
+        paths = {n: self.out / f"density-{n}" / "fleet.toml" for n in self.driven}
+        for vehicles, path in paths.items():
+            self._write(path, fleets[vehicles])
+        return paths
+
+    def _write(self, path: Path, settings: Settings) -> None:
+        """Raises InputError: the folder cannot be written."""
         import tomli_w
 
-        from slipstream_lab.simulation.evaluation.density import scaled
         from slipstream_lab.simulation.evaluation.runs import not_writable, write_atomically
 
-        own = files.load().fleet
-        for vehicles in self.densities:
-            scaled(own, vehicles, "--density")
-        fleets = {n: scaled(own, n, "--drive") for n in self.driven}
-        paths = {n: self.out / f"density-{n}" / "fleet.toml" for n in self.driven}
         try:
-            for vehicles, path in paths.items():
-                settings = fleets[vehicles].model_dump(mode="json", exclude_none=True)
-                path.parent.mkdir(parents=True, exist_ok=True)
-                write_atomically(path, tomli_w.dumps(settings))
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_atomically(
+                path, tomli_w.dumps(settings.model_dump(mode="json", exclude_none=True))
+            )
         except OSError as error:
             raise not_writable(self.out, error) from None
-        return paths

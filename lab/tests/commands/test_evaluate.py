@@ -50,11 +50,11 @@ def orders(monkeypatch: pytest.MonkeyPatch) -> list[ArmSpec]:
     return ordered
 
 
-def evaluate(capsys: Capture, out: Path, *arguments: str) -> dict[str, Any]:
-    """The summary of a run in a pipe."""
+def evaluate(capsys: Capture, out: Path, *arguments: str, said: str = "") -> dict[str, Any]:
+    """The summary of a run in a pipe, which says nothing else."""
     assert main(["evaluate", *MORNING, "--out", str(out), "--json", *arguments]) == 0
     captured = capsys.readouterr()
-    assert captured.err == ""
+    assert captured.err == said
     document: dict[str, Any] = json.loads(captured.out)
     return document
 
@@ -159,11 +159,17 @@ def test_arms_keep_databases_where_they_are_wanted(
 def test_fixed_signals_and_files_of_ones_own_reach_the_arm(
     capsys: Capture, tmp_path: Path, orders: list[ArmSpec]
 ) -> None:
-    """The signals' program and the fleet's file are in the order."""
+    """The signals' program and the fleet's file are in the order; depots, which the file does not
+    name, are told there, in the report and in the summary.
+    """
     fleet = tmp_path / "fleet.toml"
     fleet.write_text("vehicles = 3\n")
     options = ("--arms", "B", "--seeds", "1", "--signals", "fixed", "--fleet", str(fleet))
-    evaluate(capsys, tmp_path / "out", *options)
+    depots = "depots, seed 1: w6d, east"
+    line = f"slipstream: made up: {depots}\n"
+    summary = evaluate(capsys, tmp_path / "out", *options, said=line)
+    assert summary["made_up"] == [depots]
+    assert f"- made up: {depots}\n" in (tmp_path / "out" / "report.md").read_text()
     (order,) = orders
     assert [path.name for path in order.additional] == ["corridor-fixed.add.xml"]
     assert order.additional[0].is_file()
@@ -333,8 +339,7 @@ def test_without_libsumo_the_line_says_what_to_install(
         (("--workers", "0"), "--workers"),
         (("--density", "29,x"), "--density: no whole numbers from 1 on: '29,x'; give some as 20"),
         (("--density", "900000"), "--density: 900000 vehicles a day are too many"),
-        (("--density", "29", "--fleet", "f.toml"), "--density: the law is of the corridor's"),
-        (("--density", "29", "--scenario", "troy"), "--density: the law is of the corridor's"),
+        (("--density", "29", "--fleet", "f.toml"), "f.toml: no such file"),
         (("--density", "29", "--arms", "B,C"), "--drive: arms, hours and prices are of"),
         (("--waiting-kw", "-1", "--arms", "B"), "--waiting-kw: no price: -1; give 0 or more"),
         (("--standing-kw", "nan", "--arms", "B"), "--standing-kw: no price: nan"),

@@ -54,25 +54,29 @@ class Bins:
 
 
 def choose_bins(case: CoordinationCase) -> Bins:
-    """The shortest bins that fit the driving times and the memory. Raises ValueError: none fits:
-    two ways between the same links, say, take times that no multiple of a bin lies between.
+    """The shortest bins that fit the driving times and the memory. Where no clocks keep each trip
+    in its bin, as round a ring or where two ways between the same links take other times, a trip
+    counts in both bins that it may be in: the bound holds, less near.
     """
     longest_ms = int(case.useful_ms.max() + 1)
     in_all_ms = int((case.link_count * (case.useful_ms + 1)).sum())
     at_least_ms = max(longest_ms / _MAX_BINS, in_all_ms / _MAX_CELLS)
-    for length_ms in _LENGTHS_MS:
-        if length_ms >= at_least_ms or length_ms == _LENGTHS_MS[-1]:
-            clock = _clocks(case, length_ms)
-            if clock is not None:
-                return _bins(case, length_ms, clock)
-    raise ValueError("no bins fit the driving times")
+    lengths_ms = [some for some in _LENGTHS_MS if some >= at_least_ms] or [_LENGTHS_MS[-1]]
+    for length_ms in lengths_ms:
+        clock = _clocks(case, length_ms)
+        if clock is not None:
+            return _bins(case, length_ms, clock, 0)
+    return _bins(case, lengths_ms[0], np.zeros(len(case.length_m), dtype=np.int64), 1)
 
 
-def _bins(case: CoordinationCase, length_ms: int, clock: Ints) -> Bins:
-    ahead = -(-case.sync_window_ms // length_ms)
+def _bins(case: CoordinationCase, length_ms: int, clock: Ints, loose: int) -> Bins:
+    """`loose`: 1 where a trip may be in two bins of a link, else 0."""
+    ahead = -(-case.sync_window_ms // length_ms) + loose
     present = case.link >= 0
     at_ms = case.ready_ms[:, None] + case.offset_ms - np.append(clock, 0)[case.link]
     base, phase_ms = np.divmod(at_ms, length_ms)
+    # The later of the two; `ahead` reaches the earlier one.
+    base += loose - (phase_ms < phase_ms[:, :1])
     count = (phase_ms[:, 0] + case.useful_ms) // length_ms + 1
     low = int(base[present].min()) - ahead
     width = int(base[present].max()) - low + int(count.max()) + 1

@@ -51,9 +51,6 @@ def upper_bound(case: CoordinationCase, iterations: int | None = None) -> Bound:
 
     Args:
         iterations: of the descent; None: by the number of trips.
-
-    Raises:
-        ValueError: driving times that fit no bins: see `choose_bins`.
     """
     bins = choose_bins(case)
     if iterations is None:

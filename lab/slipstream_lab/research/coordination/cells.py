@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from functools import cache
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -18,13 +19,14 @@ from slipstream_lab.research.coordination.bound import upper_bound
 from slipstream_lab.research.coordination.case import CoordinationCase, build_case
 from slipstream_lab.research.coordination.plan import PlanOutcome, evaluate
 from slipstream_lab.research.coordination.strategies import STRATEGIES
-from slipstream_lab.research.coordination.trips.corridor import WINDOWS_MIN, corridor_freight
+from slipstream_lab.research.coordination.trips.corridor import WINDOWS_MIN, scenario_freight
 from slipstream_lab.research.coordination.trips.freight import MS, Freight
 from slipstream_lab.research.coordination.trips.region import region_freight
-from slipstream_lab.simulation.evaluation.runs import write_atomically
+from slipstream_lab.simulation.evaluation.runs import WorldFiles, write_atomically
+from slipstream_lab.simulation.scenarios.scenario import Scenario, load_scenario
 
 Place = Literal["one", "ten", "region"]
-"""The corridor with one carrier or ten, or the region."""
+"""A scenario's roads with one carrier or ten, or the region."""
 
 OWN: Final = "local search"
 """The strategy that aims are judged by."""
@@ -38,13 +40,14 @@ _REPORTS: Final = tuple(f"{_PACKAGE}/{module}.py" for module in ("cells", "curve
 
 @dataclass(frozen=True)
 class CoordinationCell:
-    """What is planned."""
+    """What is planned. `world`: another one than the corridor."""
 
     place: Place
     vehicles: int
     window_min: int
     price_kw: int
     seed: int = 1
+    world: WorldFiles | None = None
 
     @property
     def name(self) -> str:
@@ -141,15 +144,16 @@ def measured(cell: CoordinationCell, folder: Path, say: Callable[[str], None]) -
         if row.net_kwh > bounded.bound_kwh * (1 + 1e-9) + 1e-9:
             raise RuntimeError(f"{smallest.name}: {row.strategy} is above the bound")
     result = CellResult(smallest, plans, bounded)
-    document = {"format": FORMAT, "code": _code(), **asdict(result)}
-    write_atomically(_path(smallest, folder), json.dumps(document, indent=1) + "\n")
+    document = {"format": FORMAT, "code": _code(smallest.world), **asdict(result)}
+    text = json.dumps(document, indent=1, default=str)  # paths
+    write_atomically(_path(smallest, folder), text + "\n")
     return replace(result, cell=cell)
 
 
 def found(cell: CoordinationCell, folder: Path) -> CellResult | None:
     """The result of a cell if it is stored; by a shorter window if that has the same plans."""
     for shorter in _no_longer_windows(cell):
-        stored = _stored(_path(shorter, folder))
+        stored = _stored(_path(shorter, folder), _code(cell.world))
         if stored is not None and (
             shorter == cell or not _binds(shorter, stored.plans.longest_wait_s)
         ):
@@ -158,9 +162,17 @@ def found(cell: CoordinationCell, folder: Path) -> CellResult | None:
 
 
 @cache
-def _code() -> str:
-    """Digest of the code that plans and bounds are made by."""
-    return sources_digest((_PACKAGE,), _REPORTS)[:16]
+def _code(world: WorldFiles | None) -> str:
+    """Digest of the code that plans and bounds are made by, and of the world's files."""
+    code = sources_digest((_PACKAGE,), _REPORTS)[:16]
+    if world is None:
+        return code
+    scenario = _scenario(world)
+    said = sha256(scenario.net.read_bytes())
+    for part in (scenario.demand, scenario.fleet):
+        said.update(part.digest_text().encode())
+    said.update(repr(scenario.rsus).encode())
+    return f"{code}-{said.hexdigest()[:16]}"
 
 
 def _plan(cell: CoordinationCell, say: Callable[[str], None]) -> Plans:
@@ -192,7 +204,13 @@ def _case(cell: CoordinationCell) -> CoordinationCase:
 def _freight(cell: CoordinationCell) -> Freight:
     if cell.place == "region":
         return region_freight(cell.window_min, cell.vehicles, cell.seed)
-    return corridor_freight(cell.vehicles, cell.window_min, cell.place, cell.seed)
+    scenario = _scenario(cell.world)
+    return scenario_freight(scenario, cell.vehicles, cell.window_min, cell.place, cell.seed)
+
+
+@cache
+def _scenario(world: WorldFiles | None) -> Scenario:
+    return load_scenario("corridor") if world is None else world.load()
 
 
 def _smallest_window(cell: CoordinationCell) -> CoordinationCell:
@@ -217,11 +235,11 @@ def _path(cell: CoordinationCell, folder: Path) -> Path:
     return folder / f"{cell.name}.json"
 
 
-def _stored(path: Path) -> CellResult | None:
+def _stored(path: Path, code: str) -> CellResult | None:
     """What a file has; None where it is missing, damaged or of another format or code."""
     try:
         document = TypeAdapter(dict[str, Any]).validate_json(path.read_bytes())
-        if (document.pop("format", None), document.pop("code", None)) != (FORMAT, _code()):
+        if (document.pop("format", None), document.pop("code", None)) != (FORMAT, code):
             return None
         return TypeAdapter(CellResult).validate_python(document)
     except (OSError, ValueError):

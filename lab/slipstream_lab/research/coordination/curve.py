@@ -1,7 +1,7 @@
 """The curve: share of the drafting ceiling against vehicles a day, planned and driven.
 
-Each density is planned on the corridor with every strategy and bounded, for one carrier and for
-ten; what the dispatcher planned and vehicles drove in SUMO stands beside it.
+Each density is planned, on the corridor or in another world, with every strategy and bounded, for
+one carrier and for ten; what the dispatcher planned and vehicles drove in SUMO stands beside it.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from slipstream_lab.simulation.evaluation.report import (
     number,
     percent,
 )
-from slipstream_lab.simulation.evaluation.runs import not_writable, write_atomically
+from slipstream_lab.simulation.evaluation.runs import WorldFiles, not_writable, write_atomically
 
 WINDOW_MIN: Final = 10
 """A trip arrives so much before or after the preferred time at most: as long as the scenario's
@@ -50,10 +50,12 @@ _START_VEHICLES: Final = 200
 """A cell takes about as long as so many vehicles more."""
 
 
-def curve_cells(densities: Iterable[int], seeds: Iterable[int]) -> list[CoordinationCell]:
-    """What is planned; densities in turn."""
+def curve_cells(
+    densities: Iterable[int], seeds: Iterable[int], world: WorldFiles | None = None
+) -> list[CoordinationCell]:
+    """What is planned, on the corridor or in another world; densities in turn."""
     return [
-        CoordinationCell(place, vehicles, WINDOW_MIN, price_kw, seed)
+        CoordinationCell(place, vehicles, WINDOW_MIN, price_kw, seed, world)
         for vehicles in densities
         for seed in seeds
         for price_kw in PRICES_KW
@@ -197,14 +199,24 @@ Their shares do not compare point by point; the upper bound is of what is planne
 
 
 def write_curve(
-    folder: Path, results: Sequence[CellResult], driven: Mapping[int, Evaluation]
+    folder: Path,
+    results: Sequence[CellResult],
+    driven: Mapping[int, Evaluation],
+    made_up: Sequence[str] = (),
 ) -> str | None:
-    """Write `density.md` and `density.png`; returns why there is no picture, if so. Raises
-    InputError: a file cannot be written.
+    """Write `density.md` and `density.png`; returns why there is no picture, if so.
+
+    Args:
+        made_up: what of the world nobody gave, in words.
+
+    Raises:
+        InputError: a file cannot be written.
     """
     parts = [as_markdown(table) for table in planned_tables(results)]
     if driven:
         parts += [*map(as_markdown, density_tables(driven)), _DIFFERENCES]
+    if made_up:
+        parts.append("\n".join(["## Made up", "", *(f"- {line}" for line in made_up), ""]))
     try:
         write_atomically(folder / "density.md", "\n".join(parts))
         draw(results, driven, folder / "density.png")

@@ -1,27 +1,38 @@
 """One fleet at other densities: the law by which its orders and vehicles are scaled.
 
-N vehicles a day are N / 29 times the corridor's 66 orders and 18 vehicles, which make 29 tours a
-day (docs/scenarios.md); both rounded, at least one. Everything else of the fleet stays: places,
-hours, waves, windows, services, capacity. Orders are drawn from the same seeds, so those of another
-density are other orders.
+A fleet that makes T tours a day (docs/scenarios.md; the corridor's: 29) has at N vehicles a day
+N / T times its orders and vehicles; both rounded, at least one. Everything else of the fleet stays:
+places, hours, waves, windows, services, capacity. Orders are drawn from the same seeds, so those of
+another density are other orders.
 """
 
 from __future__ import annotations
 
-from typing import Final
-
 from slipstream.errors import InputError
-from slipstream_lab.simulation.scenarios.demand import FleetSettings
+from slipstream_lab.simulation.scenarios.demand import FleetSettings, draw_deliveries
+from slipstream_lab.simulation.scenarios.scenario import Scenario
+from slipstream_lab.simulation.scenarios.sizing import fleet_size
 
-TOURS: Final = 29
-"""A day, of the corridor's fleet."""
+_SEED = 1
 
 
-def scaled(settings: FleetSettings, vehicles: int, key: str) -> FleetSettings:
-    """The corridor's fleet with so many tours a day. Raises InputError: more orders or vehicles
-    than a fleet can have.
+def tours(scenario: Scenario) -> int:
+    """Tours of the scenario's fleet on the day of seed 1, on empty roads, without platooning.
+    Raises InputError: it makes none.
     """
-    share = vehicles / TOURS
+    deliveries = draw_deliveries(scenario.fleet, scenario.network, _SEED)
+    found = fleet_size(deliveries, scenario.network).rounds
+    if not found:
+        problem = "no vehicle of the fleet can serve an order in time"
+        raise InputError(scenario.name, problem, "give a fleet with more time", key="--fleet")
+    return found
+
+
+def scaled(settings: FleetSettings, vehicles: int, own: int, key: str) -> FleetSettings:
+    """A fleet that makes `own` tours a day, with so many. Raises InputError: more orders or
+    vehicles than a fleet can have.
+    """
+    share = vehicles / own
     counts = {
         "orders": max(1, round(share * settings.orders)),
         "vehicles": max(1, round(share * settings.vehicles)),

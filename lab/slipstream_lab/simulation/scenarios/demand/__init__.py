@@ -22,6 +22,7 @@ from slipstream_lab.simulation.scenarios.demand.trips import (
     departures,
     draw_trips,
     gateways,
+    zone_weights,
 )
 
 __all__ = [
@@ -46,4 +47,5 @@ __all__ = [
     "fleet_at",
     "gateways",
     "write_routes",
+    "zone_weights",
 ]
