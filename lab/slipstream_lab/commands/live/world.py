@@ -26,6 +26,7 @@ from slipstream_lab.commands.sumo_files import add_options, scenario_name, sumo_
 
 if TYPE_CHECKING:
     from slipstream_lab.simulation.live.process import WorldProcess
+    from slipstream_lab.simulation.live.world_spec import WorldCounts
 
 _REPORT_S = 60.0
 _BEGIN_S = 27000.0
@@ -189,18 +190,16 @@ def _world_monitor(world: WorldProcess, supervisor: Supervisor) -> Callable[[flo
         world.poll()
         if elapsed_s - reported_s >= _REPORT_S and world.counts is not None:
             reported_s = elapsed_s
-            supervisor.say("world", _line(world))
+            supervisor.say("world", minute_line(world.counts))
 
     return look
 
 
-def _line(world: WorldProcess) -> str:
+def minute_line(counts: WorldCounts) -> str:
     """The world's minute in a line."""
     # Later, as the command's other parts of the simulation.
     from slipstream_lab.simulation.fleet.safety import MAX_TELEPORTED
 
-    counts = world.counts
-    assert counts is not None
     minutes = round(counts.time_s / 60)
     line = (
         f"{minutes // 60:02}:{minutes % 60:02}, {counts.vehicles} vehicles on the road, "

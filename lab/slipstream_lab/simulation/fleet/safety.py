@@ -14,7 +14,7 @@ log = logging.getLogger(__name__)
 
 MAX_TELEPORTED: Final = 0.01
 """Of the background's trips. SUMO teleports who has stood for 300 s: at 1 % these standstills alone
-come to 3 s a trip, more than any arm changed the trips of others by (2.4 s)."""
+come to 3 s a trip, twice what the arms of Troy change the trips of others by (1.1 to 1.5 s)."""
 
 _MISSED_MPS2: Final = 0.2
 """Beyond it a promise counts as broken: brakes miss what is commanded by some per cent."""

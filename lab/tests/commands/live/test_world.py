@@ -6,7 +6,7 @@ import importlib.util
 import signal
 import socket
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
@@ -21,10 +21,11 @@ from slipstream.site import load_site
 from slipstream_cli.main import main
 from slipstream_cli.place.site_file import write_site
 from slipstream_lab.commands.live.movement import FleetMovement
-from slipstream_lab.commands.live.world import time_of_day_s
+from slipstream_lab.commands.live.world import minute_line, time_of_day_s
 from slipstream_lab.commands.live.world_daemons import place_of_world
+from slipstream_lab.simulation.fleet.safety import FleetSafety, OthersSafety
 from slipstream_lab.simulation.live.prepare import prepare_world
-from slipstream_lab.simulation.live.world_spec import CameraEndpoint
+from slipstream_lab.simulation.live.world_spec import CameraEndpoint, WorldCounts
 from slipstream_lab.simulation.sumo_view.examples import find_routes
 
 
@@ -111,6 +112,20 @@ def test_a_missing_simulator_is_told_with_its_extra(
 def test_a_time_of_day(text: str, seconds: float) -> None:
     """Hours and minutes since midnight."""
     assert time_of_day_s(text) == seconds
+
+
+def test_the_minutes_line_has_accidents_apart() -> None:
+    """Nothing of them where there are none; blocked roads only above one in a hundred trips."""
+    names = [field.name for field in fields(WorldCounts)]
+    nothing = {"safety": FleetSafety(), "others": OthersSafety(trips=300)}
+    calm = WorldCounts(**dict.fromkeys(names, 0) | nothing)
+    assert minute_line(calm).endswith("; 0 pictures")
+    busy = replace(calm, safety=FleetSafety(collisions=1), others=OthersSafety(0, 2, 3, 300))
+    assert minute_line(busy).endswith(
+        "; fleet: 1 collision; others: 2 emergency stops, 3 teleports"
+    )
+    blocked = replace(calm, others=OthersSafety(teleports=4, trips=300))
+    assert minute_line(blocked).endswith("4 teleports, above 1% of 300 trips: BLOCKED ROADS")
 
 
 def test_daemons_are_set_for_the_world(tmp_path: Path) -> None:

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from slipstream.energy.traction import ETA_FOLLOWER, drag_saving_kwh
-from slipstream_lab.research.coordination.trips.corridor import DENSITIES, corridor_freight
+from slipstream.errors import InputError
+from slipstream_lab.research.coordination.trips.corridor import (
+    DENSITIES,
+    corridor_freight,
+    scenario_freight,
+)
 from slipstream_lab.research.coordination.trips.freight import MS
 from slipstream_lab.research.coordination.trips.region import region_freight
+from slipstream_lab.simulation.scenarios.scenario import load_scenario
 
 
 @pytest.mark.parametrize("carriers", ["one", "ten"])
@@ -59,6 +67,20 @@ def test_segments_are_the_scenarios() -> None:
     assert main.stop_kwh is None
     assert segments["e3_join"].stop_kwh == pytest.approx(0.256, abs=1e-3)
     assert not segments["e3_on"].is_open
+
+
+@pytest.mark.slow
+def test_other_scenarios_have_the_same_law() -> None:
+    """On Troy all trips drive where an RSU watches, and where none watches nothing is planned."""
+    troy = load_scenario("troy")
+    assert troy.rsus is not None
+    watched = {stretch.segment for rsu in troy.rsus for stretch in rsu.watch}
+    one, ten = (scenario_freight(troy, 40, 10, carriers) for carriers in ("one", "ten"))
+    assert len(one.trips) == len(ten.trips) == 40
+    assert not any(watched.isdisjoint(trip.path) for trip in (*one.trips, *ten.trips))
+    for carriers in ("one", "ten"):
+        with pytest.raises(InputError, match=r"troy: --rsus: no way between .* an RSU watches"):
+            scenario_freight(replace(troy, rsus=()), 40, 10, carriers)
 
 
 def test_region() -> None:
