@@ -32,6 +32,8 @@ _ALL_DAY: Final = (
 KM_PER_RSU: Final = 15.0
 """As in Troy."""
 _RSUS: Final = 12
+KEEP_S: Final = 300.0
+"""As on the corridor: light traffic seldom has three vehicles a minute to judge by."""
 
 _FLEET_KM: Final = 160.0
 """Of road, that a fleet of the usual size delivers on; longer nets have more orders."""

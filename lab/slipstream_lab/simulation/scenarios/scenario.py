@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -15,6 +15,7 @@ from slipstream.roads.sumo_net import load_network
 from slipstream_lab.simulation.rsus import Rsu, load_rsus
 from slipstream_lab.simulation.scenarios.day import DaySpec
 from slipstream_lab.simulation.scenarios.defaults import (
+    KEEP_S,
     KM_PER_RSU,
     TRIPS_PER_KM,
     default_demand,
@@ -159,7 +160,8 @@ def made_up(scenario: Scenario, background: BackgroundTraffic, seed: int) -> tup
         at = [stretch.segment for rsu in background.rsus for stretch in rsu.watch]
         lines.append(
             f"RSUs: {len(at)} on the busiest approaches, of {rsu_count(scenario.network)} (one "
-            f"for each {KM_PER_RSU:g} km of road, 12 at least), seed {seed}: "
+            f"for each {KM_PER_RSU:g} km of road, 12 at least), each flag kept for {KEEP_S:g} s "
+            f"where traffic is thin, seed {seed}: "
             f"{', '.join(at) or 'no segment is long enough, so no platoon will drive'}"
         )
     if "fleet" in scenario.made_up:
@@ -194,7 +196,7 @@ def prepare(scenario: Scenario, seed: int, folder: Path) -> BackgroundTraffic:
             additional = (*additional, types)
         if rsus is None:
             passages = count_passages(scenario.routes, scenario.network)
-            rsus = place_rsus(scenario.network, passages, rsu_count(scenario.network))
+            rsus = _placed(scenario.network, passages)
         return BackgroundTraffic(scenario.routes, rsus, additional=additional)
     source = f"{scenario.name}: demand"
     trips = draw_trips(scenario.demand, scenario.network, seed, source)
@@ -203,8 +205,12 @@ def prepare(scenario: Scenario, seed: int, folder: Path) -> BackgroundTraffic:
     file = folder / f"{scenario.name}-{seed}.rou.xml"
     write_routes(file, trips, routes, scenario.network, breakdowns)
     if rsus is None:
-        rsus = place_rsus(scenario.network, routes.passages(), rsu_count(scenario.network))
+        rsus = _placed(scenario.network, routes.passages())
     return BackgroundTraffic((file,), rsus, trips, routes, breakdowns, additional)
+
+
+def _placed(network: RoadNetwork, passages: Mapping[str, int]) -> tuple[Rsu, ...]:
+    return place_rsus(network, passages, rsu_count(network), keep_s=KEEP_S)
 
 
 def day_spec(

@@ -15,10 +15,15 @@ is nearer is a queue most of the time; and where blocks are too short for that."
 
 
 def place_rsus(
-    network: RoadNetwork, passages: Mapping[str, int], count: int = 12, *, max_m: float = 300.0
+    network: RoadNetwork,
+    passages: Mapping[str, int],
+    count: int = 12,
+    *,
+    max_m: float = 300.0,
+    keep_s: float = 0.0,
 ) -> tuple[Rsu, ...]:
     """RSUs on the busiest approaches that are long enough and not too near each other; fewer where
-    there are no more.
+    there are no more. `keep_s`: of each.
     """
     chosen: list[Rsu] = []
     taken: list[tuple[float, float]] = []
@@ -33,6 +38,6 @@ def place_rsus(
             end_m = round(segment.length_m - setback_m, 1)
             begin_m = max(0.0, round(end_m - max_m, 1))
             stretch = WatchedStretch(segment=name, from_m=begin_m, to_m=end_m)
-            chosen.append(Rsu(id=f"rsu-{len(chosen) + 1:02}", watch=(stretch,)))
+            chosen.append(Rsu(id=f"rsu-{len(chosen) + 1:02}", watch=(stretch,), keep_s=keep_s))
             taken.append(place)
     return tuple(chosen)
