@@ -85,10 +85,14 @@ def default_fleet(network: RoadNetwork, usual: FleetSettings) -> FleetSettings:
     # There and back, and between stops half as far.
     tour_s = (2 + (each - 1) / 2) * float(drives_s.mean()) + each * sum(usual.service_s) / 2
     tours = orders * max(usual.hours) / sum(usual.hours) / each
+    ends = gateways(network)
+    only_ends = Zone(junctions=dict.fromkeys(sorted(ends), 1.0))
     more_s = float(min(36_000.0, 300.0 * ceil(max(0.0, drives_s.max() - _NEAR_S) / 300)))
     return usual.model_copy(
         update={
             "orders": orders,
+            # Customers are at no gateway, unless there is nothing else.
+            "stops": only_ends if len(ends) == len(network.junctions) else usual.stops,
             "vehicles": min(2000, max(usual.vehicles, ceil(_SPARE * tours * tour_s / 3600))),
             "wave_due_s": _later(usual.wave_due_s, more_s),
             "express_due_s": _later(usual.express_due_s, more_s),

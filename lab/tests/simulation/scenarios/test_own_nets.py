@@ -15,7 +15,7 @@ from slipstream.roads import RoadNetwork, Segment, build_network
 from slipstream_cli.main import main
 from slipstream_lab.simulation.rsus import load_rsus
 from slipstream_lab.simulation.scenarios.defaults import default_demand, default_fleet, rsu_count
-from slipstream_lab.simulation.scenarios.demand import FleetSettings, draw_trips
+from slipstream_lab.simulation.scenarios.demand import FleetSettings, draw_deliveries, draw_trips
 from slipstream_lab.simulation.scenarios.networks import cut_network
 from slipstream_lab.simulation.scenarios.perception import place_rsus
 
@@ -70,6 +70,14 @@ def test_blocks_shorter_than_rsus_watch_get_some_all_the_same() -> None:
     rsus = place_rsus(blocks, dict.fromkeys(blocks.segments, 1), rsu_count(blocks))
     assert len(rsus) >= 3
     assert {(s.from_m, s.to_m) for rsu in rsus for s in rsu.watch} == {(0.0, 68.0)}
+
+
+def test_a_road_between_two_places_has_a_depot_and_customers() -> None:
+    """One place each."""
+    road = ring(2, 5_000.0, 25.0)
+    deliveries = draw_deliveries(default_fleet(road, FleetSettings()), road, 1)
+    (depot,) = deliveries.settings.depots
+    assert {order.node for order in deliveries.orders} == {"n0", "n1"} - {depot.node}
 
 
 def _grid(folder: Path) -> Path:

@@ -222,12 +222,15 @@ def fleet_at(
 def _random_depots(
     junctions: tuple[str, ...], weights: Array, network: RoadNetwork, rng: np.random.Generator
 ) -> tuple[Depot, ...]:
-    """Two places, the second one as far from the first as any customer is."""
+    """Two places, the second one as far from the first as any customer is; one where there are no
+    more than two, as customers are elsewhere.
+    """
     places = np.flatnonzero(weights > 0)
     first = int(rng.choice(places))
     where = np.array([network.junctions[name] for name in junctions], dtype=np.float64)
     away = np.where(weights > 0, np.square(where - where[first]).sum(axis=1), -1.0)
-    chosen = list(dict.fromkeys([first, int(away.argmax())]))[:_PLACES]
+    chosen = list(dict.fromkeys([first, int(away.argmax())]))
+    chosen = chosen[: max(1, min(_PLACES, len(places) - 1))]
     return tuple(Depot(id=f"depot-{i}", node=junctions[at]) for i, at in enumerate(chosen, 1))
 
 
