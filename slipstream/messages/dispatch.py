@@ -48,12 +48,13 @@ class Gate(Model):
 class EnergySummary(Model):
     """Physical energy of a plan set against the named baseline, and where the saving comes from.
 
-    Driving times are in s, the price that the objective puts on an hour in kWh.
+    Driving times are in s, the price that the objective puts on an hour in kWh. Energies are below
+    0 where vehicles on their way give back more by braking than they need for what is left.
     """
 
     baseline: str
-    baseline_kwh: NonNegative
-    cooperative_kwh: NonNegative
+    baseline_kwh: Finite
+    cooperative_kwh: Finite
     saved_distance_kwh: Finite
     saved_drag_kwh: Finite
     saved_acceleration_kwh: Finite
@@ -72,8 +73,8 @@ class CarrierSummary(Model):
     """What one of several carriers has from a plan set against its own part of the baseline."""
 
     carrier: Identifier | None = Field(description="Null: vehicles that are given none.")
-    baseline_kwh: NonNegative = Field(description="Physical energy in the baseline.")
-    cooperative_kwh: NonNegative = Field(description="Physical energy by the plans.")
+    baseline_kwh: Finite = Field(description="Physical energy in the baseline.")
+    cooperative_kwh: Finite = Field(description="Physical energy by the plans.")
     saved_cost_kwh: Finite = Field(
         description="Energy, time and waiting at their prices, less than alone; below 0 only by "
         "rounding."

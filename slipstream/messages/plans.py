@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from slipstream.messages.base import (
     ROOT,
     Count,
+    Finite,
     Identifier,
     Model,
     NonNegative,
@@ -155,7 +156,9 @@ class VehiclePlan(Model):
     stops: tuple[PlannedStop, ...]
     segments: tuple[PlannedSegment, ...]
     distance_m: NonNegative
-    energy_kwh: NonNegative
+    energy_kwh: Finite = Field(
+        description="Of the way that is left; below 0 where braking to its stops gives back more."
+    )
     advice: DrivingAdvice = DrivingAdvice()
     continues: Count | None = Field(
         default=None,

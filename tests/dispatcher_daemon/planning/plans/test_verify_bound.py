@@ -11,9 +11,10 @@ import pytest
 from dispatcher_daemon.fleet import Fleet
 from dispatcher_daemon.fleet.commitments import Commitment
 from dispatcher_daemon.forms.problem import RoutingProblem
-from dispatcher_daemon.planning.plans import plans_to_send, verify_plans
+from dispatcher_daemon.planning.plans import RouteEnergy, plans_to_send, summarise, verify_plans
 from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
-from slipstream.messages import VehiclePlan
+from slipstream.energy.consumption import Energy, total
+from slipstream.messages import VehiclePlan, decode
 from slipstream.roads import RoadNetwork
 from tests.dispatcher_daemon.fleet.tracking.fleet_drive import SETTINGS, Day, S, Van
 
@@ -91,6 +92,16 @@ def test_a_late_van_is_no_fault(bound: Bound) -> None:
     late = Fleet(depots=fleet.depots, stops=closed, vehicles=fleet.vehicles)
     assert verify(network, late, commitments, plans) == ""
     assert "after its window" in verify(network, late, (), plans)
+
+
+def test_a_van_at_speed_before_its_stop_gives_energy_back(bound: Bound) -> None:
+    """The rest of its way needs less than braking returns: a plan and a summary as any other."""
+    plan = bound[3][0].model_copy(update={"energy_kwh": -0.016})
+    assert decode(VehiclePlan, plan.model_dump_json().encode(), "plan") == plan
+    physics = total([Energy(-0.016, 0.001, 0.002, -0.019)])
+    rest = RouteEnergy(physics, physics, 0.0, 4.0, (), ())
+    summary = summarise("alone", [rest], [rest], 2.0)
+    assert (summary.baseline_kwh, summary.saved_kwh) == (pytest.approx(-0.016), 0.0)
 
 
 def send(bound: Bound, own: Commitment) -> tuple[VehiclePlan, ...]:
