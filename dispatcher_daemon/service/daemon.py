@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import gc
 import logging
+import threading
 import time
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -14,6 +14,7 @@ from dispatcher_daemon import metrics
 from dispatcher_daemon.fleet import FleetFile
 from dispatcher_daemon.planning.cycle import Solving, form_of
 from dispatcher_daemon.service.alarms import CHECKS
+from dispatcher_daemon.service.api import EventHub
 from dispatcher_daemon.service.dispatcher import AlarmSource, Dispatcher, announce_nothing
 from dispatcher_daemon.service.intake import OrderAnswers, OrderIntake
 from dispatcher_daemon.service.on_demand import Gathering
@@ -48,6 +49,8 @@ log = logging.getLogger(__name__)
 HEALTH_EVERY_S = 1.0
 HEARD_AFTER_S = 2.5
 """By then vehicles that the run before knew have said where they are: they do so each second."""
+POLL_S = 0.05
+"""Between two looks whether the first cycle can begin."""
 
 
 def check_health(dispatcher: Dispatcher, scheduler: CycleScheduler, service: Service) -> None:
@@ -70,14 +73,12 @@ def check_health(dispatcher: Dispatcher, scheduler: CycleScheduler, service: Ser
         service.progress(line if fault is None else f"{line}; {fault}")
 
 
-def _open_api(settings: ApiSettings) -> AbstractContextManager[ApiServer | None]:
-    """The API's server, which does not serve yet; None: the settings want none."""
-    if settings.port == 0:
-        return nullcontext()
-    # The web framework takes half a second to import.
+def _open_api(settings: ApiSettings, events: EventHub) -> ApiServer:
+    """The API's server, which does not serve yet."""
+    # It takes a second to import: reports come in meanwhile.
     from dispatcher_daemon.service.api import ApiServer
 
-    return ApiServer(settings.port, settings.tokens)
+    return ApiServer(settings.port, settings.tokens, events=events)
 
 
 class DispatcherParts:
@@ -100,9 +101,13 @@ class DispatcherParts:
         self._make_solving = partial(
             Solving, settings, configured_solvers(settings), in_routes=form != "arc"
         )
+        self._events = None if settings.api.port == 0 else EventHub(time.time_ns())
+        self._announce = announce_nothing if self._events is None else self._events.publish
 
     def start(self, *, standby: bool) -> bool:
         """Start all parts; False: the service was stopped meanwhile.
+
+        Reports come in and the API answers while the solvers still load; cycles come last.
 
         Args:
             standby: wait for the database once all that takes time is done.
@@ -112,33 +117,46 @@ class DispatcherParts:
         """
         settings, service = self._settings, self._service
         if not standby:
-            self._start_api()
-            self._database = service.start(
-                "database", partial(open_checked_database, settings.database_url)
-            )
+            database = partial(open_checked_database, settings.database_url)
+            self._database = service.start("database", database)
         self._bus = service.start("bus", partial(Bus.open, settings.bus), Bus.fault)
         self._solving = service.start("solvers", self._make_solving, Solving.fault, vital=True)
-        self._solving.warm_up(service.stopping)
-        if service.stopping.is_set():
-            return False
         if standby:
-            log.info("standby: waiting for the end of the dispatcher that writes the database")
-            database = open_in_turn(settings.database_url, service)
-            if database is None:
+            self._solving.warm_up(service.stopping)
+            if service.stopping.is_set():
                 return False
-            self._database = database
-            service.on_stop("database", database.close)
-            # The active dispatcher on this machine had its port until now.
-            self._start_api()
+            log.info("standby: waiting for the end of the dispatcher that writes the database")
+            free = open_in_turn(settings.database_url, service)
+            if free is None:
+                return False
+            self._database = free
+            service.on_stop("database", free.close)
         self._start_dispatcher()
+        hears_since = time.monotonic()
+        warming = self._warm_up()
         self._start_orders()
-        self._start_cycles()
-        self._serve_api()
+        self._prepare_cycles()
+        if self._events is not None:
+            self._start_api(self._events)
+        within_s = min(HEARD_AFTER_S, settings.interval_s) if self._records.vehicles else 0.0
+        while warming.is_alive() or not self._has_heard_all(hears_since + within_s):
+            if service.wait(POLL_S):
+                return False
+        self._scheduler.start()
         return True
 
-    def _start_api(self) -> None:
-        self._api = self._service.start("the API's port", partial(_open_api, self._settings.api))
-        self._announce = announce_nothing if self._api is None else self._api.events.publish
+    def _warm_up(self) -> threading.Thread:
+        """Warm the solvers up in a thread that ends when they are warm, or the service."""
+        stopped = threading.Event()
+        thread = threading.Thread(target=self._solving.warm_up, args=(stopped,), name="warm-up")
+
+        def stop() -> None:
+            stopped.set()
+            thread.join()
+
+        thread.start()
+        self._service.on_stop("warm-up", stop)
+        return thread
 
     def _start_dispatcher(self) -> None:
         """The dispatcher and its alarms; it hears states and fleet from here on."""
@@ -201,13 +219,13 @@ class DispatcherParts:
         )
         self._bus.answer(ALL_ORDERS, OrderAnswers(self._orders, dispatcher.control.note).answer)
 
-    def _start_cycles(self) -> None:
+    def _prepare_cycles(self) -> None:
+        """The schedule of cycles, and what the dispatcher lacks for them; none runs yet."""
         dispatcher, settings, checks = self._dispatcher, self._settings, self._service.checks
         self._scheduler = scheduler = CycleScheduler(
             dispatcher.run_cycle,
             settings.interval_s,
             lambda kind: metrics.CYCLE_FAULTS.labels(kind).inc(),
-            min(HEARD_AFTER_S, settings.interval_s) if self._records.vehicles else 0.0,
         )
         dispatcher.control.run_soon = lambda: (
             dispatcher.cycle_began is None and scheduler.run_soon()
@@ -225,7 +243,18 @@ class DispatcherParts:
             checks[name] = partial(self._lacks, name, checks.get(name, lambda: None))
         self._service.awaited = lambda: self._alarms.awaited
         self._service.on_stop("cycles", self._stop_cycles)
-        scheduler.start()
+
+    def _has_heard_all(self, until_s: float) -> bool:
+        """Whether each vehicle that has ever reported has done so, and each RSU of the settings.
+        What is silent, or is not known as no RSUs are listed, is waited for until a moment.
+        """
+        if time.monotonic() >= until_s:
+            return True
+        rsus, dispatcher = self._settings.rsus, self._dispatcher
+        if rsus is None or dispatcher.fleet_watch.silent():
+            return False
+        told = {(state.rsu, state.segment) for state in dispatcher.receiver.latest.latest()}
+        return told.issuperset((rsu, one) for rsu, segments in rsus.items() for one in segments)
 
     def _lacks(self, check: str, own: Callable[[], str | None]) -> str | None:
         """Why a check is not met, by its own look at it or by what is critical now."""
@@ -240,11 +269,14 @@ class DispatcherParts:
         self._scheduler.stop()
         self._dispatcher.receiver.store_rollups(self._database)
 
-    def _serve_api(self) -> None:
-        api, dispatcher = self._api, self._dispatcher
-        if api is None:
-            return
+    def _start_api(self, events: EventHub) -> None:
+        dispatcher, scheduler = self._dispatcher, self._scheduler
+        api = self._service.start("the API's port", partial(_open_api, self._settings.api, events))
         from dispatcher_daemon.service.api import Services
+
+        def is_live() -> bool:
+            # Cycles come once the solvers are ready.
+            return not scheduler.is_started or dispatcher.is_live(scheduler.next_run_ns)
 
         services = Services(
             settings=self._settings,
@@ -256,9 +288,9 @@ class DispatcherParts:
             reader=self._reader,
             alarms=self._alarms.alarms,
             control=dispatcher.control,
-            events=api.events,
+            events=events,
             solve_jobs=api.solve_jobs,
-            is_live=lambda: dispatcher.is_live(self._scheduler.next_run_ns),
+            is_live=is_live,
             solver_fault=dispatcher.health.solver_fault,
             checks=self._service.checks,
             awaited=self._service.awaited,

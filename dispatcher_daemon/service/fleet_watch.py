@@ -233,6 +233,10 @@ class FleetWatch:
             heard_ns = self._on_bus.get(vehicle)
             return heard_ns is not None and self._clock() - heard_ns <= FRESH_NS
 
+    def silent(self) -> tuple[TrackedVehicle, ...]:
+        """Vehicles that have reported before, in an earlier run perhaps, and do not now."""
+        return self.read(lambda tracker: tracker.silent(self._clock()))
+
     def now_ns(self) -> int:
         """UTC now, by the clock that reports are dated with."""
         return self._clock()

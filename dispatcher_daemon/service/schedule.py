@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 
 from apscheduler.events import EVENT_JOB_ERROR, EVENT_JOB_MAX_INSTANCES, EVENT_JOB_MISSED, JobEvent
 from apscheduler.executors.pool import ThreadPoolExecutor
@@ -20,7 +20,7 @@ CLOCK_TOLERANCE_S = 1.0
 
 
 class CycleScheduler:
-    """Calls a function soon and then every ``interval_s``, on one thread of its own.
+    """Calls a function once it is started and then every ``interval_s``, on one thread of its own.
 
     A run that is due while the last one is still running is skipped and counted as overlapped. Runs
     that could not start in time are replaced by one, and counted as missed if they are later than a
@@ -38,7 +38,6 @@ class CycleScheduler:
         run: Callable[[], None],
         interval_s: float,
         on_fault: Callable[[str], None] = lambda kind: None,
-        first_after_s: float = 0.0,
     ) -> None:
         self._on_fault = on_fault
         self._interval_s = interval_s
@@ -55,7 +54,6 @@ class CycleScheduler:
             max_instances=1,
             coalesce=True,
             misfire_grace_time=max(1, int(interval_s)),
-            next_run_time=datetime.now(UTC) + timedelta(seconds=first_after_s),
         )
 
     def _note(self, event: JobEvent) -> None:
@@ -98,15 +96,21 @@ class CycleScheduler:
         return True
 
     @property
+    def is_started(self) -> bool:
+        """Whether runs come."""
+        return bool(self._scheduler.running)
+
+    @property
     def next_run_ns(self) -> int | None:
         """UTC of the next run; None if none is planned."""
         job = self._scheduler.get_job(_JOB)
-        if job is None or job.next_run_time is None:
+        if not self.is_started or job is None or job.next_run_time is None:
             return None
         return int(job.next_run_time.timestamp() * 1e9)
 
     def start(self) -> None:
         """Begin."""
+        self._scheduler.modify_job(_JOB, next_run_time=datetime.now(UTC))
         self._scheduler.start()
 
     def stop(self) -> None:

@@ -29,6 +29,10 @@ def run(options: argparse.Namespace) -> int:
     if not options.standby:
         # A second dispatcher ends before it loads the solvers, which takes seconds.
         check_free(settings.database_url)
+    from dispatcher_daemon.solvers.workers import start_fork_server
+
+    # It loads what the workers need while this process loads the rest.
+    start_fork_server()
     from dispatcher_daemon.service.daemon import run_dispatcher
 
     run_dispatcher(settings, standby=options.standby)

@@ -39,7 +39,8 @@ class Solving:
 
     def warm_up(self, stopping: threading.Event) -> None:
         """Start this machine's processes, and import what they need."""
-        for name, reason in self._pool.warm_up(stopping=stopping).items():
+        faults = self._pool.warm_up(stopping=stopping)
+        for name, reason in () if stopping.is_set() else faults.items():
             log.warning("solver %s is not ready: %s", name, reason)
 
     def join_cluster(self) -> None:

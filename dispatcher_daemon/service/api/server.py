@@ -27,13 +27,18 @@ class ApiServer:
     Args:
         port: on `HOST`; 0: a free one.
         tokens: file of bearer tokens; None: callers of this machine may read.
+        events: what happens; None: nothing has yet.
 
     Raises:
         InputError: the port is taken, or the file of tokens is missing or faulty.
     """
 
     def __init__(
-        self, port: int, tokens: Path | None = None, rate: RateLimit | None = None
+        self,
+        port: int,
+        tokens: Path | None = None,
+        rate: RateLimit | None = None,
+        events: EventHub | None = None,
     ) -> None:
         self._tokens = None if tokens is None else TokenFile(tokens)
         self._rate = rate or RateLimit(RATE_PER_S, BURST)
@@ -46,7 +51,7 @@ class ApiServer:
             failed=metrics.API_FAILURES.inc,
         )
         self.port = self._server.port
-        self.events = EventHub(time.time_ns())
+        self.events = events or EventHub(time.time_ns())
         self.solve_jobs = SolveJobs()
 
     def guarded(self, app: ASGIApp) -> ASGIApp:

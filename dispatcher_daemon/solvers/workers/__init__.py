@@ -13,7 +13,11 @@ from dispatcher_daemon.solvers.workers.pool import (
     solve_in_process,
     solving_s,
 )
-from dispatcher_daemon.solvers.workers.processes import Processes, WorkerExecutor
+from dispatcher_daemon.solvers.workers.processes import (
+    Processes,
+    WorkerExecutor,
+    start_fork_server,
+)
 
 __all__ = [
     "GRACE_S",
@@ -28,4 +32,5 @@ __all__ = [
     "executor_solve",
     "solve_in_process",
     "solving_s",
+    "start_fork_server",
 ]

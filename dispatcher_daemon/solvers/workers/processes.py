@@ -14,8 +14,9 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor, TimeoutErro
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from importlib import import_module
-from multiprocessing import connection
-from typing import Any, ParamSpec, TypeVar
+from multiprocessing import connection, forkserver
+from multiprocessing.context import BaseContext
+from typing import Any, Final, ParamSpec, TypeVar
 
 import pebble
 
@@ -27,12 +28,28 @@ log = logging.getLogger(__name__)
 _NICENESS = 5
 """Of workers: whoever waits for this process, which does little itself, comes before a search."""
 
-
 _FORMS = "dispatcher_daemon.forms"
 """What reading a problem needs."""
+_PRELOAD: Final = "dispatcher_daemon.solvers.workers.preload"
 
 
-def start_worker(parent: int, niceness: int = _NICENESS, modules: Sequence[str] = ()) -> None:
+def start_fork_server() -> BaseContext:
+    """The way to start workers: they are forked from a server, which has loaded once what each of
+    them needs. Loading it takes more than a second; it begins here, in the background.
+
+    The server needs room for a socket among the temporary files. Without it each worker loads for
+    itself.
+    """
+    forkserver.set_forkserver_preload([_PRELOAD])
+    try:
+        forkserver.ensure_running()
+    except OSError as error:
+        log.warning("workers cannot be forked, and start slowly: %s", error)
+        return multiprocessing.get_context("spawn")
+    return multiprocessing.get_context("forkserver")
+
+
+def start_worker(niceness: int = _NICENESS, modules: Sequence[str] = ()) -> None:
     """End the worker when its parent ends; leave Ctrl-C to the parent, and other work its turn;
     give back what was freed.
 
@@ -44,9 +61,14 @@ def start_worker(parent: int, niceness: int = _NICENESS, modules: Sequence[str] 
         # A service may be refused it by its system call filter; the work is the same without.
         os.nice(niceness)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # The kernel's signal holds even while compiled code keeps the interpreter lock. It also fires
-    # when the creating thread ends: SolverPool makes workers in threads that live as long as it.
-    die_with_parent(parent)
+    # The server ends when nobody but its workers' parent holds this, however that one ends.
+    held: int | None = getattr(forkserver._forkserver, "_forkserver_alive_fd", None)
+    if held is not None:
+        os.close(held)
+    # With it end its workers: the kernel's signal holds even while compiled code keeps the
+    # interpreter lock. Where there is no server, it also fires when the creating thread ends:
+    # SolverPool makes workers in threads that live as long as it.
+    die_with_parent(os.getppid())
     parent_process = multiprocessing.parent_process()
     if parent_process is not None:
         sentinel = parent_process.sentinel
@@ -65,7 +87,7 @@ def start_worker(parent: int, niceness: int = _NICENESS, modules: Sequence[str] 
 
 
 class Processes:
-    """A pool of spawned processes. It is not thread-safe: the caller locks.
+    """A pool of processes. It is not thread-safe: the caller locks.
 
     Args:
         spawner: starts the processes, in a thread that outlives them: see `start_worker`.
@@ -138,9 +160,9 @@ class Processes:
         if self._pool is None:
             pool = pebble.ProcessPool(
                 max_workers=self.size,
-                context=multiprocessing.get_context("spawn"),
+                context=start_fork_server(),
                 initializer=start_worker,
-                initargs=(os.getpid(), self._niceness, self._modules),
+                initargs=(self._niceness, self._modules),
             )
             # Reading `active` starts the pool, in the calling thread.
             self._spawner.submit(lambda: pool.active).result()
@@ -163,7 +185,7 @@ T = TypeVar("T")
 
 
 class WorkerExecutor(Executor):
-    """Spawned processes that die with this one; if one is killed, others take its place.
+    """Processes that die with this one; if one is killed, others take its place.
 
     The jobs that a broken pool was at raise; the next ones find a new pool.
     """

@@ -383,6 +383,35 @@ def test_a_real_leak_in_a_real_child_is_seen() -> None:
 
 
 @pytest.mark.process
+def test_workers_of_a_fork_server_have_the_name_of_its_parent() -> None:
+    """They have its command line."""
+    parent = (
+        "import multiprocessing, os, time\n"
+        "context = multiprocessing.get_context('forkserver')\n"
+        "context.set_forkserver_preload([])\n"
+        "for _ in range(2): context.Process(target=time.sleep, args=(60,), daemon=True).start()\n"
+        "print('ready', flush=True)\n"
+        "time.sleep(60)\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", parent], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        try:
+            assert process.stdout.readline() == b"ready\n"
+            tree, until_s = ProcessTree(process.pid), time.monotonic() + 60
+            names: set[str] = set()
+            while len(names) < 5 and time.monotonic() < until_s:
+                names = {sample.name for sample in tree.sample(0.0)}
+                time.sleep(0.05)
+        finally:
+            process.kill()
+    assert names == {
+        "supervisor",
+        *("supervisor/tracker-1", "supervisor/forkserver-1"),
+        *("supervisor/worker-1", "supervisor/worker-2"),
+    }
+
+
+@pytest.mark.process
 def test_a_successor_inherits_the_name() -> None:
     """Numbered processes keep their names; one that replaces another takes its place."""
     spawn = "from multiprocessing import spawn_main; import time; time.sleep(60)"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import random
 import signal
 import threading
@@ -255,7 +254,7 @@ def _kill_worker(path: Path, killed: list[int]) -> None:
     """Kill the device's worker, and write down which, if it is still there."""
     with suppress(OSError, ValueError, psutil.Error):
         worker = psutil.Process(int(pid_file(path).read_text(encoding="utf-8")))
-        if worker.ppid() == os.getpid() and "spawn_main" in " ".join(worker.cmdline()):
+        if worker in psutil.Process().children(recursive=True):
             worker.send_signal(signal.SIGKILL)
             killed.append(worker.pid)
 

@@ -11,6 +11,7 @@ import psutil
 _STARTING_S = 1.0
 _NAMING = ("--rsu", "--name")
 _ANONYMOUS = ("RssAnon", "VmSwap")
+_SERVER = "forkserver"
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,11 @@ class ProcessTree:
             parent = self._names.get(process.ppid())
             if parent is None:
                 return None
-            name = self._free(f"{parent}/{_kind(command)}", alive)
+            kind = _kind(command)
+            if f"/{_SERVER}-" in parent:
+                # What it forks has its command line, and works for the process that started it.
+                parent, kind = parent.rpartition("/")[0], "worker"
+            name = self._free(f"{parent}/{kind}", alive)
         self._names[process.pid] = name
         return name
 
@@ -129,4 +134,6 @@ def _kind(command: list[str]) -> str:
     line = " ".join(command)
     if "resource_tracker" in line:
         return "tracker"
+    if _SERVER in line:
+        return _SERVER
     return "worker" if "spawn_main" in line else PurePath(command[0]).name

@@ -23,7 +23,7 @@ Demo = Callable[..., ArcProblem]
 
 # Workers are fresh interpreters, so the faulty solver must live in a module that they can import.
 FAULTY = """
-import os, pathlib, time
+import os, pathlib, re, time
 from dataclasses import dataclass
 from dispatcher_daemon.solvers.protocol import Outcome
 
@@ -40,6 +40,8 @@ class Faulty:
         if self.fault == "hangs":
             pathlib.Path(__file__).with_name("hangs").touch()
             time.sleep(60)
+        if self.fault == "keeps the lock":
+            re.fullmatch("(a|a)*b", 60 * "a")  # for years, and no other thread has a turn
         if self.fault == "slow":
             time.sleep(0.7)
         if self.fault == "raises":
@@ -210,7 +212,7 @@ def test_closing_frees_a_waiting_caller(
 @pytest.mark.long
 @pytest.mark.process
 def test_workers_end_with_a_killed_parent(tmp_path: Path) -> None:
-    """SIGKILL for the dispatcher leaves no worker behind, not even a busy one."""
+    """SIGKILL for the dispatcher leaves no worker behind, not even one in compiled code."""
     (tmp_path / "faulty_solver.py").write_text(FAULTY)
     script = tmp_path / "parent.py"
     script.write_text(
@@ -221,7 +223,7 @@ def test_workers_end_with_a_killed_parent(tmp_path: Path) -> None:
             from faulty_solver import Faulty
 
             if __name__ == "__main__":
-                with SolverPool([Faulty("hangs")]) as pool:
+                with SolverPool([Faulty("keeps the lock")]) as pool:
                     pool.warm_up()
                     print("ready", flush=True)
                     pool([PoolJob("faulty", ArcProblem("d", (), (), ()), 1)], 50.0)

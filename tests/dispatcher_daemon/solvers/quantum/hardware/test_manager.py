@@ -141,7 +141,8 @@ def test_hung_in_submit_and_found_by_its_tag(
     assert outcome.execution.job == theirs["id"]
     assert outcome.execution.two_qubit_depth == 4
     assert (job.usage_s, manager.health().used_s) == (theirs["usage"], theirs["usage"])
-    workers = [p for p in psutil.Process().children() if "spawn_main" in " ".join(p.cmdline())]
+    servers = [p for p in psutil.Process().children() if "forkserver" in " ".join(p.cmdline())]
+    workers = [worker for server in servers for worker in server.children()]
     manager.close()
     assert len(workers) == 1
     psutil.wait_procs(workers, timeout=5)
