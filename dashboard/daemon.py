@@ -2,37 +2,38 @@
 
 from __future__ import annotations
 
-import gc
 import logging
+import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import closing
 from functools import partial
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import storage
 from dashboard import metrics
 from dashboard.feeds import HistoryFeed, listen_to_pictures, subscribe
 from dashboard.live import LiveData
-from dashboard.page import Page
 from dashboard.settings import DashboardSettings
-from dashboard.web.app import make_app
 from dashboard.web.energy import EnergyBook, zone_of
 from dashboard.web.hub import PageHub
 from dashboard.web.past import StoredPast
 from dashboard.web.pictures import Pictures
 from dashboard.web.routes.present import Present
-from dashboard.web.services import PageServices
 from dashboard.web.tables.fleet_file import make_scene
 from dashboard.web.tables.rows import Scene
 from dashboard.web.tables.tables import PageTables
 from slipstream.bus import Bus
 from slipstream.errors import InputError
 from slipstream.http.server import HttpServer
+from slipstream.roads import RoadNetwork
 from slipstream.roads.admission import check_rsus, refusal
 from slipstream.roads.sumo_net import load_network
 from slipstream.service import LogLimiter, Service, configure_logging, rss_mb
-from slipstream.service.memory import configure_allocator
+from slipstream.service.memory import configure_allocator, keep_loaded
+
+if TYPE_CHECKING:
+    from dashboard.page import Page
 
 log = logging.getLogger(__name__)
 
@@ -68,12 +69,6 @@ def run_dashboard(settings: DashboardSettings) -> None:
             history = HistoryFeed(url, live, limiter, past.energy.refresh)
             service.on_stop("history", history.stop)
         server = service.start("the operator's page", partial(_open_server, settings))
-        page = None
-        if settings.scene_port is not None:
-            # Behind a proxy both are of one site.
-            own = f"http://{settings.host}:{settings.port}" if settings.scene_url is None else ""
-            around = service.stopping, pictures, own, scene.depots.values()
-            page = service.start("the 3D view", lambda: closing(Page(settings, network, *around)))
         bus = service.start("bus", partial(Bus.open, settings.bus), Bus.fault)
         subscribe(bus, live, limiter, settings.rsus)
         if history is not None:
@@ -97,15 +92,24 @@ def run_dashboard(settings: DashboardSettings) -> None:
         listen_to_pictures(bus, pictures, limiter)
         service.on_stop("pictures", lambda: pictures.listen_by(None))
         present.start()
+        # The web framework takes half a second to import: messages come in meanwhile.
+        from dashboard.web.app import make_app
+        from dashboard.web.services import PageServices
+
         server.start(
             make_app(PageServices(settings, scene, present.known, hub, pictures, past, reader))
         )
         log.info("serving http://%s:%d", settings.host, server.port)
-        # Each second's messages are some ten thousand objects without circles: looking for these
-        # after every 700 took a third of the time of reading. Network and modules stay for good.
-        gc.collect()
-        gc.freeze()
-        gc.set_threshold(50_000, 20, 50)
+        page = None
+        if settings.scene_port is not None:
+            # Behind a proxy both are of one site.
+            own = f"http://{settings.host}:{settings.port}" if settings.scene_url is None else ""
+            depots = scene.depots.values()
+            open_page = partial(
+                _open_page, settings, network, service.stopping, pictures, own, depots
+            )
+            page = service.start("the 3D view", open_page)
+        keep_loaded()
         service.ready()
         shown = False
         while not service.stopping.is_set():
@@ -146,6 +150,9 @@ def show_finished_run(settings: DashboardSettings) -> None:
             mend = "give the run's with --network"
             raise InputError(settings.network, "it has none of the run's roads", mend)
         server = service.start("the operator's page", partial(_open_server, settings))
+        from dashboard.web.app import make_app
+        from dashboard.web.services import PageServices
+
         services = PageServices(settings, scene, lambda: past.at(last_ns), past=past, reader=reader)
         server.start(make_app(services))
         log.info("serving http://%s:%d", settings.host, server.port)
@@ -167,6 +174,20 @@ def _open_server(settings: DashboardSettings) -> closing[HttpServer]:
             failed=metrics.FAILURES.inc,
         )
     )
+
+
+def _open_page(
+    settings: DashboardSettings,
+    network: RoadNetwork,
+    stopping: threading.Event,
+    pictures: Pictures,
+    operator_url: str,
+    depots: Collection[str],
+) -> closing[Page]:
+    # Last of all, as it takes as long to load as the operator's page.
+    from dashboard.page import Page
+
+    return closing(Page(settings, network, stopping, pictures, operator_url, depots))
 
 
 def _past(

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
-
-import dimod
+from typing import TYPE_CHECKING, Any, Literal
 
 from dispatcher_daemon.forms.problem import BinaryProblem, Problem
+
+if TYPE_CHECKING:
+    import dimod
 
 Encoding = Literal["reduced", "full"]
 """How the arc form excludes subtours: with the bits that a cycle can need, or with the paper's."""
@@ -35,6 +36,8 @@ class QuboModel:
     @cached_property
     def total(self) -> Any:
         """H_total, kWh: a `dimod.BinaryQuadraticModel`."""
+        import dimod
+
         bqm: Any = dimod.BinaryQuadraticModel(self.penalty)
         bqm.scale(self.gamma)
         bqm.update(self.objective)
@@ -57,6 +60,8 @@ def build_binary_model(problem: BinaryProblem) -> QuboModel:
 
 def empty_bqm(variables: Iterable[Hashable]) -> Any:
     """A zero model over the variables, in their order."""
+    import dimod  # a tenth of a second, which only workers need
+
     bqm = dimod.BinaryQuadraticModel("BINARY")
     for variable in variables:
         bqm.add_variable(variable)

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-import dimod
 import numpy as np
 import numpy.typing as npt
 
@@ -42,6 +41,8 @@ def build_route_model(problem: RouteProblem, gamma: float | None = None) -> Qubo
     for row in constraint_rows(problem):
         add_square(penalty, {variables[i]: 1 for i in row}, -1)
     first, second, saving = _pairs(problem)
+    import dimod
+
     bqm: Any = dimod.BinaryQuadraticModel
     objective = bqm.from_numpy_vectors(
         np.array(problem.costs_kwh, dtype=np.float64),

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import gc
 import logging
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -38,7 +37,7 @@ from slipstream.roads import RoadNetwork
 from slipstream.roads.admission import check_rsus
 from slipstream.roads.sumo_net import load_network
 from slipstream.service import Service, configure_logging
-from slipstream.service.memory import configure_allocator
+from slipstream.service.memory import configure_allocator, keep_loaded
 from storage import StorageError, open_reader
 
 if TYPE_CHECKING:
@@ -71,6 +70,16 @@ def check_health(dispatcher: Dispatcher, scheduler: CycleScheduler, service: Ser
         fault = dispatcher.health.solver_fault()
         line = f"{dispatcher.delivery.cycles} cycles"
         service.progress(line if fault is None else f"{line}; {fault}")
+
+
+def has_heard_all(dispatcher: Dispatcher, rsus: Mapping[str, tuple[str, ...]] | None) -> bool:
+    """Whether each vehicle that has ever reported does so now, and each RSU that is listed has told
+    of its segments. Without a list nobody knows.
+    """
+    if rsus is None or dispatcher.fleet_watch.silent():
+        return False
+    told = {(state.rsu, state.segment) for state in dispatcher.receiver.latest.latest()}
+    return told.issuperset((rsu, one) for rsu, segments in rsus.items() for one in segments)
 
 
 def _open_api(settings: ApiSettings, events: EventHub) -> ApiServer:
@@ -138,8 +147,12 @@ class DispatcherParts:
         self._prepare_cycles()
         if self._events is not None:
             self._start_api(self._events)
+        keep_loaded()
         within_s = min(HEARD_AFTER_S, settings.interval_s) if self._records.vehicles else 0.0
-        while warming.is_alive() or not self._has_heard_all(hears_since + within_s):
+        ends = hears_since + within_s
+        while warming.is_alive() or (
+            time.monotonic() < ends and not has_heard_all(self._dispatcher, settings.rsus)
+        ):
             if service.wait(POLL_S):
                 return False
         self._scheduler.start()
@@ -244,18 +257,6 @@ class DispatcherParts:
         self._service.awaited = lambda: self._alarms.awaited
         self._service.on_stop("cycles", self._stop_cycles)
 
-    def _has_heard_all(self, until_s: float) -> bool:
-        """Whether each vehicle that has ever reported has done so, and each RSU of the settings.
-        What is silent, or is not known as no RSUs are listed, is waited for until a moment.
-        """
-        if time.monotonic() >= until_s:
-            return True
-        rsus, dispatcher = self._settings.rsus, self._dispatcher
-        if rsus is None or dispatcher.fleet_watch.silent():
-            return False
-        told = {(state.rsu, state.segment) for state in dispatcher.receiver.latest.latest()}
-        return told.issuperset((rsu, one) for rsu, segments in rsus.items() for one in segments)
-
     def _lacks(self, check: str, own: Callable[[], str | None]) -> str | None:
         """Why a check is not met, by its own look at it or by what is critical now."""
         return own() or self._alarms.unmet.get(check)
@@ -311,16 +312,6 @@ class DispatcherParts:
             self._alarms.update()
 
 
-def _collect_garbage_less() -> None:
-    """Keep full collections out of cycles: one stops all threads for tenths of a second.
-
-    By default a cycle of 10,000 segments has half a dozen of them. What is loaded by now stays.
-    """
-    gc.collect()
-    gc.freeze()
-    gc.set_threshold(20_000, 20, 50)
-
-
 def run_dispatcher(settings: DispatcherSettings, *, standby: bool = False) -> None:
     """Run until SIGTERM or SIGINT.
 
@@ -341,6 +332,5 @@ def run_dispatcher(settings: DispatcherSettings, *, standby: bool = False) -> No
     with Service("dispatcher", settings.service) as service:
         parts = DispatcherParts(settings, service, network, fleet_file)
         if parts.start(standby=standby):
-            _collect_garbage_less()
             service.ready()
             parts.watch()

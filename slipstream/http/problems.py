@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from http import HTTPStatus
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from fastapi import FastAPI, Request
-from fastapi.exceptions import RequestValidationError
-from fastapi.responses import JSONResponse, Response
 from pydantic import BaseModel, Field
 from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
 
 from slipstream.errors import InputError
+
+if TYPE_CHECKING:
+    from fastapi import FastAPI
+    from fastapi.exceptions import RequestValidationError
 
 MEDIA_TYPE: Final = "application/problem+json"
 
@@ -101,6 +104,8 @@ def handle_problems(
         paths: page of the documentation that has its paths.
         unavailable: what is raised where something that it needs does not answer now: HTTP 503.
     """
+    # It takes half a second to import, and refusals are raised by what needs no framework.
+    from fastapi.exceptions import RequestValidationError
 
     def problem(_request: Request, error: Problem) -> Response:
         return error.response()

@@ -8,6 +8,7 @@ from typing import Any
 
 from slipstream.config import check
 from slipstream.errors import InputError
+from slipstream.service.memory import collect_garbage_less
 from slipstream.site import load_site
 
 
@@ -38,6 +39,7 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
 
 def run(options: argparse.Namespace) -> int:
     """Run the daemon until it is stopped."""
+    collect_garbage_less()
     from dashboard.daemon import run_dashboard, show_finished_run
     from dashboard.settings import DashboardSettings
 

@@ -13,6 +13,7 @@ MODULES: Final = (
     "dispatcher_daemon.forms",
     "dispatcher_daemon.solvers.registry",
     "dispatcher_daemon.planning.routes",
+    "dimod",
 )
 
 gc.disable()

@@ -12,6 +12,7 @@ import pytest
 
 from dispatcher_daemon.fleet.tracking import FRESH_NS
 from dispatcher_daemon.forms.problem import RoutingProblem
+from dispatcher_daemon.service.daemon import has_heard_all
 from dispatcher_daemon.service.dispatcher import Dispatcher
 from dispatcher_daemon.traffic.snapshot import take_snapshot
 from slipstream.explain import explanation
@@ -35,6 +36,33 @@ from tests.dispatcher_daemon.service.reporting import Bus, accept, at, make, tel
 def url(tmp_path: Path) -> str:
     """A database."""
     return f"sqlite:///{tmp_path / 'a.db'}"
+
+
+@pytest.mark.slow
+def test_a_restart_waits_for_those_that_the_run_before_knew(
+    demo: RoutingProblem, url: str, state: Callable[..., SegmentState]
+) -> None:
+    """Its first cycle would leave them out; and for each listed RSU, as gates need their states."""
+    bus, rsus = Bus(), {"rsu-avenue_east": ("avenue_east",)}
+    seen = state("avenue_east", 1, time_ns=time.time_ns())
+    with open_database(url) as database:
+        dispatcher = make(demo, bus, database)
+        dispatcher.receiver.on_state(state_key(seen.rsu, seen.segment), seen.to_bytes())
+        assert has_heard_all(dispatcher, rsus)  # nobody is known
+        dispatcher.run_cycle()
+        (plan,) = bus.plans("van-a")
+        accept(dispatcher, plan)
+        tell(dispatcher, at(plan, plan.segments[0].segment, 0.4))
+        dispatcher.run_cycle()
+    with open_database(url) as database:
+        dispatcher = make(demo, bus, database)
+        assert [vehicle.id for vehicle in dispatcher.fleet_watch.silent()] == ["van-a"]
+        tell(dispatcher, at(plan, plan.segments[0].segment, 0.5))
+        assert not has_heard_all(dispatcher, rsus)
+        dispatcher.receiver.on_state(state_key(seen.rsu, seen.segment), seen.to_bytes())
+        assert has_heard_all(dispatcher, rsus)
+        assert not has_heard_all(dispatcher, None)
+        assert not has_heard_all(dispatcher, {**rsus, "rsu-avenue_west": ("avenue_west",)})
 
 
 @pytest.mark.slow

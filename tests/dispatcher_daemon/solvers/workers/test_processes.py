@@ -33,6 +33,15 @@ def test_calls_run_in_other_processes(workers: WorkerExecutor) -> None:
         workers.submit(math.sqrt, -1.0).result(30)
 
 
+def test_workers_are_forked_with_all_that_they_need(workers: WorkerExecutor) -> None:
+    """Loading it in each would take a second, and a call's limit does not wait for it."""
+    loaded = workers.submit(eval, "set(__import__('sys').modules)").result(60)
+    assert {
+        *("dispatcher_daemon.forms", "dispatcher_daemon.solvers.registry"),
+        *("dispatcher_daemon.planning.routes.base_routes", "dimod", "pyvrp"),
+    } <= loaded
+
+
 def test_workers_leave_other_work_its_turn(workers: WorkerExecutor) -> None:
     """Their priority is below that of the process that answers callers."""
     own = os.getpriority(os.PRIO_PROCESS, 0)
