@@ -15,7 +15,8 @@ from edge_daemon.camera import Array
 from slipstream.messages import Estimate
 
 _SURE: Final = 1e-6
-"""A variance whose standard deviation is a smaller share of it is known, and so is a smaller one."""
+"""A variance whose standard deviation is a smaller share of it is known; so is one that is as small
+a share of a limit."""
 
 
 class Moments(NamedTuple):

@@ -99,7 +99,7 @@ class SegmentState(Compact, frozen=True, kw_only=True):
     p_stable: Annotated[
         Share | None,
         Meta(
-            description="Probability that the traffic is stable, by which y_e is decided; null where "
+            description="Probability that the traffic is stable, by which y_e is decided; null: "
             "nothing tells it."
         ),
     ] = None

@@ -55,7 +55,9 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
             f"(default: that of --config, or {field.default})",
         )
     command.add_argument(
-        "--bare", action="store_true", help="the paper's rule by the values alone, without error bars"
+        "--bare",
+        action="store_true",
+        help="the paper's rule by the values alone, without error bars",
     )
     command.add_argument("--json", action="store_true", help="print the summary as JSON")
     command.set_defaults(run=run)

@@ -159,7 +159,7 @@ def test_accelerations_are_those_of_the_smoothed_motion() -> None:
 
 
 def test_few_vehicles_on_a_short_way_do_not_tell_how_rough_traffic_is() -> None:
-    """Three in view for 1.5 s, with 0.6 m of noise: most of the prior is left. Twenty of 5 s tell."""
+    """Three in view for 1.5 s with 0.6 m of noise leave most of the prior. Twenty for 5 s tell."""
     rng = np.random.default_rng(9)
 
     def spread(count: int, n: int) -> float:

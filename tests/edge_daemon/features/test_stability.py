@@ -101,7 +101,7 @@ def test_the_error_of_the_cv_is_that_of_a_quotient(
 
 
 def test_the_probability_is_that_of_the_mixture_and_is_told() -> None:
-    """Of two kinds of traffic with the mean and error of one another: the shape of the doubt counts."""
+    """Calm with 0.9, else rough: its mean and standard error alone would say another one."""
     mixture = VariancePosterior(np.array([0.9, 0.1]), np.array([0.05, 1.2]), np.array([0.02, 0.3]))
     seen = features(variance=mixture.estimate.value, error=mixture.estimate.standard_error)
     flag = classify(seen, 5, 300, 1.0, StabilitySettings(), variance=mixture)
@@ -209,7 +209,7 @@ def test_bare_is_the_rule_without_doubt_or_memory() -> None:
     """And with the thresholds as they were."""
     own = StabilitySettings(max_speed_cv=0.2, keep_s=60.0)
     assert own.bare() == StabilitySettings(max_speed_cv=0.2, confidence=0.0, keep_s=0.0)
-    with pytest.raises(InputError, match="above 0.5, or 0"):
+    with pytest.raises(InputError, match=r"above 0\.5, or 0"):
         check({"confidence": 0.5}, StabilitySettings, "edge.toml")
 
 

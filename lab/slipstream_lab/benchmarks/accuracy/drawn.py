@@ -178,8 +178,10 @@ def _sightings(track: int, time: Array, along: Array, noise_m: float) -> Sightin
 
 def table(found: dict[str, Honesty]) -> str:
     """One row a process."""
-    columns = ("accelerations", "windows", "turbulent", "intervals hold", "of turbulent: stable")
-    columns = (*columns, "of calm: turbulent", "unknown")
+    columns = (
+        *("accelerations", "windows", "turbulent", "intervals hold"),
+        *("of turbulent: stable", "of calm: turbulent", "unknown"),
+    )
     rows = (
         (
             name,
