@@ -124,6 +124,7 @@ class Agent:
         self._green_at: str | None = None
         self._reports = Reports(vehicle)
         self._outgoing: list[Outgoing] = []
+        self.distrusts: str | None = None
         self._topics: tuple[object, frozenset[str]] | None = None
 
     def take_outgoing(self) -> list[Outgoing]:
@@ -165,7 +166,7 @@ class Agent:
         """The advice for the coming control interval by the latest sensing; called once an
         interval.
         """
-        tour = self.tour
+        tour, self.distrusts = self.tour, None
         before = (tour.leg, tour.driving, tour.plan is None)
         tour.sense(sensing)
         if not sensing.on_road and tour.plan is not None and tour.current is None:
@@ -271,7 +272,7 @@ class Agent:
             self._roadside if distrust is None else CLOSED,
             cap_mps=top.speed_mps if cap is None else min(cap, top.speed_mps),
         )
-        self._mode, self._tail_m = step.mode, step.tail_m
+        self._mode, self._tail_m, self.distrusts = step.mode, step.tail_m, step.distrusts
         self._send(platoon_control_key(step.control.path[0], self.vehicle), step.control)
         self._send_all(step.messages)
         if step.speed_mps is not None:

@@ -138,6 +138,10 @@ class AgentDaemon:
             return
         metrics.ADVICE_SECONDS.observe(time.perf_counter() - began)
         metrics.ADVICE.labels(advice.mode).inc()
+        distrusts = self._host.agents[name].distrusts
+        if distrusts is not None:
+            metrics.DISTRUSTED.inc()
+            log.warning("%s does not believe another vehicle for an hour: %s", name, distrusts)
         self._advice[name].put(advice)
         self._files[name].keep()
         for key, message in outgoing:

@@ -143,6 +143,13 @@ def test_each_hazard_has_an_answer_or_is_open() -> None:
     assert all(row[3] in ("S1", "S2", "S3") and row[4] for row in rows)
 
 
+def test_each_threat_has_a_test() -> None:
+    """Numbered without a gap."""
+    rows = table("| what it tells | effect")
+    assert [row[0] for row in rows] == [f"T{n}" for n in range(1, len(rows) + 1)]
+    assert all(re.search(r"`test_\w+`", row[4]) for row in rows)
+
+
 def test_the_tests_that_are_named_exist() -> None:
     """Some test module defines each."""
     named = set(re.findall(r"`(test_\w+)`", PAGE))

@@ -97,6 +97,12 @@ def asked_of(front: PlatoonControl) -> str:
     return front.leader if front.mode == "following" else front.vehicle
 
 
+def farthest_back(followers: Iterable[PlatoonControl]) -> str | None:
+    """Follower with the largest gap."""
+    told = [(one.gap_m, one.vehicle) for one in followers if one.gap_m is not None]
+    return max(told)[1] if told else None
+
+
 def closing_slowdown(situation: Situation, followers: Iterable[PlatoonControl]) -> float:
     """Share of its speed that a leader takes off so that its followers' open gaps close, who drive
     no faster than the limit.

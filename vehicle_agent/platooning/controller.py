@@ -22,15 +22,16 @@ from vehicle_agent.platooning.catch_up import (
     DROP_BACK,
     MOTORWAY_MPS,
     closing_slowdown,
+    farthest_back,
     find_catch_up,
 )
 from vehicle_agent.platooning.control_message import ControlMessages
 from vehicle_agent.platooning.gap_control import COMFORTABLE_MPS2, IDM
 from vehicle_agent.platooning.interface import Gates, PlatoonStep
 from vehicle_agent.platooning.join_leave import followers, no_waiting_for
-from vehicle_agent.platooning.membership import Membership
+from vehicle_agent.platooning.membership import Membership, Trust
 from vehicle_agent.platooning.needed_braking import Evidence
-from vehicle_agent.platooning.neighbours import Heard, Neighbours
+from vehicle_agent.platooning.neighbours import MOST_COST_S, Costs, Heard, Neighbours
 from vehicle_agent.platooning.shared_path import MAX_DISTANCE_M
 from vehicle_agent.platooning.situation import Commanded, OwnVehicle, Situation, look
 from vehicle_agent.platooning.speed_commands import (
@@ -38,6 +39,7 @@ from vehicle_agent.platooning.speed_commands import (
     command_of,
     commanded,
     cruise_mps,
+    held_back,
     leading,
     leading_gap_m,
     obeys,
@@ -77,6 +79,8 @@ class Platooning:
         self._controls = ControlMessages(vehicle, length_m, own.braking.greatest_mps2)
         self._evidence = Evidence()
         self._member = Membership()
+        self._trust, self._costs = Trust(), Costs()
+        self._distrusts: str | None = None
         self._lane: int | None = None
         self._drop_back = False
         self._cruise_mps: float | None = None
@@ -175,6 +179,8 @@ class Platooning:
             if s.behind is not None and close and s.behind.vehicle == one.vehicle:
                 self._agreements.waits.end_with(one.vehicle)
         self._answer(s)
+        self._distrusts = None
+        self._judge(s, sensing.time_ns)
         if len(self._neighbours) or self._member.mode != "alone" or self._agreements.joining.front:
             self._decide(s)
         cap = math.inf if cap_mps is None else cap_mps
@@ -195,6 +201,29 @@ class Platooning:
             return
         self._drop_back = False
         self._lane = self._member.partners_lane(s, self._neighbours)
+
+    def _judge(self, s: Situation, time_ns: int) -> None:
+        """Leave who tells what it does not drive."""
+        doubt = self._trust.doubt(s, time_ns, self._member)
+        if doubt is not None and self._member.partner is not None:
+            self._distrust(self._member.partner, doubt, s.now_ns)
+        self._charge(self._member.partner, self._trust.cost_s(s, self._member), s.now_ns)
+
+    def _charge(self, vehicle: str | None, seconds: float, now_ns: int) -> None:
+        """Count by how much later another vehicle makes this one, and have done with it then."""
+        if vehicle is None or seconds <= 0 or not self._costs.add(vehicle, seconds, now_ns):
+            return
+        if self._neighbours.doubt(vehicle, now_ns) is None:
+            reason = f"{vehicle} has slowed it down by {MOST_COST_S:g} s within an hour"
+            self._distrust(vehicle, reason, now_ns)
+
+    def _distrust(self, vehicle: str, reason: str, now_ns: int) -> None:
+        self._distrusts = reason
+        self._neighbours.ignore(vehicle, reason, now_ns)
+        if self._agreements.joined.by == vehicle:
+            self._agreements.joined.end()
+        if self._member.mode == "following" and self._member.partner == vehicle:
+            self._leave(reason)
 
     def _decide_mode(self, s: Situation) -> None:
         if not self._member.may_go_on(s, self._neighbours):
@@ -338,8 +367,12 @@ class Platooning:
             waits = max(agreements.joined.slowdown, lags)
             if waits > 0:
                 agreements.waits.add(s.own.interval_s)
+                by = agreements.joined.by or farthest_back(platoon)
+                self._charge(by, waits * s.own.interval_s, s.now_ns)
             if self._drop_back:
                 waits = DROP_BACK
+                self._charge(agreements.joining.front, waits * s.own.interval_s, s.now_ns)
+            self._charge(self._kept_for, held_back(s, limit) * s.own.interval_s, s.now_ns)
             cruise = cruise_mps(s, waits, agreements.joining, self._cruise_mps)
             partner = agreements.joining.front or agreements.joined.by
             if partner is None and lags > 0:
@@ -387,6 +420,7 @@ class Platooning:
             reason=None if self._member.reason is None else self._member.reason[:MAX_REASON],
             control=control,
             messages=agreements.take(),
+            distrusts=self._distrusts,
         )
 
     def _needs(self, s: Situation, limit_mps2: float | None) -> float | None:

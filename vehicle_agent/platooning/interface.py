@@ -40,6 +40,7 @@ class PlatoonStep:
         reason: why a platoon ended or does not form; None: neither.
         control: to be published now, keyed by the segment that it is on.
         messages: to be sent now.
+        distrusts: why another vehicle, named first, is not believed for an hour from now on.
     """
 
     mode: PlatoonMode
@@ -55,3 +56,4 @@ class PlatoonStep:
     reason: str | None
     control: PlatoonControl
     messages: tuple[PlatoonManagement, ...]
+    distrusts: str | None = None

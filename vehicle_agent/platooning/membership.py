@@ -1,19 +1,22 @@
-"""Whether a vehicle is alone, follows another one, or leaves it: from interval to interval."""
+"""Whether a vehicle is alone, follows another one, or leaves it: from interval to interval; and
+whether it goes on believing that one.
+"""
 
 from __future__ import annotations
 
 from typing import Final
 
 from slipstream.messages import PlatoonMode
-from slipstream.spacing import driver_gap_m
+from slipstream.spacing import RESPONSE_S, driver_gap_m
 from vehicle_agent.platooning.gap_control import has_left
 from vehicle_agent.platooning.join_leave import (
     NONE_AHEAD,
     obstacle,
     turbulent_segment,
 )
+from vehicle_agent.platooning.needed_braking import EVIDENT_MPS, Told
 from vehicle_agent.platooning.neighbours import Neighbours
-from vehicle_agent.platooning.situation import Situation
+from vehicle_agent.platooning.situation import Situation, planned_mps2
 from vehicle_agent.platooning.speed_commands import on_another_lane
 
 _SETTLE_NS: Final = 2_000_000_000
@@ -22,6 +25,8 @@ _DROPOUT_NS: Final = 1_000_000_000
 _LANE_CHANGE_NS: Final = 3_000_000_000
 _UNPROMISED_NS: Final = 5_000_000_000
 _NOT_AGAIN_NS: Final = 30_000_000_000
+_NEARER_M: Final = 0.3
+_SOFT_MPS2: Final = 0.1
 
 
 class Membership:
@@ -65,7 +70,7 @@ class Membership:
         """Take the situation in; False: it follows and must leave now, for `reason`."""
         follows = self.mode == "following"
         keeps = follows and s.ahead is not None and s.ahead.vehicle == self.partner
-        found = self._obstacle(s, keeps=keeps)
+        found = self._obstacle(s, neighbours, keeps=keeps)
         if found is None and s.partner is not None:
             self.mode, self.partner = "following", s.partner.vehicle
             self.reason, self._seen_ns = None, s.now_ns
@@ -104,8 +109,11 @@ class Membership:
         heard = neighbours.fresh(self.partner, s.now_ns) is not None
         return found == NONE_AHEAD and heard and seen
 
-    def _obstacle(self, s: Situation, *, keeps: bool) -> str | None:
+    def _obstacle(self, s: Situation, neighbours: Neighbours, *, keeps: bool) -> str | None:
         """Why it may not follow the vehicle directly ahead; None: it may."""
+        doubt = None if s.ahead is None else neighbours.doubt(s.ahead.vehicle, s.now_ns)
+        if doubt is not None:
+            return doubt
         rough = turbulent_segment(s)
         if rough is not None:
             if self.mode == "following":
@@ -140,3 +148,61 @@ class Membership:
             self._unpromising = partner.vehicle, s.now_ns
             return reason
         return None
+
+
+class Trust:
+    """Whether the vehicle directly ahead drives what it tells, and by how much later a vehicle is
+    that follows it, by what it tells.
+    """
+
+    def __init__(self) -> None:
+        self._told = Told()
+        self._slowed = False
+
+    def doubt(self, s: Situation, time_ns: int, member: Membership) -> str | None:
+        """Why the vehicle that it follows is not to be believed from now on; None: it may be.
+
+        Args:
+            time_ns: of the own sensing.
+        """
+        partner, ahead = s.partner, s.ahead
+        # In an evaluation's long intervals too little is seen of a second.
+        judged = member.mode == "following" and s.own.interval_s <= RESPONSE_S
+        if partner is None or ahead is None or not judged:
+            self._told.end()
+            return None
+        planned = planned_mps2(partner, s.partner_age_s, s.own.interval_s)
+        measured = partner.acceleration_mps2
+        verdict = self._told.update(
+            *(time_ns, ahead.track, ahead.speed_mps),
+            *(measured if planned is None else planned, measured, partner.limit_mps2),
+        )
+        if verdict is None or member.partner != partner.vehicle:
+            return None
+        if verdict == "speeding up":
+            nearer = s.gap_m < s.wanted_m - _NEARER_M
+            return f"{partner.vehicle} told of speeding up that did not come" if nearer else None
+        if verdict == "braking":
+            return f"{partner.vehicle} told of braking that did not come"
+        return f"{partner.vehicle} braked harder than it promised"
+
+    def cost_s(self, s: Situation, member: Membership) -> float:
+        """By how much later it becomes in this interval: by what it is slower than the vehicle
+        ahead, from when that has told what asks for less speed than its own, or was left for what
+        it told, until it is as fast again.
+        """
+        motion, own, partner = s.motion, s.own, member.partner
+        if motion is None or partner is None:
+            return 0.0
+        slower_mps = min(motion.speed_mps, own.desired_mps) - own.speed_mps
+        if slower_mps < EVIDENT_MPS:
+            self._slowed = False
+        elif member.mode == "leaving":  # reasons that are its partner's begin with its name
+            self._slowed |= (member.reason or "").startswith(f"{partner} ")
+        else:
+            leader_mps = motion.speed_mps if motion.leader_mps is None else motion.leader_mps
+            soft = min(motion.feed_mps2, -motion.slowing_mps2) < -_SOFT_MPS2
+            slow = leader_mps < motion.speed_mps - EVIDENT_MPS
+            promises = s.partner is not None and s.partner.limit_mps2 is not None
+            self._slowed |= soft or slow or (not promises and s.gap_m < s.wanted_m)
+        return slower_mps / own.desired_mps * own.interval_s if self._slowed else 0.0

@@ -16,9 +16,10 @@ Who is heard tells its braking. Of who is not, sensing tells it: its speed has f
 from __future__ import annotations
 
 import math
+from bisect import bisect_left, bisect_right
 from collections import deque
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal, NamedTuple
 
 from slipstream.spacing import GAP_ERROR_M, STANDING_M
 
@@ -28,8 +29,19 @@ AIM_M: Final = STANDING_M + GAP_ERROR_M
 EVIDENT_MPS: Final = 0.3
 """Three times what the own sensors measure a speed to."""
 
+_JUDGED_NS: Final = 1_000_000_000
+_LATE_NS: Final = 900_000_000
+"""Brakes follow what they are commanded by 0.6 s at most, sensing and messages by 0.1 s each."""
+
+_MISSED_SHARE: Final = 0.1
+"""Of what is told: brakes may miss it by as much."""
+
+_OLD_S: Final = 0.25
+"""By as much older than what is sensed may be what was told, where messages are lost."""
+
 _WITHIN_NS: Final = 300_000_000
 _HOLDS_NS: Final = 600_000_000
+_STANDS_MPS: Final = 1.0
 _LEAST_ROOM_M: Final = 0.1
 _LEAST_MPS2: Final = 0.05
 
@@ -136,3 +148,108 @@ class Evidence:
             return -math.inf, math.inf
         change_mps = self._samples[-1][1] - self._samples[0][1]
         return (change_mps - EVIDENT_MPS) / seconds, (change_mps + EVIDENT_MPS) / seconds
+
+
+Verdict = Literal["braking", "speeding up", "promise"]
+"""What of what a vehicle tells does not come, or is broken."""
+
+
+class _Sample(NamedTuple):
+    """Of the vehicle ahead; `planned_mps` and `measured_mps` are the sums of what it told of its
+    accelerations until then.
+    """
+
+    time_ns: int
+    speed_mps: float
+    planned_mps: float = 0.0
+    measured_mps: float = 0.0
+    planned_mps2: float = 0.0
+    measured_mps2: float = 0.0
+    limit_mps2: float = math.inf
+
+
+class Told:
+    """Whether the vehicle directly ahead drives what it tells. Within a second, its speed as sensed
+    has to change as what it told of a second that ends up to 0.9 s before, or between the least and
+    the most of these, but for `EVIDENT_MPS` and what brakes and lost messages may miss.
+    """
+
+    def __init__(self) -> None:
+        self._track: str | None = None
+        self._samples: deque[_Sample] = deque(maxlen=64)
+
+    def end(self) -> None:
+        """Forget what was seen."""
+        self._samples.clear()
+
+    def update(
+        self,
+        time_ns: int,
+        track: str,
+        ahead_mps: float,
+        planned_mps2: float,
+        measured_mps2: float,
+        limit_mps2: float | None,
+    ) -> Verdict | None:
+        """Take a sample; None: nothing speaks against the vehicle ahead.
+
+        Args:
+            time_ns: of the sample.
+            track: of the vehicle ahead.
+            ahead_mps: its speed.
+            planned_mps2: acceleration that it tells for now.
+            measured_mps2: that it tells of its last one.
+            limit_mps2: that it promises; None: nothing.
+        """
+        samples = self._samples
+        # A vehicle that stands may tell any braking.
+        stands = ahead_mps < _STANDS_MPS
+        if stands or track != self._track or (samples and time_ns < samples[-1].time_ns):
+            self._track = track
+            samples.clear()
+        if stands or (samples and time_ns == samples[-1].time_ns):
+            return None
+        before = samples[-1] if samples else _Sample(time_ns, ahead_mps)
+        seconds = (time_ns - before.time_ns) / 1e9
+        samples.append(
+            _Sample(
+                time_ns,
+                ahead_mps,
+                before.planned_mps + before.planned_mps2 * seconds,
+                before.measured_mps + before.measured_mps2 * seconds,
+                planned_mps2,
+                measured_mps2,
+                math.inf if limit_mps2 is None else limit_mps2,
+            )
+        )
+        while samples[0].time_ns < time_ns - 2 * _JUDGED_NS - _LATE_NS:
+            samples.popleft()
+        return self._verdict()
+
+    def _verdict(self) -> Verdict | None:
+        samples = [*self._samples]
+        newest, times = samples[-1], [one.time_ns for one in samples]
+        if times[0] > newest.time_ns - _JUDGED_NS - _LATE_NS:
+            return None
+        ends = samples[bisect_left(times, newest.time_ns - _LATE_NS) :]
+        begins = [samples[bisect_right(times, end.time_ns - _JUDGED_NS) - 1] for end in ends]
+        pairs = [*zip(ends, begins, strict=True)]
+        within = samples[bisect_right(times, newest.time_ns - _JUDGED_NS) - 1 :]
+        change_mps = newest.speed_mps - within[0].speed_mps
+        planned = [end.planned_mps - begin.planned_mps for end, begin in pairs]
+        measured = [end.measured_mps - begin.measured_mps for end, begin in pairs]
+        error = _error_mps(planned, [one.planned_mps2 for one in within])
+        limit_mps = max(one.limit_mps2 for one in within) * _JUDGED_NS / 1e9
+        if change_mps < min(0.0, *planned, -limit_mps) - error:
+            return "promise"
+        if change_mps > max(planned) + error:
+            return "braking"
+        if change_mps > max(measured) + _error_mps(measured, [one.measured_mps2 for one in within]):
+            return "braking"
+        return "speeding up" if 0 < min(planned) - error > change_mps else None
+
+
+def _error_mps(changes_mps: list[float], told_mps2: list[float]) -> float:
+    """By how much a change of speed may miss what was told of it."""
+    missed = _MISSED_SHARE * max(abs(change) for change in changes_mps)
+    return EVIDENT_MPS + missed + _OLD_S * max(abs(one) for one in told_mps2)

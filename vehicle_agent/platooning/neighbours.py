@@ -17,6 +17,13 @@ MAX_AHEAD_NS: Final = 100_000_000
 MAX_NEIGHBOURS: Final = 200
 """Vehicles that are remembered; those beyond are not heard."""
 
+_HOUR_NS: Final = 3600 * 1_000_000_000
+"""Who was found to tell what is not so, or to cost more than it may, is not heard for so long."""
+
+MOST_COST_S: Final = 50.0
+"""So much later at most is a vehicle in an hour by one other, and some seconds until it is as fast
+again."""
+
 
 @dataclass(frozen=True, slots=True)
 class Heard:
@@ -42,6 +49,7 @@ class Neighbours:
         # Partners are judged by `SILENT_NS`; who is behind comes one interval late in a step.
         self._kept_ns = SILENT_NS + round(interval_s * 1e9)
         self._heard: dict[str, Heard] = {}
+        self._doubts: dict[str, tuple[int, str]] = {}
 
     def __len__(self) -> int:
         return len(self._heard)
@@ -54,6 +62,8 @@ class Neighbours:
         name, heard = message.vehicle, Heard(message, now_ns)
         age_ns = heard.age_ns(now_ns)
         if name == self._vehicle or age_ns is None or age_ns > self._kept_ns:
+            return
+        if self.doubt(name, now_ns) is not None:
             return
         before = self._heard.get(name)
         if before is None:
@@ -72,6 +82,18 @@ class Neighbours:
             if age_ns is None or age_ns > self._kept_ns:
                 del self._heard[name]
 
+    def ignore(self, vehicle: str, reason: str, now_ns: int) -> None:
+        """Believe a vehicle nothing for an hour."""
+        self._heard.pop(vehicle, None)
+        if vehicle not in self._doubts and len(self._doubts) >= MAX_NEIGHBOURS:
+            del self._doubts[min(self._doubts, key=lambda name: self._doubts[name][0])]
+        self._doubts[vehicle] = now_ns, reason
+
+    def doubt(self, vehicle: str | None, now_ns: int) -> str | None:
+        """Why a vehicle is not believed; None: it is."""
+        since_ns, reason = self._doubts.get(vehicle or "", (now_ns - _HOUR_NS, ""))
+        return reason if 0 <= now_ns - since_ns < _HOUR_NS else None
+
     def get(self, vehicle: str | None) -> PlatoonControl | None:
         """A vehicle's last message, at most so old as messages are kept."""
         heard = None if vehicle is None else self._heard.get(vehicle)
@@ -84,6 +106,23 @@ class Neighbours:
         if heard is None or age_ns is None or age_ns > SILENT_NS:
             return None
         return heard.message, age_ns / 1e9
+
+
+class Costs:
+    """By how much later a vehicle is, by which other one, within an hour from the first cost on."""
+
+    def __init__(self) -> None:
+        self._costs: dict[str, tuple[int, float]] = {}
+
+    def add(self, vehicle: str, seconds: float, now_ns: int) -> bool:
+        """Count it; whether that one has cost more than it may."""
+        since_ns, cost_s = self._costs.get(vehicle, (now_ns, 0.0))
+        if not 0 <= now_ns - since_ns < _HOUR_NS:
+            since_ns, cost_s = now_ns, 0.0
+        if vehicle not in self._costs and len(self._costs) >= MAX_NEIGHBOURS:
+            del self._costs[min(self._costs, key=lambda name: self._costs[name])]
+        self._costs[vehicle] = since_ns, cost_s + seconds
+        return cost_s + seconds > MOST_COST_S
 
 
 class Sequences:

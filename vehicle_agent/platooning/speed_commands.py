@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Final, NamedTuple
 
 from slipstream.messages import PlatoonControl, PlatoonMode
-from slipstream.spacing import RESPONSE_S, closing_m, reaction_s
+from slipstream.spacing import CLOSE_GAP_M, RESPONSE_S, closing_m, reaction_s
 from vehicle_agent.platooning.agreement import Joining
 from vehicle_agent.platooning.gap_control import (
     COMFORTABLE_MPS2,
@@ -22,6 +22,10 @@ from vehicle_agent.platooning.needed_braking import AIM_M, AheadMotion, needed_m
 from vehicle_agent.platooning.situation import Situation, allowed_mps
 
 _OBEYED_MPS: Final = 0.05
+_FASTER_MPS: Final = 0.35
+_LED_MPS: Final = 0.15
+_FEED_MPS2: Final = 0.1
+_NEAR_M: Final = 0.25
 _NEEDED_MPS2: Final = 0.5
 """Smaller decelerations are left to the gap control."""
 
@@ -73,7 +77,7 @@ def commanded(
                 a = max(a, -own.coasting_mps2)
     else:
         law = following_mps2 if mode == "following" else leaving_mps2
-        a = law(own, ahead, s.wanted_m)
+        a = law(own, believed(own, ahead, s.wanted_m), s.wanted_m)
     a = min(a, _bounded_mps2(s, cap_mps, limit_mps2))
     if limit_mps2 is not None:
         a = max(a, -own.braking.commanded_mps2(limit_mps2))
@@ -84,6 +88,27 @@ def commanded(
         if ahead.gap_m < AIM_M and own.speed_mps >= ahead.speed_mps:
             a = min(a, -ahead.slowing_mps2 - COMFORTABLE_MPS2)
     return _command(s, a)
+
+
+def believed(own: Own, ahead: AheadMotion, wanted_m: float) -> AheadMotion:
+    """The vehicle ahead without what is told of speeding up, where the own one is about as near as
+    wanted and faster than that one is sensed to be, or nearer than noise explains.
+    """
+    told_mps = ahead.speed_mps if ahead.leader_mps is None else ahead.leader_mps
+    leads = told_mps > ahead.speed_mps + _LED_MPS and ahead.feed_mps2 > -_LED_MPS
+    if not leads and ahead.feed_mps2 <= _FEED_MPS2:
+        return ahead
+    faster = own.speed_mps > ahead.speed_mps + _FASTER_MPS
+    nearer = own.speed_mps >= ahead.speed_mps and ahead.gap_m < wanted_m - _NEAR_M
+    nearer = nearer and wanted_m <= CLOSE_GAP_M
+    if not nearer and not (faster and ahead.gap_m < wanted_m + _NEAR_M):
+        return ahead
+    leader = ahead.leader_mps
+    return replace(
+        ahead,
+        feed_mps2=min(0.0, ahead.feed_mps2),
+        leader_mps=None if leader is None else min(leader, ahead.speed_mps),
+    )
 
 
 def _least_needed_mps2(ahead: AheadMotion, limit_mps2: float | None) -> float:
@@ -176,6 +201,18 @@ def leading_gap_m(s: Situation, limit_mps2: float) -> float:
     return AIM_M + closing_m(
         s.motion.speed_mps, own.speed_mps, s.motion.bound_mps2, rear_mps2, rho_s
     )
+
+
+def held_back(s: Situation, limit_mps2: float | None) -> float:
+    """Share of its speed by which a leader is slower than the traffic ahead, to get as far behind
+    it as its promise asks for.
+    """
+    own, motion = s.own, s.motion
+    if limit_mps2 is None or motion is None:
+        return 0.0
+    near = IDM.desired_gap_m(own.speed_mps) < motion.gap_m < leading_gap_m(s, limit_mps2)
+    slower_mps = min(motion.speed_mps, own.desired_mps) - own.speed_mps
+    return max(0.0, slower_mps / own.desired_mps) if near else 0.0
 
 
 def command_of(situation: Situation, planned_mps2: tuple[float, ...]) -> Command:

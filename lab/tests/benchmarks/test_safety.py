@@ -1,13 +1,16 @@
 """Emergency stops of platoons: a few of each kind, and what the report says of them."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from slipstream_lab.benchmarks.safety.__main__ import main
 from slipstream_lab.benchmarks.safety.campaign import drawn
+from slipstream_lab.benchmarks.safety.rogue import ATTACKS, harm_of
 from slipstream_lab.benchmarks.safety.stop import Case, Fault, drive
+from slipstream_lab.benchmarks.safety.vehicle import Vehicle
 
 
 @pytest.mark.long
@@ -61,3 +64,39 @@ def test_too_few_stops_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
     """In one line, with the status of bad input."""
     assert main(["--stops", "3"]) == 2
     assert capsys.readouterr().err == "safety: --stops: 3 are too few; give 50 or more\n"
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("nothing, leading", None),
+        ("braking told", "v1: v0 told of braking that did not come"),
+        ("swinging plans", "v1: v0 told of braking that did not come"),
+        ("speeding up told, in the middle", None),
+        ("promise broken", "v1: v0 braked harder than it promised"),
+    ],
+)
+def test_a_rogue_costs_some_seconds_once_and_takes_nobody_nearer(
+    name: str, reason: str | None
+) -> None:
+    """By what it tells: a minute of it. With its brake it may touch, once; then it is left."""
+    harm = harm_of(name, 75.0)
+    assert harm.slowdown_s < 10.0
+    assert reason is None or reason in harm.reasons
+    if ATTACKS[name].told_only:
+        assert harm.above_law_m > -0.3
+
+
+@pytest.mark.long
+def test_honest_vehicles_never_cease_to_believe_one_another() -> None:
+    """In stops of every kind, with one message in twenty lost."""
+    found = []
+
+    def watch(_now_s: float, cars: list[Vehicle]) -> None:
+        found.extend(car.last.distrusts for car in cars if car.last and car.last.distrusts)
+
+    for kind in ("none", "calm", "agent", "router", "sensor"):
+        for number in range(5):
+            drive(replace(drawn(number, kind), loss=0.05), watch)
+    assert found == []

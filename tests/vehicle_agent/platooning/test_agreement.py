@@ -299,7 +299,7 @@ def test_a_wait_that_another_vehicle_has_ended_by_coming_does_not_count() -> Non
 
     def asks(_number: int) -> None:
         front.hears("r", 300.0)
-        front.asked("r", slowdown=1.0)
+        front.asked("r", slowdown=0.05)
 
     def comes(vehicle: str, gap_m: float | None) -> None:
         close = SensedVehicle(track="t", vehicle=vehicle, gap_m=gap_m or 0.0, speed_mps=30.0)

@@ -16,6 +16,7 @@ from slipstream_cli.progress import ProgressLine
 from slipstream_lab.benchmarks.aims import Check, Load, check_table, machine
 from slipstream_lab.benchmarks.command import Measured, report, start
 from slipstream_lab.benchmarks.safety.campaign import Tally, drawn, run, worst_of
+from slipstream_lab.benchmarks.safety.rogue import ATTACKS, Harm, harm_of
 
 _SHARES: Final[Mapping[str, float]] = {
     "none": 0.37,
@@ -29,6 +30,8 @@ _GENERATIONS: Final = 10
 _OFFSPRING: Final = 12
 _SEARCHED: Final = 10_000
 _FEWEST: Final = 50
+_ROGUE_S: Final = 600.0
+"""Of each attack: what it costs most within an hour, it costs in these."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -67,16 +70,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 for kind in _SHARES
                 if search and kind != "calm"
             }
+            attacks = [*ATTACKS] if search else []
+            rogues = dict(
+                zip(
+                    attacks,
+                    executor.map(harm_of, attacks, [_ROGUE_S] * len(attacks)),
+                    strict=True,
+                )
+            )
         checks = _checks(tallies, {kind: least for kind, (least, _) in found.items()})
+        checks += _rogue_checks(rogues)
         figures = {
             "machine": machine(),
             **load.figures(),
             "kinds": {kind: _figures(tally) for kind, tally in tallies.items()},
             "search": {k: {"least_m": m, "case": asdict(case)} for k, (m, case) in found.items()},
         }
+        figures["rogue"] = {name: asdict(one) for name, one in rogues.items()}
         options.out.mkdir(parents=True, exist_ok=True)
         (options.out / "report.json").write_text(json.dumps(figures, indent=1), encoding="utf-8")
         lines = ["# Emergency stops of platoons", "", *check_table(checks), "", *_table(tallies)]
+        lines += _rogue_table(rogues)
         (options.out / "report.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
         return Measured(options.out, checks)
 
@@ -94,6 +108,27 @@ def _checks(tallies: Mapping[str, Tally], searched: Mapping[str, float]) -> list
     for kind, least_m in searched.items():
         checks.append(Check(f"least gap searched, {kind}", f"{least_m:.2f} m", "> 0", least_m > 0))
     return checks
+
+
+def _rogue_checks(rogues: Mapping[str, Harm]) -> list[Check]:
+    if not rogues:
+        return []
+    told = [one for name, one in rogues.items() if ATTACKS[name].told_only]
+    slowest = max(one.slowdown_s for one in rogues.values())
+    nearest = min(one.above_law_m for one in told)
+    return [
+        Check("slowdown by a rogue", f"{slowest:.1f} s", "≤ 60 s", slowest <= 60),
+        Check("gap beyond the law, by what is told", f"{nearest:.2f} m", "≥ 0", nearest >= 0),
+    ]
+
+
+def _rogue_table(rogues: Mapping[str, Harm]) -> list[str]:
+    rows = [
+        f"- {name}: {one.slowdown_s:.1f} s in {_ROGUE_S:g} s, least gap {one.least_m:.2f} m, "
+        f"beyond the law {one.above_law_m:+.2f} m; {', '.join(one.reasons) or 'nobody left'}"
+        for name, one in rogues.items()
+    ]
+    return ["", "## rogue", "", *rows] if rows else []
 
 
 def _figures(tally: Tally) -> dict[str, object]:

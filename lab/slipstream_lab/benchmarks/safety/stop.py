@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import heapq
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final, Literal
@@ -23,7 +23,7 @@ from slipstream_lab.benchmarks.safety.vehicle import (
 from vehicle_agent.leg import VehicleState
 from vehicle_agent.platooning import DELAY_S
 
-_BEGIN_NS: Final = 1_000_000_000_000
+BEGIN_NS: Final = 1_000_000_000_000
 BRAKES_S: Final = 5.0
 """When the traffic brakes; until then the platoon has formed."""
 
@@ -57,6 +57,7 @@ class Case:
         gap_noise_m: standard deviation of a sensed gap.
         speed_noise_mps: of a sensed speed.
         corner: share of the vehicles' values at an end of their tolerance.
+        segment_m: length of each of the road's ten segments.
     """
 
     speed_mps: float
@@ -71,6 +72,7 @@ class Case:
     gap_noise_m: float = 0.03
     speed_noise_mps: float = 0.05
     corner: float = 0.5
+    segment_m: float = 1000.0
     fault: Fault | None = None
     declared: BrakingClass | None = None
 
@@ -111,15 +113,17 @@ Watch = Callable[[float, list[Vehicle]], None]
 
 def drive(case: Case, watch: Watch | None = None) -> Outcome:
     """Drive one case; `watch` sees each step."""
-    return _Run(case).drive(watch)
+    return Run(case).drive(watch)
 
 
-class _Run:
+class Run:
+    """The vehicles of a case, and what goes between them."""
+
     def __init__(self, case: Case) -> None:
         self.case, self.rng = case, random.Random(case.seed)
         brakes = [BRAKING[name].on(case.road) for name in case.classes]
         self.others_mps2, count = HARDEST_MPS2[case.road], len(brakes)
-        self.leg, self.gates = road(case.speed_mps), _OpenGates()
+        self.leg, self.gates = road(case.speed_mps, case.segment_m), _OpenGates()
         self.cars = [
             Vehicle(
                 f"v{i}",
@@ -142,6 +146,7 @@ class _Run:
         self.sent = 0
 
     def drive(self, watch: Watch | None) -> Outcome:
+        """Until all have come to where the traffic has braked to."""
         cars, followers = self.cars, 0
         gaps: tuple[float, ...] = ()
         promised: float | None = None
@@ -212,7 +217,7 @@ class _Run:
         return None if self.traffic is None else (self.traffic[0] - LENGTH_M - own, self.traffic[1])
 
     def _deliver(self, now_s: float) -> None:
-        now_ns = _BEGIN_NS + round(now_s * 1e9)
+        now_ns = BEGIN_NS + round(now_s * 1e9)
         while self.waiting and self.waiting[0][0] <= now_s + 1e-9:
             _, _, to, message = heapq.heappop(self.waiting)
             if now_s < self.cars[to].agent_ends_s:
@@ -224,17 +229,26 @@ class _Run:
             return
         if now_s >= car.agent_ends_s:
             return
-        now_ns = _BEGIN_NS + round(now_s * 1e9)
+        now_ns = BEGIN_NS + round(now_s * 1e9)
         state, sensing = self._sense(number, now_s, now_ns)
         step = car.platooning.step(now_ns, self.leg, state, sensing, self.gates)
         car.take(step, now_s)
         fault = self.case.fault
         if fault is not None and fault.kind == "router" and now_s >= fault.at_s:
             return
+        self._publish(number, now_s, step.control, step.messages)
+
+    def _publish(
+        self,
+        number: int,
+        now_s: float,
+        control: PlatoonControl,
+        messages: Iterable[PlatoonManagement],
+    ) -> None:
         for other in range(len(self.cars)):
             if other != number:
-                self._send(now_s, other, step.control)
-        for message in step.messages:
+                self._send(now_s, other, control)
+        for message in messages:
             self._send(now_s, int(message.partner[1:]), message)
 
     def _send(self, now_s: float, to: int, message: PlatoonControl | PlatoonManagement) -> None:

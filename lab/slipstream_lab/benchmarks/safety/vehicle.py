@@ -35,8 +35,8 @@ _IMMINENT_SHARE: Final = 0.6
 _STANDING_GAP_M: Final = 1.0
 
 
-def road(limit_mps: float) -> Leg:
-    """Ten kilometres of a road without signals."""
+def road(limit_mps: float, segment_m: float = 1000.0) -> Leg:
+    """Ten segments of a road without signals."""
     segments = [
         PlannedSegment(
             segment=name,
@@ -47,7 +47,7 @@ def road(limit_mps: float) -> Leg:
             place=1,
             gap_m=None,
             leg=0,
-            length_m=1000.0,
+            length_m=segment_m,
             speed_limit_mps=limit_mps,
             lanes=1,
         )
