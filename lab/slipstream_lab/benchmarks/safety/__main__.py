@@ -118,7 +118,8 @@ def _rogue_checks(rogues: Mapping[str, Harm]) -> list[Check]:
     nearest = min(one.above_law_m for one in told)
     return [
         Check("slowdown by a rogue", f"{slowest:.1f} s", "≤ 60 s", slowest <= 60),
-        Check("gap beyond the law, by what is told", f"{nearest:.2f} m", "≥ 0", nearest >= 0),
+        # Sensing noise alone takes an honest drive as far below.
+        Check("gap beyond the law, by telling", f"{nearest:.2f} m", "≥ -0.1 m", nearest >= -0.1),
     ]
 
 
