@@ -31,7 +31,7 @@ from vehicle_agent.platooning.interface import Gates, PlatoonStep
 from vehicle_agent.platooning.join_leave import followers, no_waiting_for
 from vehicle_agent.platooning.membership import Membership, Trust
 from vehicle_agent.platooning.needed_braking import Evidence
-from vehicle_agent.platooning.neighbours import MOST_COST_S, Costs, Heard, Neighbours
+from vehicle_agent.platooning.neighbours import MOST_COST_S, CausedDelays, Heard, Neighbours
 from vehicle_agent.platooning.shared_path import MAX_DISTANCE_M
 from vehicle_agent.platooning.situation import Commanded, OwnVehicle, Situation, look
 from vehicle_agent.platooning.speed_commands import (
@@ -79,7 +79,7 @@ class Platooning:
         self._controls = ControlMessages(vehicle, length_m, own.braking.greatest_mps2)
         self._evidence = Evidence()
         self._member = Membership()
-        self._trust, self._costs = Trust(), Costs()
+        self._trust, self._costs = Trust(), CausedDelays()
         self._distrusts: str | None = None
         self._lane: int | None = None
         self._drop_back = False

@@ -108,7 +108,7 @@ class Neighbours:
         return heard.message, age_ns / 1e9
 
 
-class Costs:
+class CausedDelays:
     """By how much later a vehicle is, by which other one, within an hour from the first cost on."""
 
     def __init__(self) -> None:

@@ -21,7 +21,7 @@ from tests.vehicle_agent.platooning.world import (
 from vehicle_agent.leg import Leg, VehicleState
 from vehicle_agent.platooning import AheadMotion, Own, PlatoonStep
 from vehicle_agent.platooning.needed_braking import Told
-from vehicle_agent.platooning.neighbours import MOST_COST_S, Costs, Neighbours
+from vehicle_agent.platooning.neighbours import MOST_COST_S, CausedDelays, Neighbours
 from vehicle_agent.platooning.speed_commands import believed
 
 NS = 1_000_000_000
@@ -134,7 +134,7 @@ def test_who_drives_what_it_tells_is_believed(seed: int) -> None:
 
 def test_one_vehicle_may_cost_fifty_seconds_an_hour() -> None:
     """Each for itself; after an hour anew, by a clock that runs on."""
-    costs = Costs()
+    costs = CausedDelays()
     assert not costs.add("a", MOST_COST_S, BEGIN_NS)
     assert not costs.add("b", 1.0, BEGIN_NS)
     assert costs.add("a", 0.1, BEGIN_NS + NS)
