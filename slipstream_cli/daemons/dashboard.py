@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +41,8 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
 def run(options: argparse.Namespace) -> int:
     """Run the daemon until it is stopped."""
     collect_garbage_less()
+    if find_spec("viser") is None:  # it is loaded last, when the page is up
+        raise ModuleNotFoundError("No module named 'viser'", name="viser")
     from dashboard.daemon import run_dashboard, show_finished_run
     from dashboard.settings import DashboardSettings
 

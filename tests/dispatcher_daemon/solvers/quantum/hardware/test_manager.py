@@ -289,10 +289,11 @@ def test_both_failing_is_told_of_both(demo_arcs: Demo) -> None:
 
 @pytest.mark.process
 def test_closing_frees_a_waiting_cycle(
-    open_manager: Callable[..., JobManager], demo_arcs: Demo
+    open_manager: Callable[..., JobManager], records: ServiceRecords, demo_arcs: Demo
 ) -> None:
     """A dispatcher that stops waits neither for the device nor for its worker to start."""
-    manager = open_manager()
+    records.expect({"job": {"never": 1}})
+    manager = open_manager(wait_s=60.0)
     answers: list[Outcome] = []
     caller = threading.Thread(target=lambda: answers.append(ask(manager, demo_arcs(), 100.0, 1)))
     caller.start()
