@@ -43,6 +43,7 @@ def _view(snapshot: Snapshot, now_ns: int) -> DashboardView:
     return build_view(snapshot, now_ns, 5.0)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_one_node_a_layer(server, network, world, now_ns):
     """All routes, stops, cameras and vans are a few nodes, however many there are."""
@@ -141,6 +142,7 @@ def test_a_platoon_is_linked_while_traffic_is_calm(server, network, world, now_n
         assert apart > 0
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_only_what_changed_is_sent(server, network, world, now_ns, monkeypatch):
     """A second view of the same moment sends nothing; a flag that flips sends its colours only."""

@@ -46,6 +46,7 @@ def test_shellcheck_has_nothing_to_say(tool: Callable[[str], str]) -> None:
     assert (done.returncode, done.stdout) == (0, "")
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_each_role_gets_what_it_runs(tmp_path: Path) -> None:
     """Units, settings and nothing of the other role; settings are not for everybody's eyes."""
@@ -266,6 +267,7 @@ def test_a_killed_installation_is_mended_by_the_next(machine: Machine, where: st
     assert machine.current() == "1.1"
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_extras_that_were_named_once_come_with_each_upgrade(machine: Machine) -> None:
     """Until others are named, or none; a name that there is not changes nothing."""
@@ -298,6 +300,7 @@ def test_an_installed_release_needs_no_checkout_for_another_role_or_extra(machin
     assert machine.current() == "1.0"
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_the_release_before_stays_and_older_ones_go(machine: Machine) -> None:
     """Two are kept: after each upgrade, the same version again, and a way back by hand."""
@@ -394,6 +397,7 @@ def test_an_older_release_than_the_database_is_refused(machine: Machine) -> None
     assert machine.current() == "1.1"
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.process
 def test_a_database_of_a_newer_schema_is_seen(tmp_path: Path) -> None:

@@ -317,6 +317,7 @@ def test_an_agent_speaks_for_no_pattern_of_names(machine: int, users: Path) -> N
         assert set(seen.payloads) == {b"own", b"after"}
 
 
+@pytest.mark.long
 @pytest.mark.attack
 @pytest.mark.process
 def test_who_may_not_order_is_not_heard_by_the_dispatcher(machine: int, users: Path) -> None:
@@ -421,6 +422,7 @@ def test_an_identity_goes_with_a_configuration_file_too(
         assert seen.wait_for(b"state", 20)
 
 
+@pytest.mark.long
 @pytest.mark.process
 def test_the_service_carries_messages(tmp_path: Path, users: Path) -> None:
     """router.py carries a state, and ends on SIGTERM with status 0."""
@@ -448,6 +450,7 @@ def test_the_service_carries_messages(tmp_path: Path, users: Path) -> None:
         process.wait()
 
 
+@pytest.mark.long
 @pytest.mark.process
 def test_a_bad_configuration_is_one_line(tmp_path: Path) -> None:
     """Status 2, which systemd does not repeat, and the file's name."""

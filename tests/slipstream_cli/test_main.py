@@ -188,6 +188,7 @@ def test_a_wrong_command_line_is_one_line(slipstream: Command, arguments: tuple[
     assert "--help" in one_line(slipstream(*arguments))
 
 
+@pytest.mark.long
 @pytest.mark.process
 def test_a_missing_extra_is_named() -> None:
     """Without its packages a daemon says what to install."""

@@ -153,6 +153,7 @@ def test_what_is_wrong_comes_first(router: Router, capsys: pytest.CaptureFixture
     assert all(f["well"] for f in others)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_message_of_another_version_is_one_line(
     router: Router, capfd: pytest.CaptureFixture[str]
@@ -234,6 +235,7 @@ def installed(folder: Path, endpoint: str, password: str | None) -> Running:
     return Running("agent", os.getpid(), time.time(), folder / "a.toml", settings)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("by_environment", [True, False])
 def test_a_sound_installation_is_exit_status_0(

@@ -111,6 +111,7 @@ def test_a_fault_of_the_camera_is_seen_in_a_recording_too(
     assert told[-1].y_e == 1
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("more", "problem"),
@@ -183,6 +184,7 @@ def test_a_clip_without_a_rate_asks_for_it(
     assert json.loads(capsys.readouterr().out)["fps_from"] == "given"
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_the_watch_of_a_roadside_unit_is_taken(
     grey: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]

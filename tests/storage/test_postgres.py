@@ -66,6 +66,7 @@ def test_tables_of_a_server_are_read_in_one_snapshot(postgres_url, make_cycle):
             assert cycles == [1, 2, 3]
 
 
+@pytest.mark.long
 @pytest.mark.attack
 def test_a_server_that_restarts_costs_cycles(postgres, postgres_url, make_cycle):
     """While it is down nothing is stored and nothing hangs; after it cycles go on, all intact."""

@@ -135,6 +135,7 @@ def _damaged(data: bytes) -> bytes:
     return data[:middle] + b"\x55" * 4096 + data[middle + 4096 :]
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("how", ["a page", "the header", "cut"])
 def test_a_damaged_file_is_set_aside(url, make_cycle, how, caplog):

@@ -275,6 +275,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     subprocess.run(["umount", str(folder)], check=True)
 
 
+@pytest.mark.long
 @pytest.mark.attack
 @pytest.mark.slow
 @pytest.mark.parametrize("beside", [False, True], ids=["stopped", "running"])

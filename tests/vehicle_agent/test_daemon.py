@@ -129,6 +129,7 @@ def current(cycle: int = 1) -> object:
     return plan(cycle, issued_ns=now_ns, valid_until_ns=now_ns + 600 * 10**9, depart_ns=now_ns)
 
 
+@pytest.mark.long
 def test_an_agent_answers_advises_and_goes_on_after_a_kill(tmp_path: Path, router: Router) -> None:
     """Plan, advice, arrival, kill -9: the new process knows where the tour was."""
     with Bus.open(BusSettings(connect=(router.endpoint,))) as bus:

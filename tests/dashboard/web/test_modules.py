@@ -18,6 +18,7 @@ def _run(*command: str) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.long
 def test_modules_do_what_their_own_tests_say(tool: Callable[[str], str]) -> None:
     """With node's test runner, each file by its name: what a folder means differs by version."""
     assert len(TESTS) >= 5

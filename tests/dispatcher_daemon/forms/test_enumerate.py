@@ -57,6 +57,7 @@ def test_demo_qubo_is_exact(demo_arcs: Demo, y_e: int, gamma: float | None) -> N
     assert found.separated
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_gamma_that_is_too_small_is_found_out(demo_arcs: Demo) -> None:
     """With γ = 0.05 kWh breaking rules pays, and the enumeration says so."""

@@ -167,6 +167,7 @@ def test_a_clock_that_runs_steadily_for_a_day_is_trusted(tmp_path: Path) -> None
         assert metric("clock_untrusted") == 0
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.attack
 def test_a_pause_moves_the_trusted_time_on(tmp_path: Path) -> None:
@@ -205,6 +206,7 @@ def _replace_by_folder(path: Path) -> None:
     path.mkdir()
 
 
+@pytest.mark.long
 @pytest.mark.attack
 @pytest.mark.slow
 @pytest.mark.parametrize("spoil", [_overwrite, _replace_by_text, _replace_by_folder])

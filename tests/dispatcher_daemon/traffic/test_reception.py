@@ -38,6 +38,7 @@ def counted(sequences: Sequence[int], times_s: Sequence[int] | None = None) -> R
     return found
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @given(st.sets(st.integers(1, 200), min_size=1), st.randoms())
 def test_missed_are_the_gaps_whatever_the_order(arrived: set[int], random: object) -> None:

@@ -239,6 +239,7 @@ def fixed(shape: tuple[int, int]) -> ov.Model:
     return model
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_an_export_for_one_size_is_made_for_another() -> None:
     """It answers as the same weights with a free input do."""
@@ -252,6 +253,7 @@ def test_an_export_for_one_size_is_made_for_another() -> None:
     assert np.abs(answers[0] - answers[1]).max() < 1e-3
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_an_export_of_another_make_keeps_its_size(tmp_path: Path) -> None:
     """Where the places of its boxes are not known, the road's part is letterboxed into it."""

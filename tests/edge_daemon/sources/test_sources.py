@@ -86,6 +86,7 @@ def test_clips_are_played_in_turn(clip: Path, tmp_path: Path) -> None:
         open_source(SourceSettings(clip=(dark, tmp_path / "nowhere.mp4")))
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_real_time_plays_at_the_clips_own_speed(clip: Path) -> None:
     """1.5 s of video take 1.5 s, and a reader that keeps up loses nothing."""

@@ -233,6 +233,7 @@ def driving(road: Road, speed_mps: Callable[[float], float]) -> Callable[[int], 
     return boxes
 
 
+@pytest.mark.long
 def test_a_repeated_picture_with_fresh_noise_is_frozen(road: Road) -> None:
     """Its vehicles tell: all of them stop at once, which no brake can do."""
     stop_s = GOOD * EVERY_S

@@ -127,6 +127,7 @@ def _put_until(publisher: Publisher, payload: bytes, *inboxes: Inbox) -> None:
         time.sleep(0.05)
 
 
+@pytest.mark.long
 def test_a_burst_is_not_dropped_on_its_way(router: Router) -> None:
     """10,000 messages of a state's size at once; by zenoh's defaults some half of them is lost."""
     received, changed = 0, threading.Condition()
@@ -203,6 +204,7 @@ def test_close_ends_all_threads(router: Router) -> None:
     assert not [t for t in threading.enumerate() if t.name.startswith("bus ")]
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_each_message_says_its_schema_version(router: Router, bus: Bus) -> None:
     """As the suffix of its encoding, early and live, declared or not; pictures say nothing."""

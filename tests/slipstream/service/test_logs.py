@@ -76,6 +76,7 @@ def test_bad_input_is_an_object_too(tmp_path: Path) -> None:
     assert "nowhere.net.xml" in line["message"]
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @given(st.text(), st.text(min_size=1).filter(lambda name: name.isprintable()))
 def test_any_message_is_one_line_and_comes_back(message: str, name: str) -> None:

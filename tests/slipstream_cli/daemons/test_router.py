@@ -18,6 +18,7 @@ from slipstream.errors import InputError
 from slipstream_cli.main import main
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.process
 def test_programs_of_this_machine_talk_through_it() -> None:

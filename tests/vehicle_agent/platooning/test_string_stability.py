@@ -62,6 +62,7 @@ def cases(scripts: dict[str, Script], few: str) -> list[Any]:
     ]
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize(("interval_s", "delayed", "name"), cases(CALM, "sine of 6.0 s"))
 def test_no_deviation_grows_along_the_string(interval_s: float, delayed: bool, name: str) -> None:
@@ -88,6 +89,7 @@ def test_no_deviation_grows_along_the_string(interval_s: float, delayed: bool, n
     assert min(min(world.gaps[car.name][begin:]) for car in cars[1:]) > STANDING_M
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize(("interval_s", "delayed", "name"), cases(HARD, "brakes to a stand"))
 def test_nobody_touches_where_the_leader_promises_nothing(

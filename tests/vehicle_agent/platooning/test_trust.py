@@ -154,6 +154,7 @@ def test_who_is_not_believed_is_not_heard_for_an_hour() -> None:
         assert (neighbours.doubt("p", now_ns) is None) == heard
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_who_asks_is_waited_for_no_longer_than_it_may_cost() -> None:
     """It comes and goes, asks for all that may be asked for, and comes with another one's help."""

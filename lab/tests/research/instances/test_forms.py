@@ -160,6 +160,7 @@ def test_rewards_of_options_have_exact_entry_times() -> None:
     assert all((pair.reason is None) == (pair.saving_kwh > 0) for pair in form.judged)
 
 
+@pytest.mark.long
 def test_a_fleet_that_can_serve_nothing_is_bad_input() -> None:
     """Every stop too heavy for every vehicle: the error names instance, key and a reason."""
     city, _ = options()

@@ -54,6 +54,7 @@ def rows(tab: Any) -> list[str]:
     return found
 
 
+@pytest.mark.long
 def test_each_tab_shows_its_rows_and_trouble_comes_before_names(opened):
     """Tables, cameras and energy; the first row is what is worst."""
     tab = opened()
@@ -233,6 +234,7 @@ def test_a_finished_run_opens_at_its_last_moment(opened, page: FakePage):
     assert not any("/api/live" in asked for asked in page.asked)
 
 
+@pytest.mark.long
 def test_an_action_asks_first_and_shows_the_answer(opened, page: FakePage):
     """The token is asked for once, and again after it was refused."""
     page.moment["orders"]["o-4"].update(state="planned", source="api")
@@ -369,6 +371,7 @@ def test_a_name_with_a_script_stays_a_text(opened, page: FakePage):
     assert tab.locator("#card-body img, #banner script, td b").count() == 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("width", [1440, 390])
 def test_nothing_overlaps_sticks_out_or_breaks(opened, width: int):
     """Panels, texts and figures keep to their places."""

@@ -287,6 +287,7 @@ def test_names_of_roadside_units_lie_clear_of_roads_lines(street):
     )
 
 
+@pytest.mark.long
 def test_a_cluster_leaves_the_depot_in_sight(open_map):
     """Vehicles that stand at it are counted beside it."""
     moment = three_roads()

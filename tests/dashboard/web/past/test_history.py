@@ -358,6 +358,7 @@ def _day_of(run: Run) -> str:
     return str(local(run.begin_ns, zone_of("Europe/Berlin")).date())
 
 
+@pytest.mark.long
 def test_the_report_is_one_printed_page(browser: Any, run: Run, tmp_path: Path) -> None:
     """As Chromium prints it, on A4; style and chart come through the page's policy."""
     faults: list[str] = []

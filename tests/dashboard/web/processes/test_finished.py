@@ -31,6 +31,7 @@ def ask(port: int, path: str) -> tuple[int, Any]:
         connection.close()
 
 
+@pytest.mark.long
 @pytest.mark.process
 def test_a_finished_run_is_shown_without_bus_and_settings(tmp_path: Path, world: Any) -> None:
     """The page opens at its last moment, follows nothing, and changes nothing."""

@@ -221,6 +221,7 @@ def test_a_restart_goes_on(day: Make) -> None:
     assert len(from_depot) == len({plan.vehicle for plan in from_depot})
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_an_order_that_is_gone_from_the_file(day: Make) -> None:
     """Open or planned it is cancelled; once loaded it is delivered, and it is not planned twice."""

@@ -153,6 +153,7 @@ def changed(cycle: StoredCycle, name: str, change: Callable[[Any], object]) -> S
     )
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_the_demo_fleet_s_cycle_is_made_again_the_same(
     tmp_path: Path, demo: RoutingProblem, state: State

@@ -169,6 +169,7 @@ def test_a_worth_below_zero_is_refused() -> None:
         replace(small_city(1).problem, price_of_time_kw=-1.0)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_cycle_with_expectations_gives_verified_plans() -> None:
     """Plans made with expectations pass verification, leave in time and cost what is expected."""

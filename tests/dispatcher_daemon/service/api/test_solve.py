@@ -78,6 +78,7 @@ def test_a_fleet_is_checked_without_planning_it(serve: Callable[..., Api]) -> No
     assert (past.status, past.json["field"]) == (422, "deadline_s")
 
 
+@pytest.mark.long
 @pytest.mark.process
 @pytest.mark.slow
 def test_a_fleet_is_planned_in_a_process_of_its_own(

@@ -43,6 +43,7 @@ def refusal(answer: tuple[bool, bytes]) -> OrderRefusal:
     return decode(OrderRefusal, answer[1], "answer")
 
 
+@pytest.mark.long
 @pytest.mark.process
 def test_an_order_is_submitted_shown_and_cancelled_over_the_bus(
     district: RoutingProblem, tmp_path: Path

@@ -27,6 +27,7 @@ def flips(n: int, hot: tuple[int, ...]) -> ChainAnsatz:
     return ChainAnsatz(fields, np.zeros((1, n - 1)), np.full((1, n), np.pi / 2))
 
 
+@pytest.mark.long
 @pytest.mark.process
 def test_importing_back_ends_loads_no_quantum_library() -> None:
     """Their import costs seconds that only who opens one shall pay."""
@@ -84,6 +85,7 @@ def test_the_papers_chain_runs_under_bostons_noise() -> None:
     assert open_backend("aer").sample(circuit, 64, 1).counts != sampled.counts
 
 
+@pytest.mark.long
 def test_a_fake_device_is_a_job_service() -> None:
     """Submitted, found by tag, done with counts and a charge; waiting jobs can be cancelled."""
     service = open_service("fake:FakeBoston")

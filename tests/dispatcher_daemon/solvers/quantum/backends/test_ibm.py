@@ -169,6 +169,7 @@ def test_a_spent_plan_takes_no_job(stand_in: IbmStandIn, service: IbmService) ->
     assert "POST /jobs" not in stand_in.seen
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_the_least_busy_device_is_asked_for_anew(
     stand_in: IbmStandIn, service: IbmService, monkeypatch: pytest.MonkeyPatch
@@ -184,6 +185,7 @@ def test_the_least_busy_device_is_asked_for_anew(
     assert fault(lambda: open_service("ibm:least-busy")).kind == "broken"
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_faults_at_the_door(stand_in: IbmStandIn, service: IbmService) -> None:
     """Wrong key, no network and an unknown device are told apart."""
@@ -198,6 +200,7 @@ def test_faults_at_the_door(stand_in: IbmStandIn, service: IbmService) -> None:
     assert fault(lambda: open_ibm(DEVICE, access=nobody)).kind == "unreachable"
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_charge_is_asked_for_without_the_samples(
     stand_in: IbmStandIn, service: IbmService

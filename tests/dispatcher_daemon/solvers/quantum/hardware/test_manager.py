@@ -215,6 +215,7 @@ def test_refusals_are_told_at_once(demo_arcs: Demo) -> None:
     assert outcome.execution.kind == "simulated"
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_blocks_of_a_cycle_share_its_wait(demo_arcs: Demo) -> None:
     """Waiting for the device ends at the deadline of a call, and is limited over all of them."""
