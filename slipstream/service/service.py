@@ -83,8 +83,9 @@ def die_with_parent(parent: int) -> None:
     """
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)
-    # Had it ended before, the kernel's signal would never come.
-    if os.getppid() != parent:
+    # Had it ended before, the kernel's signal would never come. Where a filter refuses to tell the
+    # parent (-1), nothing would.
+    if parent <= 0 or os.getppid() != parent:
         os._exit(1)
 
 
