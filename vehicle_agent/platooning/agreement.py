@@ -9,14 +9,13 @@ from typing import Final, Literal
 
 from slipstream.messages import PlatoonManagement
 from slipstream.spacing import MAX_SLOWDOWN
-from vehicle_agent.platooning.neighbours import Sequences
+from vehicle_agent.platooning.neighbours import HOUR_NS, Sequences
 from vehicle_agent.platooning.rendezvous import MAX_CLOSING_S
 
 RENEW_NS: Final = 1_000_000_000
 """Between two requests of a vehicle that catches up."""
 
 _MAX_CLOSING_NS: Final = round(MAX_CLOSING_S * 1e9)
-_HOUR_NS: Final = 3600 * 1_000_000_000
 
 MAX_REASON: Final = 200
 """Letters of a reason in a message."""
@@ -68,7 +67,7 @@ class Waits:
 
     def are_spent(self, now_ns: int) -> bool:
         """Whether it has waited for as long as it does in an hour."""
-        if self._spent_ns == 0 or not 0 <= now_ns - self._hour_began_ns < _HOUR_NS:
+        if self._spent_ns == 0 or not 0 <= now_ns - self._hour_began_ns < HOUR_NS:
             self._spent_ns, self._hour_began_ns = 0, now_ns
         return self._spent_ns >= _MAX_CLOSING_NS
 

@@ -17,7 +17,7 @@ MAX_AHEAD_NS: Final = 100_000_000
 MAX_NEIGHBOURS: Final = 200
 """Vehicles that are remembered; those beyond are not heard."""
 
-_HOUR_NS: Final = 3600 * 1_000_000_000
+HOUR_NS: Final = 3600 * 1_000_000_000
 """Who was found to tell what is not so, or to cost more than it may, is not heard for so long."""
 
 MOST_COST_S: Final = 50.0
@@ -91,8 +91,8 @@ class Neighbours:
 
     def doubt(self, vehicle: str | None, now_ns: int) -> str | None:
         """Why a vehicle is not believed; None: it is."""
-        since_ns, reason = self._doubts.get(vehicle or "", (now_ns - _HOUR_NS, ""))
-        return reason if 0 <= now_ns - since_ns < _HOUR_NS else None
+        since_ns, reason = self._doubts.get(vehicle or "", (now_ns - HOUR_NS, ""))
+        return reason if 0 <= now_ns - since_ns < HOUR_NS else None
 
     def get(self, vehicle: str | None) -> PlatoonControl | None:
         """A vehicle's last message, at most so old as messages are kept."""
@@ -117,7 +117,7 @@ class CausedDelays:
     def add(self, vehicle: str, seconds: float, now_ns: int) -> bool:
         """Count it; whether that one has cost more than it may."""
         since_ns, cost_s = self._costs.get(vehicle, (now_ns, 0.0))
-        if not 0 <= now_ns - since_ns < _HOUR_NS:
+        if not 0 <= now_ns - since_ns < HOUR_NS:
             since_ns, cost_s = now_ns, 0.0
         if vehicle not in self._costs and len(self._costs) >= MAX_NEIGHBOURS:
             del self._costs[min(self._costs, key=lambda name: self._costs[name])]

@@ -303,16 +303,9 @@ class _RogueRun(Run):
         least_m = above_m = math.inf
         for step in range(round(seconds / STEP_S)):
             self.now_s = now_s = step * STEP_S
-            self._deliver(now_s)
-            for number in range(len(self.cars)):
-                self._advise(number, now_s)
+            self._step(now_s)
             if self.number < 0 and step % round(INTERVAL_S / STEP_S) == 0:
                 self._haunt(now_s)
-            for number, car in enumerate(self.cars):
-                ahead = self._ahead(number)
-                car.move(now_s, *((1e9, car.speed_mps) if ahead is None else ahead))
-            if self.traffic is not None:
-                self._brake_traffic()
             if now_s < ATTACKS_AT_S:
                 continue
             reference_mps = self.cruise_mps

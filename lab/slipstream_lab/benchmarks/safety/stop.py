@@ -159,14 +159,8 @@ class Run:
                 gaps, promised = self._gaps(), cars[0].platooning.limit_mps2
                 for car in cars:
                     car.hardest_mps2 = 0.0
-            self._deliver(now_s)
-            for number in range(len(cars)):
-                self._advise(number, now_s)
-            for number, car in enumerate(cars):
-                ahead = self._ahead(number)
-                car.move(now_s, *((1e9, car.speed_mps) if ahead is None else ahead))
+            self._step(now_s)
             if self.traffic is not None:
-                self._brake_traffic()
                 traffic_m = min(traffic_m, self.traffic[0] - LENGTH_M - cars[0].place_m)
                 for number, gap_m in enumerate(self._gaps()):
                     if gap_m <= 0 < least[number]:
@@ -180,6 +174,17 @@ class Run:
             step += 1
         hardest = tuple(car.hardest_mps2 for car in cars)
         return Outcome(followers, gaps, tuple(least), hardest, traffic_m, impact, promised)
+
+    def _step(self, now_s: float) -> None:
+        """One step of messages, agents, vehicles and the traffic."""
+        self._deliver(now_s)
+        for number in range(len(self.cars)):
+            self._advise(number, now_s)
+        for number, car in enumerate(self.cars):
+            ahead = self._ahead(number)
+            car.move(now_s, *((1e9, car.speed_mps) if ahead is None else ahead))
+        if self.traffic is not None:
+            self._brake_traffic()
 
     def _has_ended(self) -> bool:
         """Whether all have come to where the traffic has braked to."""
