@@ -31,7 +31,6 @@ from tests.vehicle_agent.road import course, crossing, ns, segment, spat, state
 from tests.vehicle_agent.tours import VAN, ahead, continued, plan, report, sensing
 from vehicle_agent.agent import Agent, AgentParameters
 from vehicle_agent.host import AgentHost
-from vehicle_agent.platooning.brake_estimate import BrakeEstimate
 
 LIMIT_MPS = 13.4
 ROUGH = KinematicFeatures(
@@ -272,13 +271,11 @@ def test_a_lapsed_plan_ends_a_close_gap() -> None:
     assert one.tour.plan is not None
 
 
-def test_brakes_that_do_less_than_declared_end_a_close_gap(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_brakes_that_do_less_than_declared_end_a_close_gap() -> None:
     """Its driver and its dispatcher are told by how much."""
     one = joined()
-    monkeypatch.setattr(BrakeEstimate, "share", 0.62)
-    monkeypatch.setattr(BrakeEstimate, "braking", BRAKING["truck"].on("snow"))
+    brakes = one._platooning._brakes
+    brakes.share, brakes.braking = 0.62, BRAKING["truck"].on("snow")
     advice = advised(one, 1.0)
     assert advice.mode == "open_gap"
     assert advice.reason == "it brakes with 62% of what is declared"

@@ -35,10 +35,17 @@ _SUBSTEP_S: Final = 0.02
 
 
 class BrakeEstimate:
-    """Of one vehicle, by its commanded accelerations and its sensed speeds."""
+    """Of one vehicle, by its commanded accelerations and its sensed speeds.
+
+    Attributes:
+        share: of the deceleration that is declared, what has come in the last brakings, within [0,
+            1); None: as much as declared, or too few brakings were watched.
+        braking: as declared; or weaker, and later by as much as would explain the lack too.
+    """
 
     def __init__(self, declared: Braking) -> None:
-        self._declared = declared
+        self.share: float | None = None
+        self.braking = self._declared = declared
         self._dead_ns = round(declared.dead_s * (1 + declared.tolerance) * 1e9)
         self._lag_s = declared.lag_s * (1 + declared.tolerance)
         self._gain = 1 - declared.error
@@ -48,31 +55,6 @@ class BrakeEstimate:
         self._slow_mps2 = 0.0
         self._braking: _Braking | None = None
         self._brakings: deque[tuple[float, float, float]] = deque(maxlen=_BRAKINGS)
-
-    @property
-    def share(self) -> float | None:
-        """Of the deceleration that is declared, what has come in the last brakings, within [0, 1);
-        None: as much as declared, or too few brakings were watched.
-        """
-        count = len(self._brakings)
-        if count < _LEAST_BRAKINGS:
-            return None
-        declared = sum(slow for slow, _, _ in self._brakings)
-        lacks = declared - sum(driven for _, driven, _ in self._brakings)
-        return max(0.0, 1 - lacks / declared) if lacks > _LACK_MPS * count else None
-
-    @property
-    def braking(self) -> Braking:
-        """As declared; or weaker, and later by as much as would explain the lack too."""
-        share = self.share
-        if share is None:
-            return self._declared
-        late_s = sum((slow - driven) / hardest for slow, driven, hardest in self._brakings)
-        return replace(
-            self._declared,
-            guaranteed_mps2=self._declared.guaranteed_mps2 * max(share, 0.1),
-            dead_s=self._declared.dead_s + late_s / len(self._brakings),
-        )
 
     def update(
         self, now_ns: int, sensed_ns: int, speed_mps: float, commanded_mps2: float | None
@@ -140,8 +122,25 @@ class BrakeEstimate:
 
     def _end(self) -> None:
         braking, self._braking = self._braking, None
-        if braking is not None and braking.slow_mps >= _LEAST_MPS:
-            self._brakings.append((braking.slow_mps, braking.driven_mps, braking.hardest_mps2))
+        if braking is None or braking.slow_mps < _LEAST_MPS:
+            return
+        self._brakings.append((braking.slow_mps, braking.driven_mps, braking.hardest_mps2))
+        self.share, self.braking = self._lacking_share(), self._declared
+        if self.share is not None:
+            late_s = sum((slow - driven) / hardest for slow, driven, hardest in self._brakings)
+            self.braking = replace(
+                self._declared,
+                guaranteed_mps2=self._declared.guaranteed_mps2 * max(self.share, 0.1),
+                dead_s=self._declared.dead_s + late_s / len(self._brakings),
+            )
+
+    def _lacking_share(self) -> float | None:
+        count = len(self._brakings)
+        if count < _LEAST_BRAKINGS:
+            return None
+        declared = sum(slow for slow, _, _ in self._brakings)
+        lacks = declared - sum(driven for _, driven, _ in self._brakings)
+        return max(0.0, 1 - lacks / declared) if lacks > _LACK_MPS * count else None
 
 
 class _Braking:
