@@ -6,6 +6,8 @@ the router does; late subscribers get the last samples from the publishers' cach
 
 from __future__ import annotations
 
+import contextlib
+import random
 import socket
 from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
@@ -251,10 +253,20 @@ class Router:
 
 
 def free_port() -> int:
-    """A TCP port on loopback that is free now."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+    """A TCP port on loopback that is free now.
+
+    It is below those that systems give to outgoing connections, one of which could take it before
+    the caller does.
+
+    Raises:
+        OSError: none of a hundred drawn ones is free.
+    """
+    for _ in range(100):
+        port = random.SystemRandom().randrange(10_000, 32_768)
+        with socket.socket() as probe, contextlib.suppress(OSError):
+            probe.bind(("127.0.0.1", port))
+            return port
+    raise OSError("no free port between 10000 and 32767 on 127.0.0.1")
 
 
 def _open_session(config: Any, where: str) -> Any:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 import shutil
-import socket
 import subprocess
 import tempfile
 from pathlib import Path
 
 from sqlalchemy import create_engine, text
+
+from slipstream.bus import free_port
 
 
 def find_pg_ctl() -> str | None:
@@ -34,9 +35,7 @@ class PostgresServer:
         self._folder = Path(tempfile.mkdtemp(prefix="slipstream-pg-"))
         if self._user is not None:
             shutil.chown(self._folder, self._user)
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            self._port = free.getsockname()[1]
+        self._port = free_port()
         self._made = 0
         self._control("-o", "-A trust -U postgres --no-sync", "initdb")
         self.start()

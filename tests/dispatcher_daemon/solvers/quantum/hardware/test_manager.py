@@ -142,7 +142,11 @@ def test_hung_in_submit_and_found_by_its_tag(
     assert outcome.execution.two_qubit_depth == 4
     assert (job.usage_s, manager.health().used_s) == (theirs["usage"], theirs["usage"])
     servers = [p for p in psutil.Process().children() if "forkserver" in " ".join(p.cmdline())]
-    workers = [worker for server in servers for worker in server.children()]
+    # The killed one is a child of its server until that has read how it ended.
+    until = time.monotonic() + 60
+    while len(workers := [w for server in servers for w in server.children()]) > 1:
+        assert time.monotonic() < until
+        time.sleep(0.01)
     manager.close()
     assert len(workers) == 1
     psutil.wait_procs(workers, timeout=5)
