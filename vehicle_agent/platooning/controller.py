@@ -53,7 +53,7 @@ _SIGNAL_S: Final = 20.0
 """A stop line within this time may ask for comfortable braking, which not every promise allows: the
 gap of a follower opens in it."""
 
-_AGAIN_SHARE: Final = 1.1
+_AGAIN_SHARE: Final = 1.05
 """Of the gap that a leader needs: so large it has to be before it promises anew."""
 
 

@@ -37,6 +37,9 @@ _BROKEN_SHARE: Final = 1.3
 while the traffic ahead brakes as it can, but after a cut-in it may.
 """
 
+_ROOM_SHARE: Final = 1.1
+"""Of the gap that a leader needs, which it keeps: it coasts before its promise has to end."""
+
 DELAY_S: Final = 0.3
 """Between what a leader tells and what it drives: three messages may be lost in a row."""
 
@@ -170,7 +173,7 @@ def leading(
     a = max(-0.9 * own.coasting_mps2, min(a, IDM.acceleration_mps2))
     if ahead is not None:
         a = min(a, IDM.acceleration_to_mps2(own, ahead.gap_m, ahead.speed_mps))
-        if limit_mps2 is not None and ahead.gap_m < leading_gap_m(s, limit_mps2):
+        if limit_mps2 is not None and ahead.gap_m < _ROOM_SHARE * leading_gap_m(s, limit_mps2):
             a = min(a, -own.coasting_mps2)
     a, needed = min(a, _bounded_mps2(s, cap_mps, limit_mps2)), 0.0
     if ahead is not None:
@@ -210,7 +213,8 @@ def held_back(s: Situation, limit_mps2: float | None) -> float:
     own, motion = s.own, s.motion
     if limit_mps2 is None or motion is None:
         return 0.0
-    near = IDM.desired_gap_m(own.speed_mps) < motion.gap_m < leading_gap_m(s, limit_mps2)
+    room_m = _ROOM_SHARE * leading_gap_m(s, limit_mps2)
+    near = IDM.desired_gap_m(own.speed_mps) < motion.gap_m < room_m
     slower_mps = min(motion.speed_mps, own.desired_mps) - own.speed_mps
     return max(0.0, slower_mps / own.desired_mps) if near else 0.0
 

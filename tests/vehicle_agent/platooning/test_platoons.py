@@ -142,6 +142,26 @@ def test_a_leader_promises_nothing_with_a_vehicle_near_ahead() -> None:
     assert leader.platooning.limit_mps2 is not None
 
 
+@pytest.mark.parametrize("traffic_mps", [19.5, 20.0])
+def test_a_leader_behind_slower_traffic_keeps_its_promise(traffic_mps: float) -> None:
+    """It coasts before it is as near as the promise allows, so that its follower stays close."""
+    leg = road(limit_mps=23.0)
+    world = World(string(2, None, 20.0, 20.7, leg), 0.5, delayed=False)
+    for car in world.cars:
+        braking = BRAKING["car"].on("dry")
+        car.platooning = platooning_of(0.5, pace=0.9, name=car.name, braking=braking)
+    leader, follower = world.cars
+    begin_m = leader.place_m + 150.0
+    world.cars.insert(0, Car("x", begin_m, traffic_mps, leg, lambda _: traffic_mps, False))
+    world.run(200.0)
+    assert set(world.modes["v1"]) == {"following"}
+    assert leader.last is not None
+    assert leader.last.control.limit_mps2 is not None
+    assert leader.speed_mps == pytest.approx(traffic_mps, abs=0.1)
+    assert follower.speed_mps == pytest.approx(leader.speed_mps, abs=0.1)
+    assert world.gap_m("v1") < 2.6
+
+
 def test_a_leader_that_is_held_back_announces_how_it_moves() -> None:
     """Its vehicle keeps a gap that its agent does not know of: followers must not count on more."""
     world = pair(0.5, delayed=False)
