@@ -10,7 +10,7 @@ from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
-from slipstream.config import BusSettings, ServiceSettings, Settings
+from slipstream.config import BusSettings, ServiceSettings, Settings, TunedSettings
 from slipstream.messages import Identifier
 
 BUILTIN_MODEL: Final = "builtin"
@@ -120,18 +120,15 @@ class StabilitySettings(Settings):
         return self
 
 
-class WatchSettings(Settings):
-    """When a camera is at fault (``[watch]``)."""
+class WatchSettings(TunedSettings):
+    """When a camera is at fault."""
 
-    moved_after_s: Annotated[float, Field(gt=0, le=60, allow_inf_nan=False)] = Field(
-        default=5.0,
-        description="`camera_moved`: time over which the median shift is taken, s.",
-    )
-    max_shift_share: Annotated[float, Field(gt=0, le=0.05)] = Field(
-        default=0.002,
-        description="`camera_moved`: allowed shift of the road in the frame, as a share of the "
-        "frame's width; shaking may be 1.5 times that in the median.",
-    )
+    moved_after_s: Annotated[float, Field(gt=0, le=60, allow_inf_nan=False)] = 5.0
+    """`camera_moved`: time over which the median shift is taken, s."""
+    max_shift_share: Annotated[float, Field(gt=0, le=0.05)] = 0.002
+    """`camera_moved`: allowed shift of the road in the frame, as a share of the frame's width;
+    shaking may be 1.5 times that in the median.
+    """
 
 
 class PreviewSettings(Settings):
@@ -142,18 +139,18 @@ class PreviewSettings(Settings):
     )
 
 
-class TrackSettings(Settings):
+class TrackSettings(TunedSettings):
     """How a recorded video is processed (`slipstream track`)."""
 
     window_s: WindowSeconds = Field(default=10.0, description="Length of the feature window, s.")
-    state_interval_s: StateInterval = Field(
-        default=1.0, description="Time between two states of a segment, s."
-    )
+    state_interval_s: StateInterval = 1.0
+    """Time between two states of a segment, s."""
     detector: DetectorSettings = Field(default=DetectorSettings(), description="Detection.")
     stability: StabilitySettings = Field(
         default=StabilitySettings(), description="The stability flag."
     )
-    watch: WatchSettings = Field(default=WatchSettings(), description="Camera faults.")
+    watch: WatchSettings = WatchSettings()
+    """Camera faults."""
 
 
 class EdgeSettings(TrackSettings):

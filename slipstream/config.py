@@ -61,6 +61,19 @@ class Settings(BaseModel):
         return schema
 
 
+class TunedSettings(Settings):
+    """Settings that hold numbers which are no operator's decision: fields without a description
+    are constants.
+    """
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: Any) -> None:
+        """Note the constants."""
+        cls.constants = frozenset(
+            name for name, field in cls.model_fields.items() if not field.description
+        )
+
+
 S = TypeVar("S", bound=Settings)
 T = TypeVar("T")
 M = TypeVar("M", bound=BaseModel)

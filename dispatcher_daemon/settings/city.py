@@ -5,7 +5,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from dispatcher_daemon.settings.solvers import SolverName
-from dispatcher_daemon.settings.tuned import TunedSettings
+from slipstream.config import TunedSettings
 
 
 class SearchSettings(TunedSettings):

@@ -17,8 +17,7 @@ from dispatcher_daemon.settings.solvers import (
     QaoaSettings,
     SolverName,
 )
-from dispatcher_daemon.settings.tuned import TunedSettings
-from slipstream.config import BusSettings, ServiceSettings, Settings
+from slipstream.config import BusSettings, ServiceSettings, Settings, TunedSettings
 from slipstream.freshness import STALE_AFTER_S
 from slipstream.messages import DrivingAdvice
 from slipstream.prices import PriceSettings
@@ -161,13 +160,10 @@ class DispatcherSettings(TunedSettings):
         description="Time that the solvers have in a cycle, s. Vehicles leave no sooner than this "
         "after the cycle starts, so that plans are out before.",
     )
-    sync_window_s: float = Field(
-        default=3.0,
-        ge=0,
-        allow_inf_nan=False,
-        description="Maximum time between two vehicles' entries to a segment at which they can "
-        "platoon there, s.",
-    )
+    sync_window_s: float = Field(default=3.0, ge=0, allow_inf_nan=False)
+    """Maximum time between two vehicles' entries to a segment at which they can platoon there,
+    s.
+    """
     rsus: Rsus | None = Field(
         default=None,
         description='The segments that each RSU watches, as `rsu-1 = ["avenue_east"]`; states of '
@@ -197,20 +193,17 @@ class DispatcherSettings(TunedSettings):
     advice: AdviceSettings = Field(
         default=AdviceSettings(), description="Advice in plans for signals, turns and stops."
     )
-    objective: Literal["energy", "paper"] = Field(
-        default="energy",
-        description="What a route costs. energy: its drive with all changes of speed, expected "
-        "stops and turbulence, and the price of its time; paper: its segments at planning speed, "
-        "as in the paper.",
-    )
+    objective: Literal["energy", "paper"] = "energy"
+    """What a route costs. energy: its drive with all changes of speed, expected stops and
+    turbulence, and the price of its time; paper: its segments at planning speed, as in the paper.
+    """
     prices: PriceSettings = Field(
         default=PriceSettings(), description="Of energy and of time, for the objective energy."
     )
-    form: Literal["auto", "arc", "route"] = Field(
-        default="auto",
-        description="arc: the paper's form; route: the route form; auto: arc for up to two "
-        "vehicles and eight stops.",
-    )
+    form: Literal["auto", "arc", "route"] = "auto"
+    """arc: the paper's form; route: the route form; auto: arc for up to two vehicles and eight
+    stops.
+    """
     solvers: tuple[SolverName, ...] = Field(
         default=("exact", "lc-qaoa"),
         min_length=1,
@@ -225,7 +218,8 @@ class DispatcherSettings(TunedSettings):
     gamma: float | None = None
     """Penalty weight of the QUBO, kWh; None: computed per instance."""
     lc_qaoa: LcQaoaSettings = Field(default=LcQaoaSettings(), description="The solver lc-qaoa.")
-    qaoa: QaoaSettings = Field(default=QaoaSettings(), description="The solver qaoa.")
+    qaoa: QaoaSettings = QaoaSettings()
+    """The solver qaoa."""
     hardware: HardwareSettings = Field(
         default=HardwareSettings(), description="A quantum device beside the solvers."
     )
@@ -235,7 +229,8 @@ class DispatcherSettings(TunedSettings):
     cluster: ClusterSettings = Field(
         default=ClusterSettings(), description="Other machines that solve."
     )
-    seed: int = Field(default=1, ge=0, lt=2**32, description="Seed of everything random.")
+    seed: int = Field(default=1, ge=0, lt=2**32)
+    """Seed of everything random."""
 
     @property
     def priced_advice(self) -> DrivingAdvice:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from dispatcher_daemon.settings.tuned import TunedSettings
+from slipstream.config import TunedSettings
 
 
 class HardwareSettings(TunedSettings):
@@ -16,7 +16,8 @@ class HardwareSettings(TunedSettings):
         description="ibm:NAME, ibm:least-busy, or for a trial without an account fake:FakeBoston; "
         "empty: no device.",
     )
-    shots: int = Field(default=4096, ge=1, le=100_000, description="Number of samples of a job.")
+    shots: int = Field(default=4096, ge=1, le=100_000)
+    """Number of samples of a job."""
     budget_s_per_day: float = Field(
         default=60.0,
         gt=0,
@@ -24,12 +25,10 @@ class HardwareSettings(TunedSettings):
         description="Maximum device time in any 24 hours, s. A job's estimate is reserved before "
         "it is submitted.",
     )
-    max_pending_jobs: int = Field(
-        default=2, ge=1, le=100, description="Maximum number of jobs at the service at once."
-    )
-    jobs_per_cycle: int = Field(
-        default=1, ge=1, le=100, description="Maximum number of jobs that one cycle submits."
-    )
+    max_pending_jobs: int = Field(default=2, ge=1, le=100)
+    """Maximum number of jobs at the service at once."""
+    jobs_per_cycle: int = Field(default=1, ge=1, le=100)
+    """Maximum number of jobs that one cycle submits."""
     wait_s: float = Field(
         default=3.0,
         ge=0,

@@ -6,7 +6,7 @@ from typing import Annotated, Final, Literal
 
 from pydantic import AfterValidator, Field
 
-from dispatcher_daemon.settings.tuned import TunedSettings
+from slipstream.config import TunedSettings
 from slipstream.plugins import plugin_names
 
 BUILT_IN_SOLVERS: Final = (
@@ -62,15 +62,10 @@ class LcQaoaSettings(TunedSettings):
         "construction (route form only).",
     )
     layers: int = Field(default=2, ge=1, le=10, description="Depth p; the cost grows with 4^p.")
-    shots: int = Field(
-        default=4096, ge=1, le=1_000_000, description="Number of samples of the circuit."
-    )
-    iterations: int = Field(
-        default=100,
-        ge=1,
-        le=100_000,
-        description="Maximum number of energy evaluations in training, for each restart.",
-    )
+    shots: int = Field(default=4096, ge=1, le=1_000_000)
+    """Number of samples of the circuit."""
+    iterations: int = Field(default=100, ge=1, le=100_000)
+    """Maximum number of energy evaluations in training, for each restart."""
     backend: str = Field(
         default="aer",
         pattern=r"^aer(|:Fake[A-Za-z0-9]+(|\+fractional))$",
@@ -82,8 +77,5 @@ class LcQaoaSettings(TunedSettings):
 class QaoaSettings(TunedSettings):
     """QAOA with all couplings, on an exactly simulated state."""
 
-    variant: Literal["x", "xy"] = Field(
-        default="x",
-        description="Mixer: x on all 2^n states; xy keeps one option of each vehicle (route form "
-        "only).",
-    )
+    variant: Literal["x", "xy"] = "x"
+    """Mixer: x on all 2^n states; xy keeps one option of each vehicle (route form only)."""

@@ -42,17 +42,13 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     command.add_argument("--full", action="store_true", help="search the whole picture")
     add_fps(command)
     add_config(command)
-    for option, model, key in (
-        ("--threads", DetectorSettings, "threads"),
-        ("--window", TrackSettings, "window_s"),
-        ("--every", TrackSettings, "state_interval_s"),
+    for option, default, text in (
+        ("--threads", DetectorSettings().threads, "inference threads; 0: one per CPU core"),
+        ("--window", TrackSettings().window_s, "length of the feature window, s"),
+        ("--every", TrackSettings().state_interval_s, "time between two states of a segment, s"),
     ):
-        field = model.model_fields[key]
         command.add_argument(
-            option,
-            type=type(field.default),
-            help=f"{(field.description or '').removesuffix('.')} "
-            f"(default: that of --config, or {field.default})",
+            option, type=type(default), help=f"{text} (default: that of --config, or {default})"
         )
     command.add_argument(
         "--bare",

@@ -69,4 +69,4 @@ def test_an_operator_has_few_keys_to_know() -> None:
     """Each key of the file once, whichever daemons read it."""
     keys = [key.path for section in site_sections() for key in section.keys]
     assert len(set(keys)) == len(keys)
-    assert len(keys) <= 134
+    assert len(keys) <= 120

@@ -196,10 +196,8 @@ def test_the_watch_of_a_roadside_unit_is_taken(
         f'''
 [rsus.r]
 camera = "{grey / "camera.toml"}"
-state_interval_s = 1.5
+window_s = 4.0
 source.clip = "{clip}"
-watch.max_shift_share = 0.0001
-watch.moved_after_s = 1.0
 '''
     )
     line = ["track", str(clip), "--camera", str(grey / "camera.toml"), "--json"]
