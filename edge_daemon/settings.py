@@ -77,8 +77,12 @@ class DetectorSettings(Settings):
         default=BUILTIN_MODEL,
         description="'builtin' (trained on renders), an OpenVINO .xml or folder, or a .pt file.",
     )
+    device: Literal["CPU", "GPU", "NPU", "auto"] = Field(
+        default="CPU",
+        description="What OpenVINO computes on; auto: a GPU, else an NPU, else the CPU.",
+    )
     threads: Annotated[int, Field(ge=0, le=1024)] = Field(
-        default=0, description="Inference threads; 0: one per CPU core."
+        default=0, description="Inference threads on the CPU; 0: one per core."
     )
     scale: Annotated[float, Field(gt=0, le=4)] | None = Field(
         default=None,

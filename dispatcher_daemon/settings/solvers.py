@@ -61,7 +61,8 @@ class LcQaoaSettings(TunedSettings):
         "one-hot-multi-angle, one-hot-product: the last three with one option of each vehicle by "
         "construction (route form only).",
     )
-    layers: int = Field(default=2, ge=1, le=10, description="Depth p; the cost grows with 4^p.")
+    layers: int = Field(default=2, ge=1, le=10)
+    """Depth p; the cost grows with 4^p."""
     shots: int = Field(default=4096, ge=1, le=1_000_000)
     """Number of samples of the circuit."""
     iterations: int = Field(default=100, ge=1, le=100_000)

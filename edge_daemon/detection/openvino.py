@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import threading
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from queue import SimpleQueue
+from typing import Any
 
 import cv2
 import numpy as np
@@ -25,6 +28,8 @@ from edge_daemon.settings import BUILTIN_MODEL, DetectorSettings
 from slipstream.errors import InputError
 from slipstream.files import check_file, silent_libraries
 
+log = logging.getLogger(__name__)
+
 _GREY = 114  # what YOLO's letterbox is padded with in training
 _DEFAULT_SHAPE = (640, 640)
 _MAX_XML_BYTES = 64_000_000
@@ -37,13 +42,15 @@ class OpenVinoDetector:
     trained at. Where its input is fixed in a way that is not known, that part is letterboxed.
 
     Raises:
-        InputError: not an OpenVINO model, not a YOLO11 detector, or without vehicle classes.
+        InputError: not an OpenVINO model, not a YOLO11 detector, or without vehicle classes; the
+            device is not there or cannot run it.
     """
 
     def __init__(
         self, path: Path, settings: DetectorSettings, camera: Camera | None = None
     ) -> None:
         self._core = _runtime()
+        self._device = _device(self._core.available_devices, settings.device)
         check_file(path, _MAX_XML_BYTES, "give an OpenVINO model")
         try:
             with silent_libraries():
@@ -63,7 +70,7 @@ class OpenVinoDetector:
     @property
     def requests(self) -> int:
         """Frames at a time."""
-        return min(2, _threads(self._settings))
+        return min(2, _threads(self._settings)) if self._device == "CPU" else 2
 
     def detect(self, image: Image) -> Detections:
         """Vehicles in a BGR frame (height, width, 3); from so many threads as `requests`."""
@@ -121,17 +128,21 @@ class OpenVinoDetector:
                     f"cannot take an input of {placement.shape[1]}×{placement.shape[0]} px",
                     "export it again with `slipstream model export`",
                 ) from None
-        compiled = self._core.compile_model(
-            _with_preprocessing(model),
-            "CPU",
-            {
+        hints: dict[str, Any] = {"PERFORMANCE_HINT": "LATENCY"}
+        if self._device == "CPU":
+            hints = {
                 "INFERENCE_NUM_THREADS": _threads(self._settings),
                 "NUM_STREAMS": self.requests,
                 "INFERENCE_PRECISION_HINT": float_precision(),
                 # Pinned, the threads of two daemons would meet on one core.
                 "ENABLE_CPU_PINNING": False,
-            },
-        )
+            }
+        try:
+            compiled = self._core.compile_model(_with_preprocessing(model), self._device, hints)
+        except RuntimeError as error:
+            reason = str(error).strip().rpartition("\n")[2]
+            problem = f"the {self._device} cannot run {self._path.name}: {reason}"
+            raise InputError("detector.device", problem, "give another") from None
         return _Network(placement, compiled, self.requests)
 
 
@@ -163,6 +174,19 @@ class _Network:
             return np.array(request.get_output_tensor(0).data[0], dtype=np.float32)
         finally:
             self._free.put((request, canvas))
+
+
+def _device(there: Sequence[str], wanted: str) -> str:
+    """The wanted kind of device of those that OpenVINO has here, as CPU or GPU.0."""
+    kinds = {name.partition(".")[0] for name in there}
+    if wanted == "auto":
+        found = next(kind for kind in ("GPU", "NPU", "CPU") if kind in kinds | {"CPU"})
+        log.info("the detector computes on the %s", found)
+        return found
+    if wanted not in kinds:
+        has = " and ".join(sorted(kinds)) or "no device"
+        raise InputError("detector.device", f"no {wanted}: OpenVINO has {has} here", "give another")
+    return wanted
 
 
 def _threads(settings: DetectorSettings) -> int:

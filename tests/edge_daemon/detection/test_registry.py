@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
+import openvino as ov
 import pytest
 
 from edge_daemon.camera import Camera
-from edge_daemon.detection import detector_names, open_detector
+from edge_daemon.detection import detector_names, open_detector, openvino
 from edge_daemon.settings import DetectorSettings
 from slipstream.errors import InputError
 
@@ -82,3 +85,59 @@ def test_no_runtime_is_loaded_before_a_detector_is_opened() -> None:
         "assert not {'openvino', 'torch', 'ultralytics'} & set(sys.modules)\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+class _Core:
+    """OpenVINO on a machine with a GPU, whose compiler is what it is given."""
+
+    def __init__(self, compile_model: Callable[..., Any]) -> None:
+        self._core, self.compile_model = ov.Core(), compile_model
+        self.available_devices = ["CPU", "GPU.0", "GPU.1"]
+
+    def read_model(self, path: Path) -> Any:
+        return self._core.read_model(path)
+
+
+def test_a_device_that_is_not_there_is_one_line() -> None:
+    """It names the key and what there is."""
+    with pytest.raises(InputError, match="no NPU: OpenVINO has CPU here") as caught:
+        open_detector(DetectorSettings(device="NPU"))
+    assert caught.value.source == "detector.device"
+
+
+def test_without_another_device_auto_is_the_cpu(camera: Camera) -> None:
+    """It finds as much as the CPU does."""
+    width, height = camera.size
+    picture = np.zeros((height, width, 3), np.uint8)
+    found = open_detector(DetectorSettings(device="auto"), camera).detect(picture)
+    assert len(found.boxes) == 0
+
+
+@pytest.mark.parametrize("device", ["GPU", "auto"])
+def test_a_gpu_gets_the_model_without_what_is_for_the_cpu(
+    device: Literal["GPU", "auto"], camera: Camera, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """auto takes it where there is one."""
+    asked: list[tuple[str, dict[str, Any]]] = []
+
+    def compile_model(model: Any, name: str, hints: dict[str, Any]) -> Any:
+        asked.append((name, hints))
+        return ov.Core().compile_model(model, "CPU")
+
+    monkeypatch.setattr(openvino, "_runtime", lambda: _Core(compile_model))
+    detector = open_detector(DetectorSettings(device=device, threads=1), camera)
+    assert asked == [("GPU", {"PERFORMANCE_HINT": "LATENCY"})]
+    assert detector.requests == 2
+
+
+def test_a_device_that_cannot_run_the_model_is_one_line(
+    camera: Camera, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With the reason that the runtime gives."""
+
+    def compile_model(model: Any, name: str, hints: dict[str, Any]) -> Any:
+        raise RuntimeError("Exception from src/core.cpp:1:\nout of device memory\n")
+
+    monkeypatch.setattr(openvino, "_runtime", lambda: _Core(compile_model))
+    with pytest.raises(InputError, match=r"the GPU cannot run .*: out of device memory; give"):
+        open_detector(DetectorSettings(device="GPU"), camera)
