@@ -20,7 +20,7 @@ from edge_daemon.camera import Camera, load_camera
 from edge_daemon.detection import Detections, Detector, detect_stream, open_detector
 from edge_daemon.frame import Frame
 from edge_daemon.pipeline import Pipeline
-from edge_daemon.publishing import Previews, StoppedPublisher
+from edge_daemon.publishing import Previews, StoppedPublisher, warn_opposite
 from edge_daemon.runtime import StageTimer
 from edge_daemon.settings import EdgeSettings
 from edge_daemon.sources import FrameSource, mark_repeats, open_source
@@ -250,6 +250,7 @@ class EdgeDaemon:
                     # Nothing while nobody can see them: with a fault, or without a frame.
                     if self._fault is None and state.frames:
                         self._standing.publish(self._pipeline.stopped(state))
+            warn_opposite(state, self._limiter)
             self._latest[state.segment] = state
             self._states += 1
             metrics.STATES.labels(state.segment, str(state.y_e)).inc()

@@ -22,6 +22,8 @@ from slipstream.errors import InputError
 from slipstream.messages import SegmentState, StoppedVehicle, StoppedVehicles, UnknownReason
 
 _MAX_GAP_S = 0.5
+# As many may be of a lane beside a quiet road.
+_MOST_ONCOMING = 3
 _LEAD_S = 3.0  # what was seen before the window helps to smooth its beginning
 
 
@@ -196,13 +198,11 @@ class Pipeline:
         time_ns: int,
         fault: UnknownReason | None,
     ) -> SegmentState:
-        measured = (
-            self._kinematics[segment.id].features(
-                window.sightings, window.begin_s, window.observed_s
-            )
-            if fault is None and window.sightings is not None and window.observed_s > 0
-            else None
-        )
+        measured, oncoming = None, 0
+        if fault is None and window.sightings is not None and window.observed_s > 0:
+            kinematics = self._kinematics[segment.id]
+            measured = kinematics.features(window.sightings, window.begin_s, window.observed_s)
+            oncoming = kinematics.oncoming
         self._states_s = window.begin_s + self._window_s
         self._stopped[segment.id].update(self._states_s, window.sightings)
         features = measured.features if measured else None
@@ -222,6 +222,8 @@ class Pipeline:
             if fault is None
             else self._judge.invalidate(segment.id, fault)
         )
+        if flag.reason == "too_few_vehicles" and oncoming > vehicles + _MOST_ONCOMING:
+            flag = self._judge.invalidate(segment.id, "opposite_direction")
         self._sequence += 1
         return SegmentState(
             rsu=self._rsu,

@@ -73,6 +73,12 @@ class StoppedPublisher:
         self._warned.clear()
 
 
+def warn_opposite(state: SegmentState, limiter: LogLimiter) -> None:
+    """Log that a segment is drawn against its traffic."""
+    if state.reason == "opposite_direction" and limiter.allow(f"opposite {state.segment}"):
+        log.warning("%s: the traffic runs the other way; turn the segment round", state.segment)
+
+
 class Previews:
     """Publishes pictures while somebody looks, with boxes and without."""
 

@@ -70,6 +70,7 @@ _REASONS: Final[dict[str, str]] = {
     "low_frame_rate": "the camera sends too few pictures a second",
     "window_not_covered": "camera not watching long enough yet",
     "implausible": "measured accelerations that no traffic has",
+    "opposite_direction": "traffic runs the other way: turn the segment round in the calibration",
     "uncertain": "too uncertain to tell",
     "stale": "no fresh data",
     "dark": "the camera's picture is black",

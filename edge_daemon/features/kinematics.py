@@ -27,6 +27,7 @@ from edge_daemon.features.trajectories import (
     GroupedSightings,
     Trajectory,
     VehicleKey,
+    count_oncoming,
     find_trajectories,
     group_by_vehicle,
 )
@@ -86,6 +87,9 @@ class SegmentKinematics:
     """Measures one segment, window after window; trajectories of vehicles that have left are
     reused. Without a pose, vehicles' middles are guessed from their lengths, and nothing is known
     of what they hide.
+
+    Attributes:
+        oncoming: vehicles that drove against the segment's direction, at the latest features.
     """
 
     def __init__(self, segment: WatchedSegment, pose: CameraPose | None) -> None:
@@ -93,6 +97,7 @@ class SegmentKinematics:
         self._pose = pose
         self._virtual_cars = None if pose is None else VirtualCars(segment, pose)
         self._trajectories: dict[VehicleKey, Trajectory | None] = {}
+        self.oncoming = 0
 
     def features(
         self, sightings: Sightings, begin_s: float, observed_s: float
@@ -103,6 +108,7 @@ class SegmentKinematics:
         """
         segment = self._segment
         grouped = group_by_vehicle(sightings, segment)
+        self.oncoming = count_oncoming(grouped, segment)
         centreline = _centreline(grouped, segment)
         trajectories = self._find_trajectories(grouped, centreline)
         if not trajectories:

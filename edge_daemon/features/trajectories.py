@@ -22,6 +22,7 @@ MIN_SIGHTINGS: Final = 8
 _SEARCH_MARGIN_M: Final = 25.0
 _PLACES: Final = 8
 _MAX_PAUSE_S: Final = 1.0
+_ONCOMING_M: Final = 5.0
 MARGIN_M: Final = 15.0
 """So far before and behind the segment positions still help to smooth those within."""
 NOMINAL_LENGTH_M: Final = (4.5, 8.5, 12.0, 2.2)
@@ -131,6 +132,14 @@ def find_trajectories(
                 NOMINAL_LENGTH_M[int(seen.vehicle_class[rows[last[i]]])],
             )
     return trajectories
+
+
+def count_oncoming(grouped: GroupedSightings, segment: WatchedSegment) -> int:
+    """How many vehicles drive against the segment's direction."""
+    first, last = _ends(grouped.vehicle)
+    rows, seen = grouped.rows, grouped.sightings
+    begin, end = (segment.along(seen.point_m.take(rows[each], axis=0)) for each in (first, last))
+    return int((end < begin - _ONCOMING_M).sum())
 
 
 def _ends(vehicle: Indices) -> tuple[Indices, Indices]:

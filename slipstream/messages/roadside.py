@@ -64,11 +64,13 @@ UnknownReason = (
         "window_not_covered",
         "too_few_vehicles",
         "implausible",
+        "opposite_direction",
         "uncertain",
     ]
     | CameraFault
 )
-"""Why a flag is unknown. `implausible`: accelerations that no traffic has were measured."""
+"""Why a flag is unknown. `implausible`: accelerations that no traffic has were measured;
+`opposite_direction`: all vehicles drive against the segment as the calibration has it."""
 
 
 class SegmentState(Compact, frozen=True, kw_only=True):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -95,6 +96,7 @@ def run(options: argparse.Namespace) -> int:
         "stable": sum(known),
         "turbulent": len(known) - sum(known),
         "unknown": len(result.states) - len(known),
+        "unknown_for": dict(Counter(s.reason for s in result.states if s.reason is not None)),
         "ms_per_frame": {"median": round(median, 2), "p95": round(p95, 2)},
         "latency_ms": {"median": round(latency_median, 2), "p95": round(latency_p95, 2)},
         "rss_mb": round(result.rss_mb, 1),

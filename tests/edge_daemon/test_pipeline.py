@@ -207,6 +207,31 @@ def test_who_stood_before_a_cut_does_not_stand_after_it(camera: Camera) -> None:
     assert vehicle.since_ns / 1e9 == pytest.approx(10.0, abs=0.3)
 
 
+@pytest.mark.parametrize(
+    ("speed_mps", "cars", "reason"),
+    [(15.0, 6, "opposite_direction"), (15.0, 2, "too_few_vehicles"), (-15.0, 6, None)],
+)
+def test_a_segment_that_is_drawn_against_its_traffic_says_so(
+    camera: Camera, speed_mps: float, cars: int, reason: str | None
+) -> None:
+    """It leads towards the camera; some vehicles may be of a lane beside it."""
+    pipeline = a_pipeline(camera)
+    for number in range(101):
+        time_s = number / 10
+        begin_m = 90.0 if speed_mps < 0 else 10.0
+        places = [begin_m + speed_mps * (time_s - 1.6 * car) for car in range(cars)]
+        seen = [standing(place) for place in places if 5.0 < place < 95.0]
+        seen = seen or [Blind().detect(np.empty(0))]
+        boxes, scores, classes = (
+            np.concatenate([getattr(one, name) for one in seen])
+            for name in ("boxes", "scores", "classes")
+        )
+        pipeline.update(blank(time_s), Detections(boxes, scores, classes))
+    (state,) = pipeline.states(1)
+    assert state.reason == reason
+    assert (state.y_e is None) == (reason is not None)
+
+
 def test_a_pause_of_the_source_does_not_count_as_watched(camera: Camera) -> None:
     """Frames before and after a hole do not cover it."""
     pipeline = a_pipeline(camera)

@@ -17,8 +17,8 @@ NO_STATE: Final = "no_state"
 """Why a site measures nothing whose RSU has told nothing of it yet."""
 INTERMITTENT: Final = frozenset({"low_frame_rate", "window_not_covered"})
 """Reasons with which a window was not seen as a whole."""
-SPURIOUS: Final = frozenset({"implausible"})
-"""Reasons with which what was measured is contradicted by physics."""
+SPURIOUS: Final = frozenset({"implausible", "opposite_direction"})
+"""Reasons with which what was measured is contradicted by physics or by the road."""
 _UNRELIABLE: Final = frozenset({*CAMERA_FAULTS, *INTERMITTENT, *SPURIOUS, "no_frames"})
 
 
