@@ -25,7 +25,7 @@ from slipstream.roads.admission import Rsus
 from slipstream.spacing import ADVISED_GAP_M
 
 
-class AdviceSettings(Settings):
+class AdviceSettings(TunedSettings):
     """Advice in plans for signals, turns and stops (``[advice]``)."""
 
     eco_approach: bool = Field(
@@ -44,14 +44,10 @@ class AdviceSettings(Settings):
         description="Ask signals for green. Needs the city: its signals answer requests where it "
         "grants them.",
     )
-    departure_window_s: float = Field(
-        default=0.0,
-        ge=0,
-        le=600,
-        allow_inf_nan=False,
-        description="A leg driven alone may begin so much later than planned, at the second that "
-        "suits the signals best at the price of driving time, s. Nine are tried, 4 s apart.",
-    )
+    departure_window_s: float = Field(default=0.0, ge=0, le=600, allow_inf_nan=False)
+    """A leg driven alone may begin so much later than planned, at the second that suits the signals
+    best at the price of driving time, s. Nine are tried, 4 s apart.
+    """
 
 
 class OrderSettings(Settings):
@@ -175,14 +171,10 @@ class DispatcherSettings(TunedSettings):
         allow_inf_nan=False,
         description="Age from which a SegmentState is ignored, s.",
     )
-    stops_at_signals: float = Field(
-        default=0.0,
-        ge=0,
-        le=100,
-        allow_inf_nan=False,
-        description="Expected number of full stops in a passage of a segment that ends at traffic "
-        "lights, which no camera measures.",
-    )
+    stops_at_signals: float = Field(default=0.0, ge=0, le=100, allow_inf_nan=False)
+    """Expected number of full stops in a passage of a segment that ends at traffic lights, which no
+    camera measures.
+    """
     gap_m: float = Field(
         default=ADVISED_GAP_M,
         gt=0,
@@ -200,10 +192,11 @@ class DispatcherSettings(TunedSettings):
     prices: PriceSettings = Field(
         default=PriceSettings(), description="Of energy and of time, for the objective energy."
     )
-    form: Literal["auto", "arc", "route"] = "auto"
-    """arc: the paper's form; route: the route form; auto: arc for up to two vehicles and eight
-    stops.
-    """
+    form: Literal["auto", "arc", "route"] = Field(
+        default="auto",
+        description="arc: the paper's form; route: the route form; auto: arc for up to two "
+        "vehicles and eight stops.",
+    )
     solvers: tuple[SolverName, ...] = Field(
         default=("exact", "lc-qaoa"),
         min_length=1,

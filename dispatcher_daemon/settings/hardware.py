@@ -16,8 +16,7 @@ class HardwareSettings(TunedSettings):
         description="ibm:NAME, ibm:least-busy, or for a trial without an account fake:FakeBoston; "
         "empty: no device.",
     )
-    shots: int = Field(default=4096, ge=1, le=100_000)
-    """Number of samples of a job."""
+    shots: int = Field(default=4096, ge=1, le=100_000, description="Number of samples of a job.")
     budget_s_per_day: float = Field(
         default=60.0,
         gt=0,

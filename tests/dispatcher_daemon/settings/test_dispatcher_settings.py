@@ -82,11 +82,12 @@ def test_a_window_without_a_price_is_refused() -> None:
 
 
 def test_a_printed_default_is_the_one_in_force() -> None:
-    """All but the price of time, which is that of driving."""
+    """All but the price of time, which is that of driving, and a constant."""
     printed = {key.path: key.default for part in sections(DispatcherSettings) for key in part.keys}
     in_force = DispatcherSettings().priced_advice.model_dump()
+    derived = {"value_of_time_kw", "departure_window_s"}
     of_advice = {path for path in printed if path.startswith("advice.")}
-    assert of_advice == {f"advice.{name}" for name in in_force.keys() - {"value_of_time_kw"}}
+    assert of_advice == {f"advice.{name}" for name in in_force.keys() - derived}
     for path in of_advice:
         assert printed[path].strip("`") == str(in_force[path.removeprefix("advice.")]).lower()
 

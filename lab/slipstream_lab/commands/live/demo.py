@@ -159,7 +159,8 @@ def _of_town() -> dict[str, object]:
     return {
         "form": "route",
         # Two thirds less time than the default, and half of the samples valid: decision 292.
-        "lc_qaoa": {"variant": "one-hot", "layers": 1, "iterations": 20, "shots": 512},
+        "effort": "fast",
+        "lc_qaoa": {"variant": "one-hot"},
     }
 
 
