@@ -266,6 +266,8 @@ def rogue_case(seed: int, speed_mps: float = 20.0, name: BrakingClass = "car") -
 
 
 class _RogueRun(Run):
+    vehicles = _Member
+
     def __init__(self, attack: Attack, case: Case) -> None:
         count = 3 if attack.place in ("leader", "middle") else 2
         super().__init__(replace(case, classes=case.classes[:count], segment_m=9000.0))
@@ -277,7 +279,6 @@ class _RogueRun(Run):
         self.reasons: set[str] = set()
         for number, car in enumerate(self.cars):
             car.speed_mps = self.cruise_mps
-            car.__class__ = _Member
             if isinstance(car, _Member) and number == self.number:
                 car.script = self._script
         if attack.traffic:

@@ -119,13 +119,15 @@ def drive(case: Case, watch: Watch | None = None) -> Outcome:
 class Run:
     """The vehicles of a case, and what goes between them."""
 
+    vehicles: type[Vehicle] = Vehicle
+
     def __init__(self, case: Case) -> None:
         self.case, self.rng = case, random.Random(case.seed)
         brakes = [BRAKING[name].on(case.road) for name in case.classes]
         self.others_mps2, count = HARDEST_MPS2[case.road], len(brakes)
         self.leg, self.gates = road(case.speed_mps, case.segment_m), _OpenGates()
         self.cars = [
-            Vehicle(
+            self.vehicles(
                 f"v{i}",
                 Body.drawn(own, self.rng, case.corner),
                 own if case.declared is None else BRAKING[case.declared].on(case.road),
