@@ -224,7 +224,8 @@ def run_check(options: argparse.Namespace) -> int:
             fps=options.fps,
         )
     if options.json:
-        print(json.dumps(asdict(coverage) | {"things": coverage.things, "share": coverage.share}))
+        shares = {"share": coverage.share, "false_share": coverage.false_share}
+        print(json.dumps(asdict(coverage) | {"things": coverage.things} | shares))
     else:
         print(coverage_text(coverage))
     return 0 if coverage.verdict == "usable" else 1
@@ -232,7 +233,7 @@ def run_check(options: argparse.Namespace) -> int:
 
 def coverage_text(coverage: Coverage) -> str:
     """The figures as people read them, the verdict last."""
-    from slipstream_lab.research.perception.coverage import MIN_COVERED, MIN_THINGS
+    from slipstream_lab.research.perception.coverage import MAX_FALSE, MIN_COVERED, MIN_THINGS
 
     lines = ["        range             moving  covered  at any score"]
     for band in coverage.bands:
@@ -250,11 +251,16 @@ def coverage_text(coverage: Coverage) -> str:
         )
     classes = ", ".join(f"{name} {count}" for name, count in coverage.classes.items() if count)
     lines.append(f"found as: {classes or 'nothing'}")
+    lines.append(
+        f"false: {coverage.false} boxes come and go where nothing moves, "
+        f"{coverage.false_share:.0%} of these and what is covered (limit {MAX_FALSE:.0%})"
+    )
     measured = f"{coverage.share:.0%} of {coverage.things} moving things covered"
+    judged = f"{measured} (limit {MIN_COVERED:.0%}), {coverage.false_share:.0%} false boxes"
     lines.append(
         {
-            "usable": f"usable: {measured} (limit {MIN_COVERED:.0%})",
-            "doubtful": f"doubtful: {measured} (limit {MIN_COVERED:.0%})",
+            "usable": f"usable: {judged}",
+            "doubtful": f"doubtful: {judged}",
             "blind": f"blind: {measured} (a daemon reports the fault below 25%)",
             "unsure": f"unsure: {coverage.things} moving things in {coverage.pictures} pictures "
             f"are too few (limit {MIN_THINGS}); give a longer clip, or one with traffic",

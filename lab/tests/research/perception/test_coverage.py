@@ -111,6 +111,41 @@ def test_what_is_not_found_is_said(
     assert sum(b.covered_at_all for b in got.bands) / got.things == pytest.approx(at_all, abs=0.06)
 
 
+class FindsMore(Finds):
+    """One that also finds a car on the empty ground, in each picture or in some."""
+
+    def __init__(self, every: int) -> None:
+        super().__init__(0.9, lambda _: True)
+        self._every, self._number = every, 0
+
+    def detect(self, image: Image) -> Detections:
+        """What there is, and the car."""
+        found, self._number = super().detect(image), self._number + 1
+        if self._number % self._every:
+            return found
+        boxes = np.concatenate([found.boxes, np.array([[250, 130, 280, 160]], dtype=np.float32)])
+        scores = np.append(found.scores, np.float32(0.9))
+        return Detections(boxes, scores, np.append(found.classes, 0))
+
+
+@pytest.mark.parametrize(
+    ("every", "verdict", "false"),
+    [(1, "usable", (0, 0)), (3, "doubtful", (10, 40)), (100, "usable", (0, 1))],
+)
+def test_boxes_that_come_and_go_where_nothing_moves_are_false(
+    clip: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    every: int,
+    verdict: str,
+    false: tuple[int, int],
+) -> None:
+    """A vehicle that stands is found in each picture; a bush that looks like one now and then."""
+    got = measured(monkeypatch, clip, FindsMore(every))
+    assert got.share > 0.95
+    assert false[0] <= got.false <= false[1]
+    assert (got.verdict, got.false_share > 0.01) == (verdict, verdict == "doubtful")
+
+
 def test_with_a_calibration_only_the_road_counts_in_metres(
     clip: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
