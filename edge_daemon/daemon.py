@@ -20,7 +20,7 @@ from edge_daemon.camera import Camera, load_camera
 from edge_daemon.detection import Detections, Detector, detect_stream, open_detector
 from edge_daemon.frame import Frame
 from edge_daemon.pipeline import Pipeline
-from edge_daemon.publishing import Previews, StoppedPublisher, warn_opposite
+from edge_daemon.publishing import CountsPublisher, Previews, StoppedPublisher, warn_opposite
 from edge_daemon.runtime import StageTimer
 from edge_daemon.settings import EdgeSettings
 from edge_daemon.sources import FrameSource, mark_repeats, open_source
@@ -103,6 +103,10 @@ class EdgeDaemon:
             for segment in camera.segments
         }
         self._standing = StoppedPublisher(settings.rsu, camera, bus)
+        # A clip that is read as fast as it goes has no quarter hours.
+        self._counting = (
+            None if settings.source.pace == "fast" else CountsPublisher(settings.rsu, camera, bus)
+        )
         self._health_publisher = bus.publisher(rsu_health_key(settings.rsu), history=0)
         self._previews = Previews(settings, camera, bus)
         self._started_ns = time.time_ns()
@@ -169,6 +173,7 @@ class EdgeDaemon:
                     preview_due_s = now + 1 / max(self._settings.preview.fps, 1e-3)
                 done_s = time.monotonic()
         _finish(publishing)
+        self._pipeline.finish_counts()
         _finish(self._publish("ended"))
         self._previews.publish_past(self._last_frame)
 
@@ -250,6 +255,9 @@ class EdgeDaemon:
                     # Nothing while nobody can see them: with a fault, or without a frame.
                     if self._fault is None and state.frames:
                         self._standing.publish(self._pipeline.stopped(state))
+                    if self._counting is not None:
+                        last_s = math.inf if status == "ended" else now
+                        self._counting.publish(state.segment, self._pipeline.counts, last_s)
             warn_opposite(state, self._limiter)
             self._latest[state.segment] = state
             self._states += 1

@@ -27,7 +27,7 @@ from edge_daemon.sources.rate import Rate
 from edge_daemon.tracking import HIGH_SCORE, Sightings
 from edge_daemon.watch import Watch, read_reference
 from slipstream.errors import InputError
-from slipstream.messages import CameraFault, SegmentState
+from slipstream.messages import CameraFault, SegmentCounts, SegmentState
 from slipstream.service import rss_mb
 
 log = logging.getLogger(__name__)
@@ -89,6 +89,8 @@ class TrackResult:
         repeated: frames that repeated the one before, which nothing was measured in.
         fault_s: for how long each fault of the frame was reported: it begins after its wait and
             ends some seconds after its last sign.
+        counts: of each quarter hour since the clip's beginning and each segment; the last quarter
+            hour is as long as the clip lets it be.
     """
 
     rate: Rate
@@ -100,6 +102,7 @@ class TrackResult:
     decode_errors: int = 0
     repeated: int = 0
     fault_s: dict[CameraFault, float] = field(default_factory=dict)
+    counts: list[SegmentCounts] = field(default_factory=list)
     rss_mb: float = 0.0
 
 
@@ -177,6 +180,11 @@ def track(
             annotated_video.add(seen, pipeline, latest, frame.media_time_s)
             if progress is not None:
                 progress(len(result.done_s), reader.expected_frames)
+    pipeline.finish_counts()
+    for segment in camera.segments:
+        result.counts += pipeline.counts.complete(segment.id)
+        running = pipeline.counts.running(segment.id)
+        result.counts += [] if running is None else [running]
     result.gap_s = source.counters.gap_s
     result.decode_errors = source.counters.decode_errors
     result.rss_mb = rss_mb()

@@ -4,13 +4,16 @@ and no clock of its own: the same frames give the same states.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 from edge_daemon.camera import Camera, WatchedSegment
 from edge_daemon.detection import Detections, Detector
+from edge_daemon.features.counts import PassageCounter
 from edge_daemon.features.kinematics import SegmentKinematics, VehicleMotion, WindowFeatures
+from edge_daemon.features.quarter_hours import MAX_GAP_S, QuarterHours
 from edge_daemon.features.stability import StabilityJudge
 from edge_daemon.features.stopped import MEMORY_S, Standing, StoppedVehicleJudge
 from edge_daemon.frame import Frame
@@ -19,9 +22,8 @@ from edge_daemon.tracking import Sightings, Track, Tracker
 from edge_daemon.tracking.measurement import to_road_points
 from edge_daemon.tracking.sightings import SightingBuffer
 from slipstream.errors import InputError
-from slipstream.messages import SegmentState, StoppedVehicle, StoppedVehicles, UnknownReason
+from slipstream.messages import CameraFault, SegmentState, StoppedVehicle, StoppedVehicles
 
-_MAX_GAP_S = 0.5
 # As many may be of a lane beside a quiet road.
 _MOST_ONCOMING = 3
 _LEAD_S = 3.0  # what was seen before the window helps to smooth its beginning
@@ -46,7 +48,11 @@ class _Window:
 
 
 class Pipeline:
-    """Turns the frames of one camera into the states of its segments."""
+    """Turns the frames of one camera into the states of its segments.
+
+    Attributes:
+        counts: of the vehicles that pass, by quarter hour.
+    """
 
     def __init__(
         self,
@@ -72,6 +78,11 @@ class Pipeline:
             segment.id: SegmentKinematics(segment, camera.pose) for segment in camera.segments
         }
         self._windows: dict[str, WindowFeatures | None] = {}
+        self._counters = {
+            segment.id: PassageCounter(segment, camera.pose) for segment in camera.segments
+        }
+        self._fresh: list[Sightings] = []
+        self.counts = QuarterHours(rsu, self._counters, window_s)
         self._stopped = {segment.id: StoppedVehicleJudge(segment) for segment in camera.segments}
 
     @property
@@ -131,6 +142,11 @@ class Pipeline:
                 key="image",
             )
         now = frame.media_time_s
+        gap_s = 0.0 if self._last_s is None else now - self._last_s
+        if self._last_s is None or frame.cut or gap_s > MAX_GAP_S:
+            self._count(now)
+            for counter in self._counters.values():
+                counter.begin(now, cut=frame.cut)
         if frame.cut:
             self._tracker.reset()
             for judge in self._stopped.values():
@@ -138,6 +154,8 @@ class Pipeline:
         found = to_road_points(detections, self._camera)
         sightings = self._tracker.update(now, found)
         self._sightings.add(sightings)
+        self._fresh.append(sightings)
+        self.counts.frame(now, frame.captured_ns, gap_s)
         last = self._frames[-1].time_s if self._frames else now
         self._frames.append(_FrameTime(now, now - last))
         self._last_s = now
@@ -150,8 +168,29 @@ class Pipeline:
         self._judge.reset()
         for judge in self._stopped.values():
             judge.reset()
+        for counter in self._counters.values():
+            counter.reset()
+        self.counts.take_back()
+        self._fresh.clear()
         self._sightings = SightingBuffer()
         self._frames.clear()
+
+    def finish_counts(self) -> None:
+        """No frame comes any more: count the vehicles that have just passed, too."""
+        if self._last_s is None:
+            return
+        self._count(self._last_s)
+        for name, counter in self._counters.items():
+            measured = self._windows.get(name)
+            self.counts.add(name, counter.take(math.inf, measured.vehicles if measured else ()))
+
+    def _count(self, now_s: float) -> None:
+        """Give what was seen since the last call to the counters."""
+        fresh = [part for part in self._fresh if len(part)]
+        self._fresh.clear()
+        joined = Sightings.join(fresh) if fresh else None
+        for counter in self._counters.values():
+            counter.update(now_s, joined)
 
     def _forget(self, before_s: float) -> None:
         self._sightings.drop(before_s + self._window_s - self._memory_s)
@@ -159,13 +198,13 @@ class Pipeline:
             self._frames.popleft()
 
     def states(
-        self, time_ns: int, idle_s: float = 0.0, fault: UnknownReason | None = None
+        self, time_ns: int, idle_s: float = 0.0, fault: CameraFault | None = None
     ) -> list[SegmentState]:
         """The state of each segment over the window that ends now; arguments of `iter_states`."""
         return list(self.iter_states(time_ns, idle_s, fault))
 
     def iter_states(
-        self, time_ns: int, idle_s: float = 0.0, fault: UnknownReason | None = None
+        self, time_ns: int, idle_s: float = 0.0, fault: CameraFault | None = None
     ) -> Iterator[SegmentState]:
         """The same states, each computed when it is requested, all over the window that ends at
         this call, whatever frames are taken in between.
@@ -175,19 +214,22 @@ class Pipeline:
             idle_s: time since the last frame: that much of the window is empty.
             fault: why the camera cannot be trusted now; all segments are unknown for it.
         """
+        now_s = 0.0 if self._last_s is None else self._last_s + idle_s
+        self._count(now_s)
+        self.counts.tick(now_s, time_ns, fault)
         # Time goes on when all frames have left the window.
         begin_s = 0.0 if self._last_s is None else self._last_s + idle_s - self._window_s
         if idle_s > 0:
             self._forget(begin_s)
         # A frame stands for the time since the one before it, unless the source paused.
-        observed_s = sum(f.gap_s for f in self._frames if f.gap_s <= _MAX_GAP_S)
+        observed_s = sum(f.gap_s for f in self._frames if f.gap_s <= MAX_GAP_S)
         window = _Window(
             self._sightings.all(),
             begin_s,
             observed_s,
             coverage=min(1.0, observed_s / self._window_s),
             frames=len(self._frames),
-            sparse=sum(f.gap_s > _MAX_GAP_S for f in self._frames) > len(self._frames) / 2,
+            sparse=sum(f.gap_s > MAX_GAP_S for f in self._frames) > len(self._frames) / 2,
         )
         return (self._state(each, window, time_ns, fault) for each in self._camera.segments)
 
@@ -196,7 +238,7 @@ class Pipeline:
         segment: WatchedSegment,
         window: _Window,
         time_ns: int,
-        fault: UnknownReason | None,
+        fault: CameraFault | None,
     ) -> SegmentState:
         measured, oncoming = None, 0
         if fault is None and window.sightings is not None and window.observed_s > 0:
@@ -207,6 +249,11 @@ class Pipeline:
         self._stopped[segment.id].update(self._states_s, window.sightings)
         features = measured.features if measured else None
         self._windows[segment.id] = measured
+        counter = self._counters[segment.id]
+        passed = counter.take(self._states_s, measured.vehicles if measured else ())
+        self.counts.add(segment.id, passed, counter.lost())
+        if measured is not None:
+            self.counts.look(segment.id, measured.occluded_share)
         vehicles = len(measured.vehicles) if measured else 0
         flag = (
             self._judge.judge(

@@ -1,14 +1,16 @@
-"""What an edge publishes beside states and health: stopped vehicles, and pictures."""
+"""What an edge publishes beside states and health: stopped vehicles, counts, and pictures."""
 
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Mapping, Sequence
 from typing import Final
 
 import cv2
 
 from edge_daemon.camera import Camera
+from edge_daemon.features.quarter_hours import QuarterHours
 from edge_daemon.frame import Frame, Image
 from edge_daemon.preview import annotate, draw_time, past_picture, scaled, utc_date_and_time
 from edge_daemon.settings import EdgeSettings
@@ -18,7 +20,9 @@ from slipstream.messages import (
     SegmentState,
     StoppedVehicles,
     bare_preview_key,
+    counts_key,
     preview_key,
+    running_counts_key,
     stopped_key,
     with_capture_time,
 )
@@ -28,6 +32,7 @@ log = logging.getLogger(__name__)
 
 _WIDTH_PX: Final = 640
 _JPEG_QUALITY: Final = 70
+_RUNNING_S: Final = 60.0
 
 
 class StoppedPublisher:
@@ -71,6 +76,32 @@ class StoppedPublisher:
         """Say no more of who stood: whether they still do is not known."""
         self._standing.clear()
         self._warned.clear()
+
+
+class CountsPublisher:
+    """Publishes the counts of quarter hours that are complete, and each minute those of the running
+    one.
+    """
+
+    def __init__(self, rsu: str, camera: Camera, bus: Bus) -> None:
+        self._publishers = {
+            segment.id: (
+                bus.publisher(counts_key(rsu, segment.id)),
+                bus.publisher(running_counts_key(rsu, segment.id), history=0),
+            )
+            for segment in camera.segments
+        }
+        self._told_s = dict.fromkeys(self._publishers, -math.inf)
+
+    def publish(self, segment: str, counts: QuarterHours, now_s: float) -> None:
+        """What there is to tell of a segment at a monotonic time."""
+        complete, running = self._publishers[segment]
+        for told in counts.complete(segment):
+            complete.put(told)
+        present = counts.running(segment)
+        if present is not None and now_s - self._told_s[segment] >= _RUNNING_S:
+            self._told_s[segment] = now_s
+            running.put(present)
 
 
 def warn_opposite(state: SegmentState, limiter: LogLimiter) -> None:

@@ -105,7 +105,7 @@ def find_trajectories(
     if not len(rows):
         return []
     seen = grouped.sightings
-    middle = seen.point_m.take(rows, axis=0) + _to_centre(grouped, segment, pose)
+    middle = seen.point_m.take(rows, axis=0) + to_centre(grouped, segment, pose)
     along = segment.along(middle)
     low, high = segment.begin_m - MARGIN_M, segment.begin_m + segment.length_m + MARGIN_M
     near = (along >= low) & (along <= high)
@@ -163,9 +163,7 @@ def _half_length(seen: Sightings, rows: Indices) -> Array:
     return np.asarray(seen.away.take(rows, axis=0) * half[:, None])
 
 
-def _to_centre(
-    grouped: GroupedSightings, segment: WatchedSegment, pose: CameraPose | None
-) -> Array:
+def to_centre(grouped: GroupedSightings, segment: WatchedSegment, pose: CameraPose | None) -> Array:
     """From each box's lower edge to its vehicle's middle, m, shape (n, 2)."""
     seen = grouped.sightings
     guessed = _half_length(seen, grouped.rows)

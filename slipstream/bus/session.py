@@ -24,11 +24,14 @@ from slipstream.config import BusSettings
 from slipstream.errors import InputError
 from slipstream.messages import ENCODING, Message
 
-KEPT: Final[Mapping[str, int]] = MappingProxyType({"plan": 2, "acknowledgement": 8, "cycle": 8})
+KEPT: Final[Mapping[str, int]] = MappingProxyType(
+    {"plan": 2, "acknowledgement": 8, "cycle": 8, "counts": 4}
+)
 """Messages that a publisher keeps for those whom a router's outage cut off, by the end of its key.
 
-Each answer to a plan and each cycle is news of its own. Of plans the one before the last is kept
-too, which others may wait for. All else, as progress, repeats or replaces what came before: one.
+Each answer to a plan, each cycle and each quarter hour's counts is news of its own. Of plans the one
+before the last is kept too, which others may wait for. All else, as progress, repeats or replaces
+what came before: one.
 """
 
 _ENCODING: Final = zenoh.Encoding(ENCODING)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Final, Literal, get_args
 
 from msgspec import Meta
@@ -155,6 +156,92 @@ class StoppedVehicles(Model):
         return tuple(sorted(vehicles, key=lambda vehicle: vehicle.since_ns))
 
 
+QUARTER_HOUR_S: Final = 900.0
+MIN_WATCHED_S: Final = 60.0
+"""Over less no flow is told: traffic signals let vehicles come in bunches."""
+
+CountedClass = Literal["car", "truck", "bus", "motorcycle"]
+"""As detectors tell them apart; a van is a car."""
+
+UnwatchedReason = CameraFault | Literal["no_frames", "low_frame_rate", "not_running"]
+"""Why nobody watched. `not_running`: the RSU had not started yet."""
+
+
+class ClassCount(Compact, frozen=True, kw_only=True):
+    """Vehicles of one class that passed while somebody watched."""
+
+    vehicle_class: CountedClass
+    vehicles: Annotated[
+        Estimate, Meta(description="Its standard error is that of counting and of classing them.")
+    ]
+
+
+class SegmentCounts(Compact, frozen=True, kw_only=True):
+    """Vehicles that passed the middle of the watched part of a segment in one quarter hour.
+
+    Sent when the quarter hour is over (`complete`), and each minute while it runs. Only vehicles
+    that passed while somebody watched are counted; nothing is added for the time when nobody did.
+    """
+
+    rsu: Identifier
+    segment: Identifier
+    began_ns: Annotated[TimeNs, Meta(description="UTC, a full quarter hour.")]
+    until_ns: Annotated[TimeNs, Meta(description="UTC up to which it tells; its end if complete.")]
+    complete: bool
+    watched_s: Annotated[
+        NonNegative,
+        Meta(description="Of this time, how long frames came and the camera had no fault."),
+    ]
+    reason: Annotated[
+        UnwatchedReason | None,
+        Meta(description="What kept the RSU from watching for longest; null: nothing did."),
+    ]
+    vehicles: Annotated[
+        Estimate, Meta(description="Of all classes, with the standard error of counting them.")
+    ]
+    classes: Annotated[
+        tuple[ClassCount, ...], Meta(max_length=4, description="Each class, with 0 too.")
+    ]
+    mean_speed_mps: Annotated[
+        Estimate | None,
+        Meta(description="Arithmetic mean of the speeds at the passage; null: none was measured."),
+    ]
+    v85_mps: Annotated[
+        Estimate | None,
+        Meta(description="85 % of them were no faster; null: fewer than 10 were measured."),
+    ]
+    speeds: Annotated[Count, Meta(description="Vehicles whose speed was measured.")]
+
+    def __post_init__(self) -> None:
+        if self.began_ns % round(QUARTER_HOUR_S * 1e9):
+            raise ValueError("began_ns is no full quarter hour")
+        if not self.began_ns < self.until_ns <= self.began_ns + round(QUARTER_HOUR_S * 1e9):
+            raise ValueError("until_ns is not in its quarter hour")
+        if self.complete and self.until_ns != self.began_ns + round(QUARTER_HOUR_S * 1e9):
+            raise ValueError("a complete quarter hour ends with it")
+
+    @property
+    def elapsed_s(self) -> float:
+        """From its begin to the moment up to which it tells, s."""
+        return (self.until_ns - self.began_ns) / 1e9
+
+    def flow_vph(self, vehicles: Estimate) -> Estimate | None:
+        """Vehicles an hour of watched time, of a count of these; None under `MIN_WATCHED_S`.
+
+        The standard error is that of the whole elapsed time T's flow: where only W of it was
+        watched, n vehicles that come independently add n (T - W) / T to the variance of the count.
+        """
+        watched_s, elapsed_s = self.watched_s, self.elapsed_s
+        if watched_s < MIN_WATCHED_S:
+            return None
+        unwatched = max(0.0, elapsed_s - watched_s) / elapsed_s
+        error = vehicles.standard_error
+        if error is not None:
+            error = math.sqrt(error**2 + max(1.0, vehicles.value) * unwatched)
+            error *= 3600.0 / watched_s
+        return Estimate(value=3600.0 * vehicles.value / watched_s, standard_error=error)
+
+
 class StabilityLimits(Model):
     """What an RSU holds traffic against; one limit crossed, and it is turbulent."""
 
@@ -223,6 +310,16 @@ def stopped_key(rsu: str, segment: str) -> str:
     return f"{ROOT}/rsu/{chunk(rsu)}/segment/{chunk(segment)}/stopped"
 
 
+def counts_key(rsu: str, segment: str) -> str:
+    """Key of a complete SegmentCounts."""
+    return f"{ROOT}/rsu/{chunk(rsu)}/segment/{chunk(segment)}/counts"
+
+
+def running_counts_key(rsu: str, segment: str) -> str:
+    """Key of the SegmentCounts of the running quarter hour."""
+    return f"{counts_key(rsu, segment)}/running"
+
+
 def rsu_health_key(rsu: str) -> str:
     """Key of an RsuHealth."""
     return f"{ROOT}/rsu/{chunk(rsu)}/health"
@@ -240,5 +337,7 @@ def bare_preview_key(rsu: str) -> str:
 
 ALL_STATES: Final = f"{ROOT}/rsu/*/segment/*/state"
 ALL_STOPPED: Final = f"{ROOT}/rsu/*/segment/*/stopped"
+ALL_COUNTS: Final = f"{ROOT}/rsu/*/segment/*/counts"
+ALL_RUNNING_COUNTS: Final = f"{ALL_COUNTS}/running"
 ALL_RSU_HEALTH: Final = f"{ROOT}/rsu/*/health"
 ALL_PREVIEWS: Final = f"{ROOT}/rsu/*/preview"

@@ -34,6 +34,7 @@ _SAY: Final = ("put", "delete", "reply", "declare_queryable", "liveliness_token"
 # Keys after the root; + stands for a key and what publishers keep of it, V for a vehicle. A
 # wildcard does not reach chunks that begin with @, where caches and heartbeats live.
 _OF_ALL_ROADS: Final = ("platoon/*/*", "signal/*/spat", "signal/*/status", "rsu/*/segment/*/state")
+_OF_SEGMENTS: Final = ("state", "stopped", "counts", "counts/running")
 _SENSED: Final = ("vehicle/V/sensing", "vehicle/V/driver")
 _ADVICE: Final = ("vehicle/V/advice",)
 _HEARD: Final = ("fleet/V/plan+", "fleet/V/platooning/*")
@@ -260,7 +261,7 @@ def _keys_of_rsu(name: str, segments: Sequence[str]) -> list[str]:
         (
             f"{rsu}/health+",
             f"{rsu}/preview/**",
-            *(f"{segment}/{what}+" for segment in own for what in ("state", "stopped")),
+            *(f"{segment}/{what}+" for segment in own for what in _OF_SEGMENTS),
         )
     )
 

@@ -30,6 +30,7 @@ from slipstream.messages import (
     acknowledgement_key,
     advice_key,
     bare_preview_key,
+    counts_key,
     driver_key,
     order_key,
     plan_key,
@@ -39,6 +40,7 @@ from slipstream.messages import (
     preview_key,
     progress_key,
     rsu_health_key,
+    running_counts_key,
     sensing_key,
     signal_request_key,
     signal_status_key,
@@ -186,6 +188,9 @@ PROBES = {
     "another segment's state": state_key("rsu-1", "avenue_west"),
     "another RSU's state": state_key("rsu-2", "avenue_east"),
     "stopped": stopped_key("rsu-1", "avenue_east"),
+    "counts": counts_key("rsu-1", "avenue_east"),
+    "another RSU's counts": counts_key("rsu-2", "avenue_east"),
+    "running counts": running_counts_key("rsu-1", "avenue_east"),
     "another segment's stopped": stopped_key("rsu-1", "avenue_west"),
     "another RSU's stopped": stopped_key("rsu-2", "avenue_east"),
     "health": rsu_health_key("rsu-1"),
@@ -217,7 +222,7 @@ PROBES = {
     "another's advice": advice_key("truck"),
 }
 KEPT = {
-    *("state", "health", "cycle", "dispatcher's health", "acknowledgement", "progress"),
+    *("state", "counts", "health", "cycle", "dispatcher's health", "acknowledgement", "progress"),
     *("plan", "another's plan", "another's acknowledgement", "another's progress"),
 }
 """What publishers keep for subscribers that come late; the rest is of the moment."""
@@ -228,7 +233,10 @@ MAY = {
         *("position", "acknowledgement", "progress"),
         *("another's position", "another's acknowledgement", "another's progress"),
     },
-    "edge-rsu-1": {"state", "stopped", "health", "picture", "bare picture"},
+    "edge-rsu-1": {
+        *("state", "stopped", "counts", "running counts"),
+        *("health", "picture", "bare picture"),
+    },
     "signals": {"timing", "status"},
     "agent-depot-1": {
         *("position", "acknowledgement", "progress"),

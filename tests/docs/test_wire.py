@@ -46,6 +46,8 @@ KEYS = {
     messages.spat_key("{intersection}"),
     messages.state_key("{rsu}", "{segment}"),
     messages.stopped_key("{rsu}", "{segment}"),
+    messages.counts_key("{rsu}", "{segment}"),
+    messages.running_counts_key("{rsu}", "{segment}"),
     messages.ALARMS_KEY,
     messages.CYCLE_KEY,
     messages.DISPATCHER_HEALTH_KEY,

@@ -11,9 +11,11 @@ import pytest
 from slipstream.messages import (
     acknowledgement_key,
     advice_key,
+    counts_key,
     plan_key,
     position_key,
     rsu_health_key,
+    running_counts_key,
     sensing_key,
     state_key,
     stopped_key,
@@ -37,6 +39,8 @@ def test_rules_have_the_keys_of_the_messages() -> None:
         rsu_health_key("n.1 ü"),
         state_key("n.1 ü", "a road/1"),
         stopped_key("n.1 ü", "a road/1"),
+        counts_key("n.1 ü", "a road/1"),
+        running_counts_key("n.1 ü", "a road/1"),
     } < said
     tables = {"agents": {"depot": {"vehicles": [{"id": "v/1"}]}}}
     assert {plan_key("v/1"), sensing_key("v/1")} < keys(tables, "heard by agent-depot")
