@@ -14,6 +14,9 @@ from slipstream.messages import CycleReport
 STATES = Counter(
     "slipstream_dispatcher_states", "Segment states received, by verdict.", ["verdict"]
 )
+COUNTS = Counter(
+    "slipstream_dispatcher_counts", "Quarter hours of counted vehicles received.", ["verdict"]
+)
 STATE_AGE = Histogram(
     "slipstream_dispatcher_state_age_seconds",
     "From a state's time to its place among the latest states.",

@@ -10,7 +10,7 @@ from sqlalchemy import func, select
 from sqlalchemy.exc import IntegrityError
 
 from slipstream.energy.ledger import PlanEnergy
-from slipstream.messages import CycleReport, SegmentState, VehiclePlan
+from slipstream.messages import CycleReport, SegmentCounts, SegmentState, VehiclePlan
 from slipstream.orders import FleetRecords, OrderRecord
 from storage import retention
 from storage.engine import OrderKnownError, display_name, parse_url, sqlite_path
@@ -21,7 +21,7 @@ from storage.records.events import Event
 from storage.records.inputs import CycleInputs
 from storage.records.jobs import QuantumJob
 from storage.rows import cycle_row
-from storage.traffic import gates, recent, rollup_table
+from storage.traffic import counts, gates, recent, rollup_table
 from storage.traffic.gates import GateState
 from storage.traffic.rollups import RollUp
 from storage.upkeep import Upkeep
@@ -105,6 +105,11 @@ class Database(Upkeep):
         """Store roll-ups of minutes, and make those of the hours that have ended with them."""
         with self._write_session() as session:
             rollup_table.add(session, minutes)
+
+    def add_counts(self, quarter_hours: Sequence[SegmentCounts]) -> None:
+        """Store complete counts; one that is stored already stays unless less was watched in it."""
+        with self._write_session() as session:
+            counts.save(session, quarter_hours)
 
     def next_cycle_number(self) -> int:
         """One above the highest cycle stored; 1 in an empty database.

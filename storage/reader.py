@@ -13,7 +13,7 @@ from sqlalchemy.orm import Session, selectinload
 
 from slipstream.energy.ledger import EnergyHour, EnergySum
 from slipstream.errors import InputError
-from slipstream.messages import CycleReport, OrderState, SegmentState, VehiclePlan
+from slipstream.messages import CycleReport, OrderState, SegmentCounts, SegmentState, VehiclePlan
 from slipstream.orders import (
     IN_FORCE,
     ORDER_STATES,
@@ -39,7 +39,7 @@ from storage.records.jobs import QuantumJob
 from storage.records.past import CycleSums, OrderEnd
 from storage.rows import cycle_report, vehicle_plan
 from storage.tables import Tables
-from storage.traffic import history, recent, rollup_table
+from storage.traffic import counts, history, recent, rollup_table
 from storage.traffic.history import SegmentAt
 from storage.traffic.rollups import MINUTE_S, RollUp
 
@@ -216,6 +216,14 @@ class Reader:
             return tuple(rollup_table.of_segment(session, segment, begin_ns, end_ns, period_s))
 
         return self._read((), read)
+
+    def counts(self, segment: str, begin_ns: int, end_ns: int) -> tuple[SegmentCounts, ...]:
+        """Vehicles that passed on a segment in the complete quarter hours that begin in a range of
+        time, oldest first, then by RSU.
+        """
+        return self._read(
+            (), lambda session: tuple(counts.of_segment(session, segment, begin_ns, end_ns))
+        )
 
     def energy(
         self, begin_ns: int, end_ns: int, *, vehicle: str | None = None

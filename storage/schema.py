@@ -18,7 +18,7 @@ from storage.traffic import models as _of_traffic  # noqa: F401 (their tables jo
 logging.getLogger("alembic.runtime.migration").setLevel(logging.WARNING)
 
 MIGRATIONS = Path(__file__).parent / "migrations"
-HEAD: Final = "0021"
+HEAD: Final = "0022"
 """The revision of this program's models. Alembic would tell it in a fifth of a second."""
 _VERSION_TABLE = "alembic_version"
 

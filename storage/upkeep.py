@@ -14,7 +14,7 @@ from slipstream.errors import InputError
 from storage import retention
 from storage.models import CycleRow
 from storage.records import energy_ledger, events, fleet, inputs, jobs
-from storage.traffic import gates, recent, rollup_table
+from storage.traffic import counts, gates, recent, rollup_table
 from storage.writer import Writer
 
 MIN_JOB_DAYS: Final = 2.0
@@ -215,8 +215,8 @@ class Upkeep(Writer):
 
 
 def _delete_before_first_cycle(session: Session) -> bool:
-    """Delete the oldest roll-ups, hours of the energy ledger and events before all cycles, some of
-    each; False if there are none.
+    """Delete the oldest roll-ups, hours of the energy ledger, counts and events before all cycles,
+    some of each; False if there are none.
     """
     first_ns = session.scalar(select(func.min(CycleRow.started_ns)))
     if first_ns is None:
@@ -224,6 +224,7 @@ def _delete_before_first_cycle(session: Session) -> bool:
     deleted = [
         rollup_table.delete_all_oldest(session, first_ns, rollup_table.ROWS_A_STEP),
         energy_ledger.delete_oldest(session, first_ns, energy_ledger.ROWS_A_STEP),
+        counts.delete_oldest(session, first_ns, counts.ROWS_A_STEP),
         events.delete_before(session, first_ns, events.BATCH),
     ]
     return any(deleted)

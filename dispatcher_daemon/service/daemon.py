@@ -25,6 +25,7 @@ from dispatcher_daemon.solvers.quantum.hardware import open_job_manager
 from slipstream.bus import Bus
 from slipstream.messages import (
     ALL_ACKNOWLEDGEMENTS,
+    ALL_COUNTS,
     ALL_ORDERS,
     ALL_POSITIONS,
     ALL_PROGRESS,
@@ -214,6 +215,7 @@ class DispatcherParts:
         bus.subscribe(ALL_ACKNOWLEDGEMENTS, watch.on_acknowledgement, every=True)
         bus.subscribe(ALL_PROGRESS, watch.on_progress)
         bus.expect(position_key(one.id) for one in (fleet.vehicles if fleet else ()))
+        bus.subscribe(ALL_COUNTS, dispatcher.receiver.on_counts, every=True)
         bus.subscribe(ALL_RSU_HEALTH, dispatcher.receiver.on_health, history=False)
         bus.subscribe(ALL_STOPPED, self._alarms.roadside.on_stopped, history=False)
 

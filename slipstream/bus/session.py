@@ -29,9 +29,9 @@ KEPT: Final[Mapping[str, int]] = MappingProxyType(
 )
 """Messages that a publisher keeps for those whom a router's outage cut off, by the end of its key.
 
-Each answer to a plan, each cycle and each quarter hour's counts is news of its own. Of plans the one
-before the last is kept too, which others may wait for. All else, as progress, repeats or replaces
-what came before: one.
+Each answer to a plan, each cycle and each quarter hour's counts is news of its own. Of plans the
+one before the last is kept too, which others may wait for. All else, as progress, repeats or
+replaces what came before: one.
 """
 
 _ENCODING: Final = zenoh.Encoding(ENCODING)

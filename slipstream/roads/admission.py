@@ -12,7 +12,13 @@ from typing import Annotated, Final, Literal, NamedTuple
 from pydantic import Field
 
 from slipstream.errors import InputError, refuse
-from slipstream.messages import Estimate, Identifier, SegmentState, StoppedVehicles
+from slipstream.messages import (
+    Estimate,
+    Identifier,
+    SegmentCounts,
+    SegmentState,
+    StoppedVehicles,
+)
 from slipstream.roads.network import RoadNetwork, Segment
 
 Rsus = dict[Identifier, Annotated[tuple[Identifier, ...], Field(min_length=1)]]
@@ -30,6 +36,8 @@ LIMITS: Final[Mapping[str, tuple[float, float]]] = {
 MAX_STANDARD_ERROR: Final = 1e4
 MAX_WINDOW_S: Final = 3600.0
 MAX_VEHICLES: Final = 10_000
+_MAX_FLOW_HZ: Final = 1.0
+"""Vehicles a second and lane: under half of it is the most that was ever counted."""
 _MAX_LANES: Final = 30
 _MAX_ALONG_M: Final = 5000.0
 _SPEEDING: Final = 2.0
@@ -71,11 +79,11 @@ class Refusal(NamedTuple):
 
 
 def refusal(
-    message: SegmentState | StoppedVehicles,
+    message: SegmentState | StoppedVehicles | SegmentCounts,
     network: RoadNetwork,
     rsus: Mapping[str, Collection[str]] | None,
 ) -> Refusal | None:
-    """Why a state, or the vehicles that stand, are not admitted; None if they are.
+    """Why a state, counts, or the vehicles that stand, are not admitted; None if they are.
 
     Args:
         rsus: the segments that each RSU may report on; None: any RSU may report on any segment.
@@ -85,11 +93,12 @@ def refusal(
         return Refusal("unknown_segment", "unknown segment")
     if rsus is not None and message.segment not in rsus.get(message.rsu, ()):
         return Refusal("unlisted", "its RSU is not listed for this segment")
-    impossible = (
-        implausibility(message, segment)
-        if isinstance(message, SegmentState)
-        else _stopped_implausibility(message, segment)
-    )
+    if isinstance(message, SegmentState):
+        impossible = implausibility(message, segment)
+    elif isinstance(message, SegmentCounts):
+        impossible = _counts_implausibility(message, segment)
+    else:
+        impossible = _stopped_implausibility(message, segment)
     return None if impossible is None else Refusal("implausible", impossible)
 
 
@@ -122,6 +131,31 @@ def _stopped_implausibility(stopped: StoppedVehicles, segment: Segment) -> str |
         if vehicle.lane >= _MAX_LANES or vehicle.along_m > _MAX_ALONG_M:
             return f"a vehicle in lane {vehicle.lane + 1}, {vehicle.along_m:.4g} m along"
     return None if stopped.mean_speed_mps is None else _speeding(stopped.mean_speed_mps, segment)
+
+
+def _counts_implausibility(counts: SegmentCounts, segment: Segment) -> str | None:
+    """What is physically impossible in the vehicles that were counted on ``segment``."""
+    if counts.watched_s > counts.elapsed_s + 1:
+        return f"{counts.watched_s:.4g} s watched in {counts.elapsed_s:.4g} s"
+    number = counts.vehicles.value
+    if not 0 <= number <= max(segment.lanes, 1) * _MAX_FLOW_HZ * counts.watched_s + 1:
+        return f"{number:g} vehicles in {counts.watched_s:.4g} s"
+    of_classes = {one.vehicle_class: one.vehicles for one in counts.classes}
+    if len(of_classes) != len(counts.classes):
+        return "a class twice"
+    if any(one.value < 0 for one in of_classes.values()):
+        return "a count below 0"
+    if abs(sum(one.value for one in of_classes.values()) - number) > 0.5 or counts.speeds > number:
+        return f"other classes or more speeds than {number:g} vehicles"
+    for estimate in (counts.vehicles, *of_classes.values(), counts.mean_speed_mps, counts.v85_mps):
+        if estimate is not None and (estimate.standard_error or 0.0) > MAX_STANDARD_ERROR:
+            return f"a standard error of {estimate.standard_error:g}"
+    for name in ("mean_speed_mps", "v85_mps"):
+        speed: Estimate | None = getattr(counts, name)
+        if speed is not None and not 0 <= speed.value <= LIMITS["mean_speed_mps"][1]:
+            return f"{name} = {speed.value:g}"
+    mean = counts.mean_speed_mps
+    return None if mean is None else _speeding(mean.value, segment)
 
 
 def _speeding(speed: float, segment: Segment) -> str | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,7 @@ from slipstream.errors import InputError
 from slipstream.site import load_site
 
 if TYPE_CHECKING:
-    from slipstream.messages import SegmentState
+    from slipstream.messages import SegmentCounts, SegmentState
 
 
 _CYCLES_LOOKED_AT = 20
@@ -53,10 +53,16 @@ def run(options: argparse.Namespace) -> int:
         settings = load_site(options.config, "dispatcher", DispatcherSettings)
     network = load_network(options.network or settings.network)
     check_rsus(settings.rsus, network, options.config or "dispatcher")
-    now_ns, states = _last_cycle(options.database or settings.database_url)
+    url = options.database or settings.database_url
+    now_ns, states = _last_cycle(url)
     sites = feeds.find_sites(network, feeds.watched_pairs(settings.rsus, states, ()))
     measured = feeds.measurements(
-        sites, states, network, now_ns, stale_after_s=settings.stale_after_s
+        sites,
+        states,
+        network,
+        now_ns,
+        stale_after_s=settings.stale_after_s,
+        counts=_counts(url, {site.segment for site in sites}, now_ns),
     )
     documents: dict[Path, bytes] = {}
     if options.form == "wzdx":
@@ -93,6 +99,21 @@ def _last_cycle(url: str) -> tuple[int, tuple[SegmentState, ...]]:
         mend = "give the dispatcher's database_url with --database"
         raise InputError("feed", "no cycle is stored there", mend, key="--database")
     return cycle.started_ns, states
+
+
+def _counts(url: str, segments: Collection[str], now_ns: int) -> list[SegmentCounts]:
+    """What was counted in the hour before."""
+    from storage import StorageError, open_reader
+
+    with open_reader(url) as reader:
+        try:
+            return [
+                one
+                for segment in segments
+                for one in reader.counts(segment, now_ns - 3600 * 10**9, now_ns)
+            ]
+        except StorageError as error:
+            raise InputError("feed", str(error), "run slipstream db check") from None
 
 
 def _write(documents: Mapping[Path, bytes], overwrite: bool) -> None:

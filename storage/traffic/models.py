@@ -1,16 +1,17 @@
 """The tables of traffic: segments by number, gates as changes, recent cycles as they were judged,
-and roll-ups of states. Times are UTC nanoseconds.
+roll-ups of states, and counted vehicles. Times are UTC nanoseconds.
 """
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, get_args
 
 from sqlalchemy import (
     REAL,
     BigInteger,
     Boolean,
     Column,
+    Double,
     ForeignKey,
     LargeBinary,
     SmallInteger,
@@ -18,12 +19,15 @@ from sqlalchemy import (
     Table,
 )
 
-from slipstream.messages import KinematicFeatures
+from slipstream.messages import CountedClass, KinematicFeatures
 from storage.models import Base
 
 FEATURES: Final = KinematicFeatures.__struct_fields__
 SPREAD: Final = ("mean", "min", "max")
 """What is kept of each feature: columns `{feature}_{name}`."""
+
+COUNTED_CLASSES: Final[tuple[CountedClass, ...]] = get_args(CountedClass)
+"""Vehicles of each are counted: columns `{class}` and `{class}_error`."""
 
 segments: Final = Table(
     "segments",
@@ -80,3 +84,26 @@ segment_rollups: Final = Table(
     sqlite_with_rowid=False,
 )
 """States of a segment in one minute or hour (a `storage.traffic.rollups.RollUp`)."""
+
+# With the names of segments: its rows are few, and people read them as CSV.
+segment_counts: Final = Table(
+    "segment_counts",
+    Base.metadata,
+    Column("began_ns", BigInteger, primary_key=True, autoincrement=False),
+    Column("segment", String, primary_key=True),
+    Column("rsu", String, primary_key=True),
+    Column("watched_s", Double, nullable=False),
+    Column("reason", String),
+    Column("vehicles", Double, nullable=False),
+    Column("vehicles_error", Double),
+    Column("flow_vph", Double),
+    Column("flow_vph_error", Double),
+    *(Column(f"{name}{end}", Double) for name in COUNTED_CLASSES for end in ("", "_error")),
+    Column("mean_speed_mps", Double),
+    Column("mean_speed_mps_error", Double),
+    Column("v85_mps", Double),
+    Column("v85_mps_error", Double),
+    Column("speeds", BigInteger, nullable=False),
+    sqlite_with_rowid=False,
+)
+"""Vehicles that passed on a segment in a quarter hour (a complete `SegmentCounts`)."""

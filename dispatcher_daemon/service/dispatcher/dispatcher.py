@@ -66,7 +66,13 @@ class Dispatcher:
         self.cycle_began: float | None = None
         self.control = Control(store)
         self.receiver = StateReceiver(network, settings, announce)
-        self.feeds = Feeds(network, settings, self.receiver.latest.latest, self.receiver.healths)
+        self.feeds = Feeds(
+            network,
+            settings,
+            self.receiver.latest.latest,
+            self.receiver.healths,
+            counts=self.receiver.counts,
+        )
         self.fleet_watch = FleetWatch(
             network,
             records or FleetRecords(),

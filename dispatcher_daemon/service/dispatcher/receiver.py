@@ -1,4 +1,6 @@
-"""What RSUs send: states, checked, counted, kept for cycles and roll-ups; and their health."""
+"""What RSUs send: states, checked, counted, kept for cycles and roll-ups; the vehicles that they
+counted; and their health.
+"""
 
 from __future__ import annotations
 
@@ -18,10 +20,18 @@ from dispatcher_daemon.traffic import (
     traffic_by,
 )
 from slipstream.errors import InputError
-from slipstream.freshness import age_s
-from slipstream.messages import RsuHealth, SegmentState, decode, rsu_health_key, state_key
+from slipstream.freshness import age_s, is_ahead
+from slipstream.messages import (
+    RsuHealth,
+    SegmentCounts,
+    SegmentState,
+    counts_key,
+    decode,
+    rsu_health_key,
+    state_key,
+)
 from slipstream.roads import RoadNetwork
-from slipstream.roads.admission import implausibility
+from slipstream.roads.admission import implausibility, refusal
 from slipstream.service import LogLimiter
 from slipstream.service.tracing import is_on, note, sparse_span, traced
 from storage import Database, RollUpBuffer
@@ -30,6 +40,10 @@ log = logging.getLogger(__name__)
 
 FORGOTTEN_S = 86_400.0
 """An unlisted RSU that has been silent for so long is none any more, s."""
+COUNTS_OLD_S = 86_400.0
+"""Counts that ended longer ago are refused: an RSU keeps those of an hour, s."""
+MAX_COUNTS = 20_000
+"""Quarter hours that wait to be stored, and RSUs and segments whose last one is known."""
 _NAMED_STATES = 1000
 """States that a trace names."""
 
@@ -60,6 +74,9 @@ class StateReceiver:
         # The one heard last at the end.
         self._healths: dict[str, tuple[int, RsuHealth]] = {}
         self._health_lock = threading.Lock()
+        self._counts: dict[tuple[str, str], SegmentCounts] = {}
+        self._unstored: list[SegmentCounts] = []
+        self._counts_lock = threading.Lock()
 
     def on_state(self, key: str, payload: bytes) -> None:
         """Take in one message from `ALL_STATES`; what is not a SegmentState is counted."""
@@ -85,6 +102,44 @@ class StateReceiver:
             if verdict is Verdict.IMPLAUSIBLE:
                 what += f", {implausibility(state, self._network.segments[state.segment])}"
             self._limiter.warn(log, verdict.value, f"{key}: state refused: {what}")
+
+    def on_counts(self, key: str, payload: bytes) -> None:
+        """Take in one message from `ALL_COUNTS`."""
+        try:
+            counts = decode(SegmentCounts, payload, key)
+            if counts_key(counts.rsu, counts.segment) != key:
+                raise InputError(key, "not the RSU or segment of its key", "check the sender")
+            if not counts.complete:
+                raise InputError(key, "its quarter hour is not over", "check the sender")
+        except InputError as error:
+            self.refuse(error)
+            return
+        now_ns = time.time_ns()
+        refused = refusal(counts, self._network, self._settings.rsus)
+        why = None if refused is None else refused.text
+        if is_ahead(counts.until_ns, now_ns):
+            why = "its quarter hour lies ahead"
+        elif age_s(counts.until_ns, now_ns) > COUNTS_OLD_S:
+            why = "its quarter hour is long over"
+        if why is not None:
+            metrics.COUNTS.labels("refused").inc()
+            self._limiter.warn(log, "counts", f"{key}: counts refused: {why}")
+            return
+        metrics.COUNTS.labels("accepted").inc()
+        place = counts.segment, counts.rsu
+        with self._counts_lock:
+            held = self._counts.get(place)
+            if held is None or counts.began_ns >= held.began_ns or is_ahead(held.until_ns, now_ns):
+                self._counts[place] = counts
+            self._unstored.append(counts)
+            del self._unstored[:-MAX_COUNTS]
+            if len(self._counts) > MAX_COUNTS:
+                del self._counts[next(iter(self._counts))]
+
+    def counts(self) -> tuple[SegmentCounts, ...]:
+        """The last complete quarter hour of each segment by each RSU."""
+        with self._counts_lock:
+            return tuple(self._counts.values())
 
     def on_health(self, key: str, payload: bytes) -> None:
         """Take in one message from `ALL_RSU_HEALTH`."""
@@ -132,10 +187,12 @@ class StateReceiver:
         return snapshot
 
     def store_rollups(self, store: Database, now_ns: int | None = None) -> None:
-        """Store what was reported in the minutes that have ended; None: in those begun, too.
+        """Store what was reported in the minutes that have ended, None: in those begun, too; and
+        the quarter hours that were counted.
 
         Plans do not wait for it, and what cannot be stored is tried again after the next cycle.
         """
+        self._store_counts(store)
         minutes = self._rollups.take(now_ns)
         if not minutes:
             return
@@ -146,3 +203,17 @@ class StateReceiver:
             more = f", {dropped} of them are dropped" if dropped else ""
             line = f"{len(minutes)} roll-ups could not be stored{more}: {error}"
             self._limiter.warn(log, "rollups", line)
+
+    def _store_counts(self, store: Database) -> None:
+        with self._counts_lock:
+            waiting, self._unstored = self._unstored, []
+        if not waiting:
+            return
+        try:
+            store.add_counts(waiting)
+        except Exception as error:
+            with self._counts_lock:
+                self._unstored = [*waiting, *self._unstored][-MAX_COUNTS:]
+            self._limiter.warn(
+                log, "storing counts", f"{len(waiting)} counts could not be stored: {error}"
+            )

@@ -7,7 +7,7 @@ standard errors above all, stands in a level B extension: `EXTENSION_SCHEMA`.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
 from typing import Final
 from xml.etree.ElementTree import Element, SubElement, tostring
@@ -22,7 +22,14 @@ from dispatcher_daemon.service.feeds.measurements import (
 from dispatcher_daemon.service.feeds.sites import Site, digest, iso_time, window
 from dispatcher_daemon.settings import FeedSettings
 from slipstream.errors import InputError
-from slipstream.messages import Estimate, KinematicFeatures, SegmentState
+from slipstream.messages import (
+    QUARTER_HOUR_S,
+    CountedClass,
+    Estimate,
+    KinematicFeatures,
+    SegmentCounts,
+    SegmentState,
+)
 
 EXTENSION_SCHEMA: Final = resources.files(__package__) / "slipstream-datex2-1.xsd"
 """XML schema of the extension."""
@@ -41,6 +48,16 @@ _NO_XML: Final = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ff
 _MAX_STRING: Final = 1024
 _QUANTITIES: Final = ("trafficSpeed", "trafficFlow", "trafficConcentration", "trafficGap")
 """What is measured at each site; a quantity's index is its place here, from 1."""
+_CLASSES: Final[Mapping[CountedClass, str]] = {
+    "car": "carOrLightVehicle",
+    "truck": "lorry",
+    "bus": "bus",
+    "motorcycle": "motorcycle",
+}
+"""Flows of these are counted, in this order after the quantities; then speeds at the passage."""
+_CLASSES_FROM: Final = len(_QUANTITIES) + 1
+_PASSAGE_SPEED: Final = _CLASSES_FROM + len(_CLASSES)
+_V85_PER_CENT: Final = "85"
 _MAX_ACCURACY: Final = 1e6
 _KMH: Final = 3.6
 _STABILITY: Final = {1: "stable", 0: "turbulent", None: "unknown"}
@@ -125,12 +142,19 @@ def _site(table: Element, site: Site) -> None:
     _text(_add(element, "roa:measurementSiteName"), site.name)
     _add(element, "roa:measurementSiteNumberOfLanes", str(site.lanes))
     _add(element, "roa:measurementSiteIdentification", site.id)
-    for index, quantity in enumerate(_QUANTITIES, start=1):
+    counted = [*(("trafficFlow", kind) for kind in _CLASSES.values()), ("trafficSpeed", None)]
+    quantities = [*((quantity, None) for quantity in _QUANTITIES), *counted]
+    for index, (quantity, kind) in enumerate(quantities, start=1):
         characteristics = _add(
             _add(element, "roa:measurementSpecificCharacteristics", index=str(index)),
             "roa:measurementSpecificCharacteristics",
         )
+        if index >= _CLASSES_FROM:
+            _add(characteristics, "roa:period", f"{QUARTER_HOUR_S:g}")
         _add(characteristics, "roa:specificMeasurementValueType", quantity)
+        if kind is not None:
+            vehicles = _add(characteristics, "roa:specificVehicleCharacteristics")
+            _add(vehicles, "com:vehicleType", kind)
     location = _add(element, "roa:measurementSiteLocation")
     location.set("xsi:type", "loc:SingleRoadLinearLocation")
     reference = _add(location, "loc:externalReferencing")
@@ -158,24 +182,82 @@ def _site_measurements(payload: Element, measured: Measurement, now_ns: int) -> 
     for index, quantity in enumerate(_QUANTITIES, start=1):
         if features is not None and quantity == "trafficGap" and features.mean_gap_m is None:
             continue
-        indexed = _add(element, "roa:physicalQuantity", index=str(index))
-        single = _add(indexed, "roa:physicalQuantity")
-        single.set("xsi:type", "roa:SinglePhysicalQuantity")
+        if quantity == "trafficFlow" and measured.counts is not None:
+            _flow(element, index, measured.counts, measured.counts.vehicles)
+            continue
+        single = _quantity(element, index)
         if features is None:
             _fault(single, measured, now_ns)
         else:
             data = _add(single, "roa:basicData")
             data.set("xsi:type", f"roa:{quantity[0].upper()}{quantity[1:]}")
             _value(data, quantity, features, 0 if state is None else state.vehicles)
+    if measured.counts is not None:
+        _counted(element, measured.counts)
     time = _add(element, "roa:measurementTimeDefault")
     if state is not None:
-        begin, end = window(state.time_ns, state.window_s)
-        _add(time, "roa:timeMeaning", "endTime")
-        _add(time, "roa:timeValue", end)
-        period = _add(time, "roa:period")
-        _add(period, "com:startOfPeriod", begin)
-        _add(period, "com:endOfPeriod", end)
+        _period(time, *window(state.time_ns, state.window_s))
     _extension(_add(element, "roa:_siteMeasurementsExtension"), measured)
+
+
+def _quantity(site: Element, index: int) -> Element:
+    """A SinglePhysicalQuantity."""
+    indexed = _add(site, "roa:physicalQuantity", index=str(index))
+    single = _add(indexed, "roa:physicalQuantity")
+    single.set("xsi:type", "roa:SinglePhysicalQuantity")
+    return single
+
+
+def _period(time: Element, begin: str, end: str) -> None:
+    """A MeasurementOrCalculationTime."""
+    _add(time, "roa:timeMeaning", "endTime")
+    _add(time, "roa:timeValue", end)
+    period = _add(time, "roa:period")
+    _add(period, "com:startOfPeriod", begin)
+    _add(period, "com:endOfPeriod", end)
+
+
+def _counted(site: Element, counts: SegmentCounts) -> None:
+    """Flows by class, and speeds at the passage, of the last complete quarter hour."""
+    of_classes = {one.vehicle_class: one.vehicles for one in counts.classes}
+    for index, name in enumerate(_CLASSES, start=_CLASSES_FROM):
+        if name in of_classes:
+            _flow(site, index, counts, of_classes[name])
+    if counts.mean_speed_mps is None:
+        return
+    data = _of_quarter_hour(site, _PASSAGE_SPEED, "trafficSpeed", counts)
+    speed = _scaled(counts.mean_speed_mps, _KMH)
+    element = _data_value(data, "roa:averageVehicleSpeed", speed, counts.speeds)
+    _add(element, "com:speed", f"{speed.value:.6g}")
+    if counts.v85_mps is not None:
+        percentile = _add(data, "roa:speedPercentile")
+        share = _add(percentile, "roa:vehiclePercentage")
+        _add(share, "com:percentage", _V85_PER_CENT)
+        v85 = _scaled(counts.v85_mps, _KMH)
+        _add(
+            _data_value(percentile, "roa:speedPercentile", v85, counts.speeds),
+            "com:speed",
+            f"{v85.value:.6g}",
+        )
+
+
+def _flow(site: Element, index: int, counts: SegmentCounts, vehicles: Estimate) -> None:
+    """A flow as it was counted, in vehicles an hour of watched time."""
+    flow = counts.flow_vph(vehicles)
+    if flow is None:
+        return
+    data = _of_quarter_hour(site, index, "trafficFlow", counts)
+    element = _data_value(data, "roa:vehicleFlow", flow, round(vehicles.value))
+    _add(element, "com:vehicleFlowRate", str(round(flow.value)))
+
+
+def _of_quarter_hour(site: Element, index: int, quantity: str, counts: SegmentCounts) -> Element:
+    """Data with a time of their own."""
+    data = _add(_quantity(site, index), "roa:basicData")
+    data.set("xsi:type", f"roa:{quantity[0].upper()}{quantity[1:]}")
+    time = _add(data, "roa:measurementOrCalculationTime")
+    _period(time, iso_time(counts.began_ns), iso_time(counts.until_ns))
+    return data
 
 
 def _fault(quantity: Element, measured: Measurement, now_ns: int) -> None:

@@ -4,15 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 from dispatcher_daemon.service.feeds.sites import Site
 from slipstream import freshness
-from slipstream.messages import CAMERA_FAULTS, Estimate, KinematicFeatures, SegmentState
+from slipstream.messages import (
+    CAMERA_FAULTS,
+    Estimate,
+    KinematicFeatures,
+    SegmentCounts,
+    SegmentState,
+)
 from slipstream.roads import RoadNetwork
 from slipstream.roads.admission import implausibility
 
+COUNTS_FRESH_S: Final = 1200.0
+"""Counts are given for so long after their quarter hour: until the next one has surely come, s."""
 NO_STATE: Final = "no_state"
 """Why a site measures nothing whose RSU has told nothing of it yet."""
 INTERMITTENT: Final = frozenset({"low_frame_rate", "window_not_covered"})
@@ -31,6 +39,8 @@ class Measurement:
         y_e: 1 stable, 0 turbulent, None unknown.
         reason: why y_e is unknown: the state's reason, "stale", "future" or "no_state".
         features: what was measured; None where nothing was, or nothing that can be relied on.
+        counts: of the last complete quarter hour; None: there are none that are fresh and have a
+            flow.
     """
 
     site: Site
@@ -38,6 +48,7 @@ class Measurement:
     y_e: Literal[0, 1] | None
     reason: str | None
     features: KinematicFeatures | None
+    counts: SegmentCounts | None = None
 
     @property
     def missing(self) -> str:
@@ -57,6 +68,7 @@ def measurements(
     now_ns: int,
     *,
     stale_after_s: float = freshness.STALE_AFTER_S,
+    counts: Iterable[SegmentCounts] = (),
 ) -> tuple[Measurement, ...]:
     """What each site measures, in the sites' order.
 
@@ -64,6 +76,7 @@ def measurements(
 
     Args:
         states: the latest of each RSU and segment; those of other sites are left out.
+        counts: complete ones; of each RSU and segment the latest that is fresh is taken.
     """
     latest: Mapping[tuple[str, str], SegmentState] = {
         (state.rsu, state.segment): state
@@ -72,7 +85,17 @@ def measurements(
         and implausibility(state, network.segments[state.segment]) is None
     }
 
+    counted: dict[tuple[str, str], SegmentCounts] = {}
+    for one in sorted(counts, key=lambda one: one.began_ns):
+        age_s = freshness.age_s(one.until_ns, now_ns)
+        is_fresh = age_s <= COUNTS_FRESH_S and not freshness.is_ahead(one.until_ns, now_ns)
+        if is_fresh and one.flow_vph(one.vehicles) is not None:
+            counted[one.rsu, one.segment] = one
+
     def of(site: Site) -> Measurement:
+        return replace(window(site), counts=counted.get((site.rsu, site.segment)))
+
+    def window(site: Site) -> Measurement:
         state = latest.get((site.rsu, site.segment))
         if state is None:
             return Measurement(site, None, None, NO_STATE, None)

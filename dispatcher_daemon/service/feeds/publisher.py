@@ -16,7 +16,7 @@ from dispatcher_daemon.service.feeds.measurements import Measurement, measuremen
 from dispatcher_daemon.service.feeds.sites import Pair, Site, find_sites, watched_pairs
 from dispatcher_daemon.service.feeds.wzdx import device_feed
 from dispatcher_daemon.settings import DispatcherSettings
-from slipstream.messages import RsuHealth, SegmentState
+from slipstream.messages import RsuHealth, SegmentCounts, SegmentState
 from slipstream.roads import RoadNetwork
 
 MIN_INTERVAL_S: Final = 1.0
@@ -62,12 +62,13 @@ class Feeds:
         states: Callable[[], tuple[SegmentState, ...]],
         healths: Callable[[], Mapping[str, tuple[int, RsuHealth]]],
         now_ns: Callable[[], int] = time.time_ns,
+        counts: Callable[[], tuple[SegmentCounts, ...]] = tuple,
     ) -> None:
         self._network = network
         self._settings = settings
         self._states = states
         self._now_ns = now_ns
-        self._healths = healths
+        self._healths, self._counts = healths, counts
         self._sites: tuple[frozenset[Pair], tuple[Site, ...]] = (frozenset(), ())
         self._made: dict[str, _Made] = {}
         # Documents are made one at a time: a city's takes a second of a core.
@@ -149,6 +150,7 @@ class Feeds:
             self._network,
             now_ns,
             stale_after_s=self._settings.stale_after_s,
+            counts=self._counts(),
         )
 
     def _find_sites(self, states: tuple[SegmentState, ...], now_ns: int) -> tuple[Site, ...]:

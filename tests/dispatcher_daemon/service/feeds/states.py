@@ -8,9 +8,11 @@ from hypothesis import strategies as st
 
 from slipstream.messages import (
     CAMERA_FAULTS,
+    ClassCount,
     Estimate,
     KinematicFeatures,
     RsuHealth,
+    SegmentCounts,
     SegmentState,
 )
 from slipstream.messages.roadside import UnknownReason
@@ -53,6 +55,36 @@ def state(
         vehicles=9,
         frames=300,
         coverage=1.0,
+    )
+
+
+def counts(
+    segment: str = "avenue_east",
+    *,
+    rsu: str = "rsu-1",
+    quarters_ago: int = 0,
+    watched_s: float = 600.0,
+) -> SegmentCounts:
+    """What an RSU counted in the last complete quarter hour, or in one before it."""
+    quarter_ns = 900 * SECOND_NS
+    until_ns = NOW_NS // quarter_ns * quarter_ns - quarters_ago * quarter_ns
+    of_classes = (("car", 100.0), ("truck", 16.0), ("bus", 4.0), ("motorcycle", 0.0))
+    return SegmentCounts(
+        rsu=rsu,
+        segment=segment,
+        began_ns=until_ns - quarter_ns,
+        until_ns=until_ns,
+        complete=True,
+        watched_s=watched_s,
+        reason="dark",
+        vehicles=Estimate(value=120.0, standard_error=3.0),
+        classes=tuple(
+            ClassCount(vehicle_class=name, vehicles=Estimate(value=value, standard_error=2.0))
+            for name, value in of_classes
+        ),
+        mean_speed_mps=Estimate(value=12.0, standard_error=0.12),
+        v85_mps=Estimate(value=14.0, standard_error=0.21),
+        speeds=118,
     )
 
 

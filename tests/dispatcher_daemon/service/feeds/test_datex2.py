@@ -22,11 +22,11 @@ from dispatcher_daemon.service.feeds import (
 )
 from dispatcher_daemon.settings import FeedSettings
 from slipstream.errors import InputError
-from slipstream.messages import Estimate, SegmentState
+from slipstream.messages import Estimate, SegmentCounts, SegmentState
 from slipstream.roads import RoadNetwork
 from slipstream.roads.sumo_net import load_network
 from tests.dispatcher_daemon.service.feeds.conftest import Check
-from tests.dispatcher_daemon.service.feeds.states import NOW_NS, any_state, features, state
+from tests.dispatcher_daemon.service.feeds.states import NOW_NS, any_state, counts, features, state
 
 NAMES = {
     "com": "http://datex2.eu/schema/3/common",
@@ -42,10 +42,11 @@ def documents(
     roads: RoadNetwork,
     states: Sequence[SegmentState],
     rsus: dict[str, tuple[str, ...]] | None = None,
+    counted: Sequence[SegmentCounts] = (),
 ) -> tuple[bytes, bytes]:
-    """The site table and the measured data of some states."""
+    """The site table and the measured data of some states and counts."""
     sites = find_sites(roads, watched_pairs(rsus, states, ()))
-    measured = measurements(sites, states, roads, NOW_NS)
+    measured = measurements(sites, states, roads, NOW_NS, counts=counted)
     return site_table(sites, WHO, NOW_NS), measured_data(measured, WHO, NOW_NS)
 
 
@@ -85,6 +86,80 @@ def test_a_measured_speed_has_its_error_its_spread_and_its_vehicles(roads: RoadN
     assert float(cv.text) == pytest.approx(0.08)
     assert float(cv.get("standardError")) == pytest.approx(0.00816, abs=1e-5)
     check_extensions(document)
+
+
+def indexed(site: etree._Element) -> dict[str, etree._Element]:
+    """The quantities of a site by their index."""
+    return {each.get("index"): each for each in site.findall("roa:physicalQuantity", NAMES)}
+
+
+def test_fresh_counts_are_the_flow_by_class_with_its_accuracy_and_its_own_time(
+    roads: RoadNetwork,
+) -> None:
+    """In place of density times speed; the table says of which vehicles each index is."""
+    older = counts(quarters_ago=1, watched_s=900.0)
+    table, document = documents(roads, [state(measured=features())], None, [counts(), older])
+    found = indexed(sites_of(document)["rsu-1/avenue_east"])
+    flows = {
+        index: int(quantity.findtext(".//com:vehicleFlowRate", namespaces=NAMES))
+        for index, quantity in found.items()
+        if quantity.find(".//roa:vehicleFlow", NAMES) is not None
+    }
+    assert flows == {"2": 720, "5": 600, "6": 96, "7": 24, "8": 0}
+    flow = found["2"].find(".//roa:vehicleFlow", NAMES)
+    # 300 of 900 s were not watched: a third of 120 vehicles in the variance.
+    assert float(flow.get("accuracy")) == pytest.approx(100 * (9 + 40) ** 0.5 / 120)
+    assert flow.get("numberOfInputValuesUsed") == "120"
+    assert found["8"].find(".//roa:vehicleFlow", NAMES).get("accuracy") is None
+    period = found["5"].find(".//roa:measurementOrCalculationTime/roa:period", NAMES)
+    assert [each.text for each in period] == [
+        "2027-01-15T07:45:00.000Z",
+        "2027-01-15T08:00:00.000Z",
+    ]
+    speed = found["9"]
+    assert speed.findtext(".//roa:averageVehicleSpeed/com:speed", namespaces=NAMES) == "43.2"
+    assert speed.findtext(".//com:percentage", namespaces=NAMES) == "85"
+    v85 = speed.find(".//roa:speedPercentile/roa:speedPercentile", NAMES)
+    assert v85.findtext("com:speed", namespaces=NAMES) == "50.4"
+    assert float(v85.get("accuracy")) == pytest.approx(1.5)
+    (site,) = etree.fromstring(table).iter(f"{{{NAMES['roa']}}}measurementSite")
+    kinds = [each.text for each in site.iter(f"{{{NAMES['com']}}}vehicleType")]
+    assert kinds == ["carOrLightVehicle", "lorry", "bus", "motorcycle"]
+
+
+@pytest.mark.parametrize(
+    "counted",
+    [
+        counts(quarters_ago=2),
+        counts(quarters_ago=-2),
+        counts(watched_s=59.0),
+        counts("avenue_west"),
+        counts(rsu="rsu-2"),
+    ],
+    ids=["old", "ahead", "not watched", "another road's", "another unit's"],
+)
+def test_without_fresh_counts_the_flow_is_density_times_speed(
+    roads: RoadNetwork, counted: SegmentCounts
+) -> None:
+    """As before there were any."""
+    told, plain = (
+        documents(roads, [state(measured=features())], {"rsu-1": ("avenue_east",)}, some)[1]
+        for some in ((counted,), ())
+    )
+    assert told == plain
+    assert (
+        sites_of(plain)["rsu-1/avenue_east"].findtext(".//com:vehicleFlowRate", namespaces=NAMES)
+        == "900"
+    )
+
+
+def test_counts_stay_where_the_window_is_unknown(roads: RoadNetwork) -> None:
+    """They are of another time; a fault of the camera has begun since."""
+    faulty = state(y_e=None, reason="dark")
+    _, document = documents(roads, [faulty], None, [counts()])
+    found = indexed(sites_of(document)["rsu-1/avenue_east"])
+    assert found["2"].findtext(".//com:vehicleFlowRate", namespaces=NAMES) == "720"
+    assert found["1"].find(".//roa:physicalQuantityFault", NAMES) is not None
 
 
 @pytest.mark.parametrize(
@@ -236,7 +311,9 @@ def test_any_states_give_publications_that_the_official_schemas_accept(
     roads: RoadNetwork, official_datex2: Check, states: list[SegmentState]
 ) -> None:
     """The table and the data, with the extension in them."""
-    for document in documents(roads, states, {each.rsu: SEGMENTS for each in states}):
+    rsus = {each.rsu: SEGMENTS for each in states}
+    counted = [counts(segment, rsu=rsu) for rsu in rsus for segment in SEGMENTS]
+    for document in documents(roads, states, rsus, counted):
         official_datex2(document)
 
 
