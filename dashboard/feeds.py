@@ -17,9 +17,11 @@ from slipstream.bus import Bus
 from slipstream.errors import InputError
 from slipstream.messages import (
     ALARMS_KEY,
+    ALL_COUNTS,
     ALL_PLANS,
     ALL_POSITIONS,
     ALL_RSU_HEALTH,
+    ALL_RUNNING_COUNTS,
     ALL_STATES,
     ALL_STOPPED,
     CYCLE_KEY,
@@ -50,6 +52,8 @@ def subscribe(
     for kind, key_expression, handler in (
         ("state", ALL_STATES, live.on_state),
         ("stopped", ALL_STOPPED, live.on_stopped),
+        ("counts", ALL_COUNTS, live.on_counts),
+        ("running_counts", ALL_RUNNING_COUNTS, live.on_counts),
         ("rsu_health", ALL_RSU_HEALTH, live.on_rsu_health),
         ("plan", ALL_PLANS, on_plan),
         ("position", ALL_POSITIONS, live.on_position),
@@ -60,8 +64,8 @@ def subscribe(
         bus.subscribe(
             key_expression,
             _counting_handler(kind, handler, limiter),
-            # The others come each second.
-            history=kind in ("plan", "cycle", "dispatcher_health", "alarms"),
+            # The others come each second, or each minute.
+            history=kind in ("counts", "plan", "cycle", "dispatcher_health", "alarms"),
             every=kind == "cycle",
         )
     bus.expect(state_key(rsu, road) for rsu, roads in (rsus or {}).items() for road in roads)

@@ -18,15 +18,18 @@ from slipstream.messages import (
     CycleReport,
     DispatcherHealth,
     RsuHealth,
+    SegmentCounts,
     SegmentState,
     StoppedVehicles,
     Unserved,
     VehiclePlan,
     VehiclePosition,
+    counts_key,
     decode,
     plan_key,
     position_key,
     rsu_health_key,
+    running_counts_key,
     state_key,
     stopped_key,
 )
@@ -41,6 +44,8 @@ MAX_ENTRIES: Final = 20_000
 _K = TypeVar("_K")
 _V = TypeVar("_V")
 _Roadside = TypeVar("_Roadside", SegmentState, StoppedVehicles)
+OfSegment = SegmentState | StoppedVehicles | SegmentCounts
+"""What an RSU tells of a segment."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +53,7 @@ class Snapshot:
     """The latest messages at one moment.
 
     Attributes:
+        counts: of the last complete quarter hour, by segment and RSU; of the one that runs.
         followed: the plan that each vehicle last reported to follow; it may be older than its
             latest one.
         cycles: reports in ascending order of their numbers; only the last one has its solvers,
@@ -60,6 +66,8 @@ class Snapshot:
 
     states: Mapping[tuple[str, str], SegmentState] = field(default_factory=dict)
     stopped: Mapping[tuple[str, str], StoppedVehicles] = field(default_factory=dict)
+    counts: Mapping[tuple[str, str], SegmentCounts] = field(default_factory=dict)
+    running_counts: Mapping[tuple[str, str], SegmentCounts] = field(default_factory=dict)
     rsus: Mapping[str, RsuHealth] = field(default_factory=dict)
     plans: Mapping[str, VehiclePlan] = field(default_factory=dict)
     positions: Mapping[str, VehiclePosition] = field(default_factory=dict)
@@ -82,19 +90,21 @@ class LiveData:
     Args:
         clock_ns: UTC in ns. A message dated ahead of it is replaced by any other, so that a clock
             that was set back does not block the page.
-        refusal: why a SegmentState or StoppedVehicles is not admitted; None: it is.
+        refusal: why what an RSU tells of a segment is not admitted; None: it is.
     """
 
     def __init__(
         self,
         clock_ns: Callable[[], int],
-        refusal: Callable[[SegmentState | StoppedVehicles], Refusal | None] = lambda _: None,
+        refusal: Callable[[OfSegment], Refusal | None] = lambda _: None,
     ) -> None:
         self._refusal = refusal
         self._clock_ns = clock_ns
         self._lock = threading.Lock()
         self._states: OrderedDict[tuple[str, str], SegmentState] = OrderedDict()
         self._stopped: OrderedDict[tuple[str, str], StoppedVehicles] = OrderedDict()
+        self._counts: OrderedDict[tuple[str, str], SegmentCounts] = OrderedDict()
+        self._running_counts: OrderedDict[tuple[str, str], SegmentCounts] = OrderedDict()
         self._rsus: OrderedDict[str, RsuHealth] = OrderedDict()
         self._plans: OrderedDict[str, VehiclePlan] = OrderedDict()
         self._positions: OrderedDict[str, VehiclePosition] = OrderedDict()
@@ -123,6 +133,18 @@ class LiveData:
         _check_key(key, stopped_key(stopped.rsu, stopped.segment))
         self._check_admitted(key, stopped, "stopped vehicles")
         self._put_of_road(self._stopped, stopped)
+
+    def on_counts(self, key: str, payload: bytes) -> None:
+        """Store a SegmentCounts, complete or of the running quarter hour by its key: admitted as a
+        SegmentState is.
+        """
+        counts = decode(SegmentCounts, payload, key)
+        name = (counts.segment, counts.rsu)
+        of_key = counts_key if counts.complete else running_counts_key
+        _check_key(key, of_key(counts.rsu, counts.segment))
+        self._check_admitted(key, counts, "counts")
+        entries = self._counts if counts.complete else self._running_counts
+        self._put(entries, name, counts, counts.until_ns, lambda old: old.until_ns)
 
     def on_rsu_health(self, key: str, payload: bytes) -> None:
         """Store an RsuHealth."""
@@ -206,6 +228,8 @@ class LiveData:
                 self._told,
                 states=dict(self._states),
                 stopped=dict(self._stopped),
+                counts=dict(self._counts),
+                running_counts=dict(self._running_counts),
                 rsus=dict(self._rsus),
                 plans=dict(self._plans),
                 positions=dict(self._positions),
@@ -239,7 +263,7 @@ class LiveData:
     def _add_plan(self, plan: VehiclePlan) -> None:
         self._put(self._plans, plan.vehicle, plan, plan.issued_ns, lambda old: old.issued_ns)
 
-    def _check_admitted(self, key: str, message: SegmentState | StoppedVehicles, what: str) -> None:
+    def _check_admitted(self, key: str, message: OfSegment, what: str) -> None:
         if (refusal := self._refusal(message)) is not None:
             raise InputError(key, f"{what} refused: {refusal.text}", "check the sender")
 

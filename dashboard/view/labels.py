@@ -67,6 +67,7 @@ _FAULTS: Final[dict[CameraFault, str]] = {
 _REASONS: Final[dict[str, str]] = {
     "no_frames": "no picture from the camera",
     "too_few_vehicles": "too few vehicles to tell",
+    "not_running": "the roadside unit had not started yet",
     "low_frame_rate": "the camera sends too few pictures a second",
     "window_not_covered": "camera not watching long enough yet",
     "implausible": "measured accelerations that no traffic has",

@@ -19,7 +19,7 @@ from slipstream_cli.laboratory import part
 from slipstream_cli.progress import ProgressLine
 
 if TYPE_CHECKING:
-    pass
+    from slipstream.messages import Estimate, SegmentCounts
 
 
 def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -97,6 +97,7 @@ def run(options: argparse.Namespace) -> int:
         "turbulent": len(known) - sum(known),
         "unknown": len(result.states) - len(known),
         "unknown_for": dict(Counter(s.reason for s in result.states if s.reason is not None)),
+        "counts": [_counted(counts) for counts in result.counts],
         "ms_per_frame": {"median": round(median, 2), "p95": round(p95, 2)},
         "latency_ms": {"median": round(latency_median, 2), "p95": round(latency_p95, 2)},
         "rss_mb": round(result.rss_mb, 1),
@@ -105,6 +106,31 @@ def run(options: argparse.Namespace) -> int:
         summary |= scores(result.recorder, settings.stability)
     print(json.dumps(summary) if options.json else _in_words(summary))
     return 0
+
+
+def _counted(counts: SegmentCounts) -> dict[str, Any]:
+    """What passed on a segment in a quarter hour of the clip, with standard errors."""
+
+    def rounded(estimate: Estimate | None, factor: float = 1.0) -> list[float | None] | None:
+        if estimate is None:
+            return None
+        error = estimate.standard_error
+        return [
+            round(factor * estimate.value, 1),
+            None if error is None else round(factor * error, 2),
+        ]
+
+    return {
+        "segment": counts.segment,
+        "from_s": counts.began_ns / 1e9,
+        "watched_s": round(counts.watched_s, 1),
+        "reason": counts.reason,
+        "vehicles": rounded(counts.vehicles),
+        **{one.vehicle_class: rounded(one.vehicles) for one in counts.classes},
+        "flow_vph": rounded(counts.flow_vph(counts.vehicles)),
+        "mean_speed_kmh": rounded(counts.mean_speed_mps, 3.6),
+        "v85_kmh": rounded(counts.v85_mps, 3.6),
+    }
 
 
 def _settings(options: argparse.Namespace) -> TrackSettings:
@@ -155,6 +181,8 @@ def _in_words(summary: dict[str, Any]) -> str:
     for key, value in summary.items():
         if key == "features":
             lines += [f"  {name}: {_in_row(figures)}" for name, figures in value.items()]
+        elif key == "counts":
+            lines += [f"counted on {one['segment']}: {_counts_in_row(one)}" for one in value]
         else:
             row = (_in_row(value) or "none") if isinstance(value, dict) else _short(value)
             lines.append(f"{key}: {row}")
@@ -163,6 +191,16 @@ def _in_words(summary: dict[str, Any]) -> str:
 
 def _in_row(values: dict[str, Any]) -> str:
     return ", ".join(f"{key} {_short(value)}" for key, value in values.items())
+
+
+def _counts_in_row(counted: dict[str, Any]) -> str:
+    told = [f"watched {counted['watched_s']:g} s from {counted['from_s']:g} s on"]
+    told += [f"because of {counted['reason']}"] if counted["reason"] else []
+    for name, value in counted.items():
+        if isinstance(value, list):
+            error = "" if value[1] is None else f" ± {value[1]:.2g}"
+            told.append(f"{name} {value[0]:g}{error}")
+    return ", ".join(told)
 
 
 def _short(value: object) -> str:

@@ -9,7 +9,7 @@ from fastapi import APIRouter, Query
 from fastapi.responses import Response
 
 from dashboard.web.routes import card_parts as parts
-from dashboard.web.routes import vehicle_parts
+from dashboard.web.routes import count_parts, vehicle_parts
 from dashboard.web.services import Page, PageServices, as_json
 from dashboard.web.tables.rows import Known
 from slipstream.http.problems import Problem
@@ -62,6 +62,9 @@ def road_card(page: Page, road: str, t: T = None) -> Response:
         raise Problem(404, f"no road {road[:200]} is here", "ask for one of the network's")
     begin_ns, end_ns = known.now_ns - HOUR_NS, known.now_ns + 1
     minutes = _stored(page, lambda reader: reader.rollups(road, begin_ns, end_ns), ())
+    counted = (
+        () if t is None else _stored(page, lambda reader: reader.counts(road, begin_ns, end_ns), ())
+    )
     return as_json(
         {
             "id": road,
@@ -72,6 +75,7 @@ def road_card(page: Page, road: str, t: T = None) -> Response:
             if known.moment["live"]
             else parts.features_of_minute(minutes, known.now_ns),
             "hour": parts.hour(minutes),
+            "counts": count_parts.counts(road, known, counted),
             "refused": parts.refused(road, known),
             "stopped": parts.stopped(road, known),
         }

@@ -74,7 +74,7 @@ class StateReceiver:
         # The one heard last at the end.
         self._healths: dict[str, tuple[int, RsuHealth]] = {}
         self._health_lock = threading.Lock()
-        self._counts: dict[tuple[str, str], SegmentCounts] = {}
+        self._counted: dict[tuple[str, str], SegmentCounts] = {}
         self._unstored: list[SegmentCounts] = []
         self._counts_lock = threading.Lock()
 
@@ -128,18 +128,18 @@ class StateReceiver:
         metrics.COUNTS.labels("accepted").inc()
         place = counts.segment, counts.rsu
         with self._counts_lock:
-            held = self._counts.get(place)
+            held = self._counted.get(place)
             if held is None or counts.began_ns >= held.began_ns or is_ahead(held.until_ns, now_ns):
-                self._counts[place] = counts
+                self._counted[place] = counts
             self._unstored.append(counts)
             del self._unstored[:-MAX_COUNTS]
-            if len(self._counts) > MAX_COUNTS:
-                del self._counts[next(iter(self._counts))]
+            if len(self._counted) > MAX_COUNTS:
+                del self._counted[next(iter(self._counted))]
 
     def counts(self) -> tuple[SegmentCounts, ...]:
         """The last complete quarter hour of each segment by each RSU."""
         with self._counts_lock:
-            return tuple(self._counts.values())
+            return tuple(self._counted.values())
 
     def on_health(self, key: str, payload: bytes) -> None:
         """Take in one message from `ALL_RSU_HEALTH`."""

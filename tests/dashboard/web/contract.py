@@ -300,6 +300,32 @@ class Stopped(TypedDict):
 
 
 @with_config(STRICT)
+class Measured(TypedDict):
+    value: Number
+    standard_error: Number | None
+
+
+@with_config(STRICT)
+class Flow(TypedDict):
+    kind: Literal["all", "car", "truck", "bus", "motorcycle"]
+    vehicles: int
+    vph: Number
+    standard_error: Number | None
+
+
+@with_config(STRICT)
+class Counts(TypedDict):
+    begin: Ms
+    end: Ms
+    complete: bool
+    watched_share: Number
+    why: str | None
+    flows: list[Flow]
+    kmh: Measured | None
+    v85_kmh: Measured | None
+
+
+@with_config(STRICT)
 class RoadFacts(TypedDict):
     id: str
     name: str | None
@@ -308,6 +334,7 @@ class RoadFacts(TypedDict):
     p_stable: Number | None
     features: list[Feature]
     hour: Hour
+    counts: Counts | None
     refused: list[Refused]
 
 
@@ -450,6 +477,9 @@ SHAPES: dict[str, Any] = {
         *(OrderRow, CycleRow, AlarmRow, Status, StatusItem, Energy, EnergySum),
         *(VehicleCard, PlanCard, PlanStop, PlanSegment, PlanHistory, RoadCard, Feature, Hour),
         *(
+            Counts,
+            Flow,
+            Measured,
             Refused,
             Stopped,
             RsuCard,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import msgspec
 import pytest
 from pydantic import TypeAdapter
 
@@ -17,6 +18,7 @@ from slipstream.messages import (
     StoppedVehicle,
     StoppedVehicles,
     VehiclePosition,
+    counts_key,
     plan_key,
     position_key,
     stopped_key,
@@ -24,6 +26,7 @@ from slipstream.messages import (
 from slipstream.orders import OrderRecord
 from storage import RollUp
 from storage.traffic.rollups import Spread
+from tests.dispatcher_daemon.service.feeds.states import counts
 
 from .contract import SHAPES, names
 
@@ -68,6 +71,13 @@ def page(serve, tell, world, now_ns):
         y_e=1,
         mean_speed_mps=15.0,
     )
+    quarter_ns = 900 * S
+    counted = msgspec.structs.replace(
+        counts(rsu=stopped.rsu),
+        began_ns=now_ns // quarter_ns * quarter_ns - quarter_ns,
+        until_ns=now_ns // quarter_ns * quarter_ns,
+    )
+    page.live.on_counts(counts_key(counted.rsu, counted.segment), counted.to_bytes())
     page.live.on_stopped(stopped_key(stopped.rsu, stopped.segment), stopped.to_bytes())
     alarm = Alarm(
         id="a-1",

@@ -4,7 +4,7 @@ import { h } from "../dom.js";
 import { words } from "../format.js";
 import { flagStrip, lineChart } from "../chart.js";
 import { chip, flagChip } from "../marks.js";
-import { facts, link, links, longTable, section } from "./parts.js";
+import { facts, link, links, longTable, section, smallTable } from "./parts.js";
 
 const HOUR_MS = 3_600_000;
 /** 95 % of a normal distribution lies within this many standard errors. */
@@ -40,6 +40,7 @@ export function roadCard(id, row, detail, ctx) {
     detail ? [
       detail.features?.length ? section("Features", features(detail.features, f)) : null,
       detail.hour?.t?.length ? section("The last hour", hour(detail.hour, detail.features ?? [], ctx)) : row ? section("The last hour", h("p.muted", {}, "Nothing is stored of it.")) : null,
+      section("Vehicles counted", counts(detail.counts, ctx)),
       section("Platoons refused here", detail.refused?.length ? longTable(["#Cycle", "#Time", "Vehicles", "Why"], detail.refused.map((one) => [
         link("cycle", String(one.cycle)), f.time(one.t, now), links("vehicle", one.vehicles), words(one.why),
       ]), "Platoons refused here", 6) : h("p.muted", {}, "None.")),
@@ -47,6 +48,25 @@ export function roadCard(id, row, detail, ctx) {
         f.number(one.lane), f.distance(one.along_m), f.clock(one.since),
       ]), "Stopped vehicles")) : null,
     ] : h("p.muted", {}, "Loading…"),
+  ];
+}
+
+/** What passed in the last quarter hour, or why that is not known. */
+function counts(told, { f, now }) {
+  if (!told) return h("p.muted", {}, "Not counted: no roadside unit has told of it.");
+  const plusMinus = (error, convert = (value) => value) => (error === null ? "" : ` ± ${f.measure(convert(INTERVAL * error))}`);
+  const speed = (one) => (one ? `${f.measure(f.speedValue(one.value))}${plusMinus(one.standard_error, (kmh) => f.speedValue(kmh))} ${f.speedUnit}` : null);
+  return [
+    facts([
+      [told.complete ? "Quarter hour" : "Until now", f.window(told.begin, told.end, now)],
+      [told.complete ? "Over for" : "Told", told.complete ? f.duration(Math.max(0, now - told.end) / 1000) : `${f.duration(Math.max(0, now - told.end) / 1000)} ago`],
+      ["Watched", `${f.share(told.watched_share, 0)}${told.why && told.flows.length ? `; else ${words(told.why)}` : ""}`],
+      ["Mean speed", speed(told.kmh)],
+      ["85 % no faster than", speed(told.v85_kmh)],
+    ]),
+    told.flows.length ? smallTable(["Class", "#Vehicles/h", "#±", "#Counted"], told.flows.map((flow) => [
+      flow.kind, f.number(flow.vph), flow.standard_error === null ? "–" : f.number(INTERVAL * flow.standard_error), f.number(flow.vehicles),
+    ]), "Vehicles an hour with 95 % intervals") : h("p.muted", {}, `Not counted: ${words(told.why)}.`),
   ];
 }
 

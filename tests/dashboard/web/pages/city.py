@@ -419,6 +419,22 @@ def road_details(t: int) -> Row:
                 for k in range(60)
             ],
         },
+        "counts": {
+            "begin": t - 20 * MINUTE,
+            "end": t - 5 * MINUTE,
+            "complete": True,
+            "watched_share": 0.93,
+            "why": "the camera's picture is black",
+            "flows": [
+                {"kind": "all", "vehicles": 210, "vph": 903.2, "standard_error": 35.1},
+                {"kind": "car", "vehicles": 180, "vph": 774.2, "standard_error": 33.0},
+                {"kind": "truck", "vehicles": 20, "vph": 86.0, "standard_error": 14.2},
+                {"kind": "bus", "vehicles": 8, "vph": 34.4, "standard_error": 12.0},
+                {"kind": "motorcycle", "vehicles": 2, "vph": 8.6, "standard_error": 11.4},
+            ],
+            "kmh": {"value": 41.3, "standard_error": 0.31},
+            "v85_kmh": {"value": 49.8, "standard_error": 0.52},
+        },
         "refused": [
             {
                 "cycle": 118,
