@@ -181,8 +181,11 @@ class Pipeline:
             return
         self._count(self._last_s)
         for name, counter in self._counters.items():
+            counter.finish()
             measured = self._windows.get(name)
-            self.counts.add(name, counter.take(math.inf, measured.vehicles if measured else ()))
+            passed = counter.take(math.inf, measured.vehicles if measured else ())
+            self.counts.add(name, passed, counter.lost())
+        self.counts.finish()
 
     def _count(self, now_s: float) -> None:
         """Give what was seen since the last call to the counters."""

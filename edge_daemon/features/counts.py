@@ -144,10 +144,12 @@ class PassageCounter:
             if path is None:
                 path = self._paths[track] = self._follow_on(track, rows, kind)
             self._extend(path, rows, kind)
-        for path in {id(path): path for path in self._paths.values()}.values():
-            if not path.passed:
-                self._decide(path)
+        self._decide_all(_CLEAR_M)
         self._forget(now_s)
+
+    def finish(self) -> None:
+        """No sighting comes any more: who is downstream now has passed, however near."""
+        self._decide_all(0.0)
 
     def take(self, now_s: float, vehicles: Sequence[VehicleMotion]) -> list[Passage]:
         """The passages that are as well known as they will be, with speeds from motions that were
@@ -247,10 +249,15 @@ class PassageCounter:
         path.across_m = float(np.median(rows[-_BLOCK:, 2]))
         path.vehicle_class = kind
 
-    def _decide(self, path: _Path) -> None:
-        place_m = path.place_m
-        if place_m < self.place_m + _CLEAR_M or not path.is_on_segment:
-            return
+    def _decide_all(self, clear_m: float) -> None:
+        for path in {id(path): path for path in self._paths.values()}.values():
+            if not path.passed and path.is_on_segment:
+                place_m = path.place_m if clear_m else float(path.tail[-1, 1])
+                if place_m >= self.place_m + clear_m:
+                    self._decide(path, place_m)
+
+    def _decide(self, path: _Path, place_m: float) -> None:
+        """Whether one that is downstream has come from upstream."""
         if path.low_m <= self.place_m and path.below is not None:
             found: Found = "joined" if path.joined else "seen"
             (begin_s, begin_m), (end_s, end_m) = path.below, path.above or path.below

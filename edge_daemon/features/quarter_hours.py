@@ -178,6 +178,10 @@ class QuarterHours:
             counted.hidden += UNKNOWN_HIDDEN if hidden_share is None else hidden_share
             counted.looks += 1
 
+    def finish(self) -> None:
+        """Nothing comes any more: what is over is complete."""
+        self._settle_s = 0.0
+
     def complete(self, segment: str) -> list[SegmentCounts]:
         """The counts of the quarter hours that have become complete since the last call."""
         found = []

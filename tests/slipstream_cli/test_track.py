@@ -50,6 +50,14 @@ def test_a_clip_is_followed_scored_and_drawn(
     assert 0.5 < summary["hota"] <= 1.0
     assert summary["y_e_agreement"] == 1.0
     assert summary["features"]["mean_speed_mps"]["mean_abs_error"] < 0.3
+    (counted,) = summary["counts"]
+    assert counted["segment"] == "stable_road"
+    assert counted["watched_s"] == pytest.approx(14.0, abs=0.3)
+    vehicles, error = counted["vehicles"]
+    assert vehicles == sum(counted[name][0] for name in ("car", "truck", "bus", "motorcycle"))
+    assert vehicles > 0
+    assert error > 0
+    assert counted["flow_vph"] is None
     lines = states.read_text().splitlines()
     parsed = [decode(SegmentState, line.encode(), "states") for line in lines]
     assert [state.sequence for state in parsed] == list(range(1, 15))

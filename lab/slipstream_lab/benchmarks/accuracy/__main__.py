@@ -11,8 +11,22 @@ from pathlib import Path
 from edge_daemon.settings import TrackSettings
 from slipstream_cli.progress import ProgressLine
 from slipstream_lab.benchmarks.accuracy.clips import CLIPS, SECONDS, follow, make
-from slipstream_lab.benchmarks.accuracy.report import AccuracyRow, classes, features, misses, table
-from slipstream_lab.research.perception import TrackComparison, compare, score
+from slipstream_lab.benchmarks.accuracy.report import (
+    AccuracyRow,
+    classes,
+    count_misses,
+    counts,
+    features,
+    misses,
+    table,
+)
+from slipstream_lab.research.perception import (
+    TrackComparison,
+    compare,
+    compare_counts,
+    score,
+    score_counts,
+)
 from slipstream_lab.simulation.scenarios.perception import fit_errors, write_errors
 
 
@@ -32,12 +46,14 @@ def main() -> int:
         parser.error(f"no clip's name contains {options.only!r}")
     settings = TrackSettings()
     compared: list[tuple[str, str, TrackComparison]] = []
+    counted = {}
     alarms: list[str] = []
     with ProgressLine("clips", sys.stderr) as progress:
         for done, (clip, folder) in enumerate(make(options.folder, chosen), start=1):
             run, truth, camera = follow(folder, settings)
             comparison = compare(run.recorder, truth, camera, settings.stability)
             compared.append((clip.name, clip.world, comparison))
+            counted[clip.name] = compare_counts(run.counts, truth, camera)
             if run.fault_s:
                 alarms.append(f"{clip.name}: a fault that is none, {run.fault_s}")
             if options.states:
@@ -56,15 +72,20 @@ def main() -> int:
     print(features(total.scores))
     print()
     print(classes(total.scores))
+    of_clips = [(name, score_counts(pairs)) for name, pairs in counted.items()]
+    all_counted = score_counts([pair for pairs in counted.values() for pair in pairs])
+    print()
+    print(counts([*of_clips, ("all", all_counted)]))
     if options.json:
         figures = {row.name: asdict(row.scores) for row in (*rows, *totals, total)}
+        figures["counts"] = {name: asdict(one) for name, one in (*of_clips, ("all", all_counted))}
         options.json.write_text(json.dumps(figures, indent=1) + "\n")
     if options.errors:
         windows = [window for _, _, comparison in compared for window in comparison.windows]
         command = "python -m slipstream_lab.benchmarks.accuracy --errors FILE"
         description = f"{len(chosen)} clips of {SECONDS} s; {command}"
         write_errors(fit_errors(windows, description), options.errors)
-    missed = [*misses(total.scores), *alarms]
+    missed = [*misses(total.scores), *count_misses(all_counted), *alarms]
     for miss in missed:
         print(f"missed: {miss}")
     return 1 if missed else 0

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from slipstream_lab.research.perception import Scores
+from slipstream_lab.research.perception import CountScore, Scores
 
 _COLUMNS: Final = (
     ("speed MAE", "speed_mae_kmh", 1.0),
@@ -20,6 +20,10 @@ _COLUMNS: Final = (
     ("HOTA", "hota", None),
 )
 """Heading, field, target: at most, or at least if negative."""
+
+
+_MAX_COUNT_ERROR: Final = 0.05
+_MAX_CLASS_ERROR: Final = 0.1
 
 
 @dataclass(frozen=True)
@@ -64,6 +68,40 @@ def classes(total: Scores) -> str:
             f"{figures.speeds:8d}"
         )
     return "\n".join(lines)
+
+
+def counts(rows: Sequence[tuple[str, CountScore]]) -> str:
+    """Counted vehicles beside the truth, a line a clip or a group of them: all and by class as
+    counted/true, and how far mean speed and 85th percentile are off.
+    """
+    width = max(len(name) for name, _ in rows)
+    names = list(rows[0][1].by_class)
+    heads = ("counted", "error", "in 95 %", *names, "mean km/h", "v85 km/h")
+    lines = [f"{'counts':{width}} " + " ".join(f"{head:>10}" for head in heads)]
+    for name, one in rows:
+        cells = (
+            f"{one.counted}/{one.true}",
+            "" if one.error is None else f"{one.error:+.1%}",
+            "" if one.covered_95 is None else f"{one.covered_95:.2f}",
+            *(f"{counted}/{true}" for true, counted in one.by_class.values()),
+            "" if one.mean_error_kmh is None else f"{one.mean_error_kmh:.2f}",
+            "" if one.v85_error_kmh is None else f"{one.v85_error_kmh:.2f}",
+        )
+        lines.append(f"{name:{width}} " + " ".join(f"{cell:>10}" for cell in cells))
+    return "\n".join(lines)
+
+
+def count_misses(total: CountScore) -> list[str]:
+    """Targets of counts that are not reached, in words."""
+    wanted = [("counts", total.error, _MAX_COUNT_ERROR)]
+    wanted += [
+        (f"counts, {name}", error, _MAX_CLASS_ERROR) for name, error in total.class_errors.items()
+    ]
+    return [
+        f"{name}: {'nothing to count' if error is None else f'{error:+.1%}'}, target ± {most:.0%}"
+        for name, error, most in wanted
+        if error is None or abs(error) > most
+    ]
 
 
 def misses(total: Scores) -> list[str]:

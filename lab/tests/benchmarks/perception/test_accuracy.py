@@ -9,8 +9,16 @@ import pytest
 
 from slipstream_cli.main import parser
 from slipstream_lab.benchmarks.accuracy.clips import CLIPS, LEARNED_FROM, WEATHER
-from slipstream_lab.benchmarks.accuracy.report import AccuracyRow, classes, features, misses, table
-from slipstream_lab.research.perception import Scores
+from slipstream_lab.benchmarks.accuracy.report import (
+    AccuracyRow,
+    classes,
+    count_misses,
+    counts,
+    features,
+    misses,
+    table,
+)
+from slipstream_lab.research.perception import CountScore, Scores
 from slipstream_lab.research.perception.score import ClassScore, FeatureScore
 from slipstream_lab.simulation.streetdrive.clip import draw_clip_camera
 from slipstream_lab.simulation.streetdrive.traffic.road import Road
@@ -99,3 +107,32 @@ def test_classes_stand_in_a_table_of_their_own() -> None:
     _, car, bus = classes(GOOD).splitlines()
     assert car.split() == ["car", "40", "0.980", "0.500", "900"]
     assert bus.split() == ["bus", "1", "0.000", "0"]
+
+
+COUNTED = CountScore(
+    true=100,
+    counted=95,
+    by_class={"car": (80, 78), "truck": (20, 18), "bus": (0, 0), "motorcycle": (0, 1)},
+    covered_95=0.9,
+    segments=10,
+    mean_error_kmh=0.4,
+    v85_error_kmh=None,
+)
+
+
+def test_counts_stand_beside_the_truth() -> None:
+    """As counted/true, all and by class."""
+    _, line = counts([("all", COUNTED)]).splitlines()
+    figures = ["all", "95/100", "-5.0%", "0.90", "78/80", "18/20", "0/0", "1/0", "0.40"]
+    assert line.split() == figures
+
+
+def test_counts_miss_beyond_five_per_cent_and_ten_of_a_class() -> None:
+    """A class that was never there cannot be missed; nothing to count is a miss."""
+    assert count_misses(COUNTED) == []
+    assert count_misses(replace(COUNTED, counted=94)) == ["counts: -6.0%, target ± 5%"]
+    fewer = {**COUNTED.by_class, "truck": (20, 17)}
+    assert count_misses(replace(COUNTED, by_class=fewer)) == ["counts, truck: -15.0%, target ± 10%"]
+    assert count_misses(replace(COUNTED, true=0, by_class={})) == [
+        "counts: nothing to count, target ± 5%"
+    ]
