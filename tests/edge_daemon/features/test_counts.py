@@ -18,6 +18,8 @@ from slipstream.messages import Estimate, SegmentCounts
 
 from ..conftest import project
 
+pytestmark = pytest.mark.slow
+
 FPS = 10
 QUARTER_S = 900
 NOON_S = 1_700_000_100.0 // QUARTER_S * QUARTER_S
@@ -159,10 +161,10 @@ def test_vehicles_that_pass_count_once_with_class_and_speed(camera: Camera) -> N
 def test_one_that_stops_before_the_cross_section_counts_when_it_goes_on(camera: Camera) -> None:
     """Its middle is a car's half nearer to the camera's far side than its foot."""
     watched = Watched(camera)
-    stopping = stop_at(60.0, 60.0)
-    watched.look(40, [stopping])
+    stopping = stop_at(60.0, 15.0)
+    watched.look(16, [stopping])
     assert watched.number == 0
-    watched.look(40, [lambda time_s: stopping(time_s + 40)])
+    watched.look(12, [lambda time_s: stopping(time_s + 16)])
     assert watched.number == 1
 
 
@@ -173,13 +175,13 @@ def test_one_that_stands_on_the_cross_section_and_goes_on_counts_once(
     """Its box jumps by more than it is off the line."""
     watched = Watched(camera)
     rng = np.random.default_rng(3)
-    whole = stop_at(LINE_M + off_m, 40.0)
+    whole = stop_at(LINE_M + off_m, 12.0)
 
     def jumping(time_s: float) -> float | None:
         at_m = whole(time_s)
         return None if at_m is None else at_m + rng.normal(0.0, 0.5)
 
-    watched.look(60, [jumping])
+    watched.look(24, [jumping])
     assert watched.number == 1
 
 
@@ -188,10 +190,10 @@ def test_a_queue_that_dissolves_counts_each_of_it_once(camera: Camera) -> None:
     past it.
     """
     watched = Watched(camera)
-    queue = [stop_at(30.0 + 8.0 * n, 60.0, 2.0 * n) for n in range(5)]
-    watched.look(20, queue)
+    queue = [stop_at(30.0 + 8.0 * n, 15.0, 2.0 * n) for n in range(5)]
+    watched.look(17, queue)
     stood = watched.number
-    watched.look(70, [lambda time_s, one=one: one(time_s + 20) for one in queue])  # type: ignore[misc]
+    watched.look(22, [lambda time_s, one=one: one(time_s + 17) for one in queue])  # type: ignore[misc]
     assert stood == 3
     assert watched.number == 5
 
