@@ -81,7 +81,7 @@ class Pipeline:
         self._counters = {
             segment.id: PassageCounter(segment, camera.pose) for segment in camera.segments
         }
-        self._fresh: list[Sightings] = []
+        self._fresh: dict[str, list[Sightings]] = {name: [] for name in self._counters}
         self.counts = QuarterHours(rsu, self._counters, window_s)
         self._stopped = {segment.id: StoppedVehicleJudge(segment) for segment in camera.segments}
 
@@ -144,8 +144,8 @@ class Pipeline:
         now = frame.media_time_s
         gap_s = 0.0 if self._last_s is None else now - self._last_s
         if self._last_s is None or frame.cut or gap_s > MAX_GAP_S:
-            self._count(now)
-            for counter in self._counters.values():
+            for name, counter in self._counters.items():
+                self._count(name, now)
                 counter.begin(now, cut=frame.cut)
         if frame.cut:
             self._tracker.reset()
@@ -154,7 +154,9 @@ class Pipeline:
         found = to_road_points(detections, self._camera)
         sightings = self._tracker.update(now, found)
         self._sightings.add(sightings)
-        self._fresh.append(sightings)
+        if len(sightings):
+            for fresh in self._fresh.values():
+                fresh.append(sightings)
         self.counts.frame(now, frame.captured_ns, gap_s)
         last = self._frames[-1].time_s if self._frames else now
         self._frames.append(_FrameTime(now, now - last))
@@ -168,10 +170,10 @@ class Pipeline:
         self._judge.reset()
         for judge in self._stopped.values():
             judge.reset()
-        for counter in self._counters.values():
+        for name, counter in self._counters.items():
             counter.reset()
+            self._fresh[name].clear()
         self.counts.take_back()
-        self._fresh.clear()
         self._sightings = SightingBuffer()
         self._frames.clear()
 
@@ -179,21 +181,19 @@ class Pipeline:
         """No frame comes any more: count the vehicles that have just passed, too."""
         if self._last_s is None:
             return
-        self._count(self._last_s)
         for name, counter in self._counters.items():
+            self._count(name, self._last_s)
             counter.finish()
             measured = self._windows.get(name)
             passed = counter.take(math.inf, measured.vehicles if measured else ())
             self.counts.add(name, passed, counter.lost())
         self.counts.finish()
 
-    def _count(self, now_s: float) -> None:
-        """Give what was seen since the last call to the counters."""
-        fresh = [part for part in self._fresh if len(part)]
-        self._fresh.clear()
-        joined = Sightings.join(fresh) if fresh else None
-        for counter in self._counters.values():
-            counter.update(now_s, joined)
+    def _count(self, segment: str, now_s: float) -> None:
+        """Give what was seen since the last call to a segment's counter."""
+        fresh = self._fresh[segment]
+        self._counters[segment].update(now_s, Sightings.join(fresh) if fresh else None)
+        fresh.clear()
 
     def _forget(self, before_s: float) -> None:
         self._sightings.drop(before_s + self._window_s - self._memory_s)
@@ -218,7 +218,6 @@ class Pipeline:
             fault: why the camera cannot be trusted now; all segments are unknown for it.
         """
         now_s = 0.0 if self._last_s is None else self._last_s + idle_s
-        self._count(now_s)
         self.counts.tick(now_s, time_ns, fault)
         # Time goes on when all frames have left the window.
         begin_s = 0.0 if self._last_s is None else self._last_s + idle_s - self._window_s
@@ -253,6 +252,7 @@ class Pipeline:
         features = measured.features if measured else None
         self._windows[segment.id] = measured
         counter = self._counters[segment.id]
+        self._count(segment.id, self._states_s)
         passed = counter.take(self._states_s, measured.vehicles if measured else ())
         self.counts.add(segment.id, passed, counter.lost())
         if measured is not None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from statistics import median
 from typing import Final, Literal
 
 import numpy as np
@@ -33,9 +34,12 @@ _MOVED_M: Final = 4.0
 _NEAR_M: Final = 15.0
 """Whether a vehicle is on this segment is judged so near to the cross-section."""
 _MARGIN_M: Final = 25.0
+_BESIDE_M: Final = 6.0
+"""Vehicles that are seen further before, behind or beside the segment are none of its."""
 _BLOCK: Final = 3
 """Places are medians of so many sightings: one box may jump."""
 _TAIL_S: Final = 1.0
+_MIN_SPEED_S: Final = 0.2
 _ENDED_S: Final = 5.0
 _STOOD_S: Final = 120.0
 """A vehicle whose track has ended is looked for so long; one that was slow longer: it waits, hidden
@@ -72,6 +76,8 @@ class _Path:
     Attributes:
         begin: time and place at which it was seen first.
         tail: times and places of the last second, shape (n, 2).
+        place_m: where it was seen last.
+        speed_mps: along the segment over that second; None: it was seen for too short a time.
         low_m: the least of its places.
         below: the last sighting upstream of the cross-section, and the one after it.
         inside: sightings near the cross-section, and those of them on the segment; then of all.
@@ -83,6 +89,8 @@ class _Path:
     across_m: float
     vehicle_class: int
     tail: Array
+    place_m: float = math.nan
+    speed_mps: float | None = None
     low_m: float = math.inf
     below: tuple[float, float] | None = None
     above: tuple[float, float] | None = None
@@ -99,16 +107,16 @@ class _Path:
         near, near_on, every, on = self.inside
         return bool(2 * near_on >= near if near else 2 * on >= every)
 
-    @property
-    def place_m(self) -> float:
-        return float(np.median(self.tail[-_BLOCK:, 1]))
-
-    @property
-    def speed_mps(self) -> float | None:
-        """Along the segment over the last second; None: it was seen for too short a time."""
-        first, last = self.tail[:_BLOCK], self.tail[-_BLOCK:]
-        time_s, moved_m = (np.median(last, axis=0) - np.median(first, axis=0)).tolist()
-        return moved_m / time_s if time_s >= 0.2 else None
+    def remember(self, tail: Array) -> None:
+        """Keep the sightings of the last second, and what they say of place and speed."""
+        self.tail = tail[tail[:, 0] >= tail[-1, 0] - _TAIL_S]
+        first, last = self.tail[:_BLOCK].tolist(), self.tail[-_BLOCK:].tolist()
+        begin_s, begin_m, end_s, end_m = (
+            median(one[column] for one in block) for block in (first, last) for column in (0, 1)
+        )
+        self.place_m = end_m
+        time_s = end_s - begin_s
+        self.speed_mps = (end_m - begin_m) / time_s if time_s >= _MIN_SPEED_S else None
 
 
 class PassageCounter:
@@ -121,6 +129,8 @@ class PassageCounter:
     def __init__(self, segment: WatchedSegment, pose: CameraPose | None) -> None:
         self._segment, self._pose = segment, pose
         self.place_m = segment.begin_m + segment.length_m / 2
+        across = segment.polygon_m @ segment.left
+        self._edges_m = float(across.min()), float(across.max())
         self._paths: dict[int, _Path] = {}
         self._pending: list[tuple[Passage, _Path]] = []
         self._from_s = -math.inf
@@ -183,9 +193,11 @@ class PassageCounter:
         if fresh is None:
             return []
         segment = self._segment
-        along = segment.along(fresh.point_m)
+        along, across = segment.along(fresh.point_m), fresh.point_m @ segment.left
         low, high = segment.begin_m - _MARGIN_M, segment.end_m + _MARGIN_M
-        rows = np.flatnonzero((along >= low) & (along <= high))
+        right, left = self._edges_m
+        beside = (across < right - _BESIDE_M) | (across > left + _BESIDE_M)
+        rows = np.flatnonzero((along >= low) & (along <= high) & ~beside)
         if not len(rows):
             return []
         rows = rows[np.lexsort((fresh.time_s[rows], fresh.track[rows]))]
@@ -239,13 +251,11 @@ class PassageCounter:
             path.below, path.above = (float(joined[last, 0]), float(joined[last, 1])), None
             if last + 1 < len(joined):
                 path.above = float(joined[last + 1, 0]), float(joined[last + 1, 1])
-        blocks = np.array_split(places[:, 1], max(1, len(places) // _BLOCK))
-        path.low_m = min(path.low_m, *(float(np.median(block)) for block in blocks))
+        path.low_m = min(path.low_m, _lowest(places[:, 1]))
         near, on = np.abs(places[:, 1] - self.place_m) <= _NEAR_M, rows[:, 3] > 0
         path.inside += (near.sum(), (near & on).sum(), len(on), on.sum())
         tail = np.concatenate([path.tail, places])
-        tail = tail[np.argsort(tail[:, 0], kind="stable")]
-        path.tail = tail[tail[:, 0] >= tail[-1, 0] - _TAIL_S]
+        path.remember(tail[np.argsort(tail[:, 0], kind="stable")])
         path.across_m = float(np.median(rows[-_BLOCK:, 2]))
         path.vehicle_class = kind
 
@@ -289,6 +299,15 @@ class PassageCounter:
             del self._paths[track]
         for track in list(self._paths)[: max(0, len(self._paths) - _MOST_PATHS)]:
             del self._paths[track]
+
+
+def _lowest(places_m: Array) -> float:
+    """The least of the medians of blocks."""
+    whole = len(places_m) // _BLOCK * _BLOCK
+    if not whole:
+        return float(median(places_m.tolist()))
+    middle = np.sort(places_m[:whole].reshape(-1, _BLOCK), axis=1)[:, _BLOCK // 2]
+    return float(middle.min())
 
 
 def _misfit(path: _Path, time_s: float, along_m: float) -> float:

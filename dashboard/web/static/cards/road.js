@@ -54,13 +54,13 @@ export function roadCard(id, row, detail, ctx) {
 /** What passed in the last quarter hour, or why that is not known. */
 function counts(told, { f, now }) {
   if (!told) return h("p.muted", {}, "Not counted: no roadside unit has told of it.");
-  const plusMinus = (error, convert = (value) => value) => (error === null ? "" : ` ± ${f.measure(convert(INTERVAL * error))}`);
-  const speed = (one) => (one ? `${f.measure(f.speedValue(one.value))}${plusMinus(one.standard_error, (kmh) => f.speedValue(kmh))} ${f.speedUnit}` : null);
+  const inUnit = (kmh) => f.number(f.speedValue(kmh), 1);
+  const speed = (one) => (one ? `${inUnit(one.value)}${one.standard_error === null ? "" : ` ± ${inUnit(INTERVAL * one.standard_error)}`} ${f.speedUnit}` : null);
   return [
     facts([
       [told.complete ? "Quarter hour" : "Until now", f.window(told.begin, told.end, now)],
       [told.complete ? "Over for" : "Told", told.complete ? f.duration(Math.max(0, now - told.end) / 1000) : `${f.duration(Math.max(0, now - told.end) / 1000)} ago`],
-      ["Watched", `${f.share(told.watched_share, 0)}${told.why && told.flows.length ? `; else ${words(told.why)}` : ""}`],
+      ["Watched", `${f.share(told.watched_share, 0)}${told.why && told.flows.length ? `, the rest not: ${words(told.why)}` : ""}`],
       ["Mean speed", speed(told.kmh)],
       ["85 % no faster than", speed(told.v85_kmh)],
     ]),

@@ -136,7 +136,11 @@ CARDS = {
         ".timeline .platoon",
     ),
     f"#road/{ROAD}": (
-        ["mean speed", "crossed", "speed spread", "van-4", "van-9", "Watched by"],
+        [
+            *("mean speed", "crossed", "speed spread", "van-4", "van-9", "Watched by"),
+            *("Vehicles counted", "motorcycle", "41.3 ± 0.6 km/h", "85 % no faster than"),
+            "93\u00a0%, the rest not: the camera's picture is black",
+        ],
         ".chart .threshold",
     ),
     "#rsu/rsu-5": (["Frames/s", "speeds within ±2.1\u00a0%", "decode error"], ".picture img"),
