@@ -36,6 +36,7 @@ from slipstream.config import ServiceSettings
 from slipstream.messages import (
     CameraFault,
     RsuHealth,
+    SegmentCounts,
     SegmentState,
     StoppedVehicles,
     capture_time_ns,
@@ -82,6 +83,7 @@ class Recorder:
         self.states: list[SegmentState] = []
         self.health: list[RsuHealth] = []
         self.stopped: list[StoppedVehicles] = []
+        self.counts: list[SegmentCounts] = []
 
     def publisher(self, key: str, **_: object) -> Recorder:
         """One for all keys."""
@@ -95,6 +97,8 @@ class Recorder:
         """Keep it."""
         if isinstance(message, StoppedVehicles):
             self.stopped.append(message)
+        elif isinstance(message, SegmentCounts):
+            self.counts.append(message)
         else:
             (self.states if isinstance(message, SegmentState) else self.health).append(message)
 
@@ -334,6 +338,22 @@ def test_pictures_of_another_size_are_corrupt_until_they_fit_again(
     daemon, recorder, _ = a_daemon(camera, Misfit([]), Still(), "real_time")
     daemon.run()
     assert "corrupt" in {health.fault for health in recorder.health}
+    assert {told.segment for told in recorder.counts} == {s.id for s in camera.segments}
+
+
+def test_a_clip_that_is_read_as_fast_as_it_goes_has_no_quarter_hours(
+    calm: tuple[Camera, list[Picture], list[Detections]],
+) -> None:
+    """An hour of it takes minutes: nothing that is counted in it is of a time of day."""
+    camera, pictures, _ = calm
+    frames = [
+        Frame(picture, number / FPS, time.time_ns(), time.monotonic())
+        for number, picture in enumerate(pictures[:30])
+    ]
+    daemon, recorder, _ = a_daemon(camera, Reel(frames), Still(), "fast")
+    daemon.run()
+    assert recorder.states
+    assert recorder.counts == []
 
 
 def with_segments(camera: Camera, count: int) -> Camera:
