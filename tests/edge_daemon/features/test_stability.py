@@ -113,6 +113,36 @@ def test_the_probability_is_that_of_the_mixture_and_is_told() -> None:
     assert mixture.corrected(told).estimate.standard_error == pytest.approx(1.0)
 
 
+def test_every_flag_that_is_judged_tells_its_probability() -> None:
+    """Stable, turbulent, kept for its dwell, and standing traffic; of the posterior that is given,
+    where the features alone would tell nothing.
+    """
+    calm, rough = (
+        VariancePosterior(np.ones(1), np.full(1, value), np.full(1, 1e-6)) for value in (0.1, 2.0)
+    )
+    doubted = VariancePosterior(np.array([0.6, 0.4]), np.array([0.1, 2.0]), np.full(2, 1e-6))
+    judge, seen = StabilityJudge(StabilitySettings()), features(error=None)
+    told = [
+        judge.judge("s", n * SECOND, seen, 5, 300, 1.0, variance=posterior)
+        for n, posterior in enumerate((calm, doubted, rough))
+    ]
+    assert [(flag.y_e, flag.p_stable) for flag in told] == [
+        (1, pytest.approx(1.0)),
+        (1, pytest.approx(0.6)),
+        (0, pytest.approx(0.0)),
+    ]
+    stands = features(mean=0.0, spread=0.0)
+    assert classify(stands, 5, 300, 1.0, StabilitySettings(), variance=calm).p_stable == 0.0
+
+
+def test_a_judged_window_without_enough_frames_says_which_way() -> None:
+    """None at all, too few of the window, or too far apart all the time."""
+    judge = StabilityJudge(StabilitySettings())
+    told = [judge.judge("s", 1, None, 0, frames, 0.3).reason for frames in (0, 90)]
+    assert told == ["no_frames", "window_not_covered"]
+    assert judge.judge("s", 1, None, 0, 9, 0.3, sparse=True).reason == "low_frame_rate"
+
+
 @given(st.floats(0.01, 3), st.floats(0.001, 2), st.floats(0.1, 1))
 def test_a_variance_is_below_a_limit_as_often_as_drawn_gammas_are(
     mean: float, std: float, limit: float
