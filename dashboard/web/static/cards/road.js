@@ -29,7 +29,7 @@ export function roadCard(id, row, detail, ctx) {
     facts([
       ["ID", id],
       ["Why", road.why ?? null],
-      ["Stable with", typeof detail?.p_stable === "number" ? f.share(detail.p_stable, 0) : null],
+      ["Probability of stable", typeof detail?.p_stable === "number" ? f.share(detail.p_stable, 0) : null],
       ["Gate", road.gate_why ?? null],
       ["Since", road.since ? f.time(road.since, now) : null],
       ["Watched by", road.rsu ? link("rsu", road.rsu) : null],
