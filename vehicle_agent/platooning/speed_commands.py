@@ -4,6 +4,7 @@ else its set speed.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Final, NamedTuple
 
@@ -81,7 +82,7 @@ def commanded(
     else:
         law = following_mps2 if mode == "following" else leaving_mps2
         a = law(own, believed(own, ahead, s.wanted_m), s.wanted_m)
-    a = min(a, _bounded_mps2(s, cap_mps, limit_mps2))
+    a = min(a, _bounded_mps2(s, cap_mps, limit_mps2), _coasted_mps2(own, cap_mps))
     if limit_mps2 is not None:
         a = max(a, -own.braking.commanded_mps2(limit_mps2))
     if ahead is not None:
@@ -135,6 +136,14 @@ def _bounded_mps2(s: Situation, cap_mps: float, limit_mps2: float | None) -> flo
     return own.gain_per_s * (min(bound, cap_mps) - own.then_mps)
 
 
+def _coasted_mps2(own: Own, cap_mps: float) -> float:
+    """What a cap below the own speed asks for, as far as coasting does it. The speed loop alone
+    would take it for done already, by what is under way in brake and drive, and never coast.
+    """
+    asked = (cap_mps - own.speed_mps) / own.interval_s
+    return max(asked, -own.coasting_mps2) if asked < 0 else math.inf
+
+
 def _command(s: Situation, a: float) -> Command:
     own = s.own
     mps = min(max(own.speed_mps + a * own.interval_s, s.lowest_mps), s.limit_mps)
@@ -175,7 +184,8 @@ def leading(
         a = min(a, IDM.acceleration_to_mps2(own, ahead.gap_m, ahead.speed_mps))
         if limit_mps2 is not None and ahead.gap_m < _ROOM_SHARE * leading_gap_m(s, limit_mps2):
             a = min(a, -own.coasting_mps2)
-    a, needed = min(a, _bounded_mps2(s, cap_mps, limit_mps2)), 0.0
+    coasted = _coasted_mps2(situation.own, cap_mps)
+    a, needed = min(a, _bounded_mps2(s, cap_mps, limit_mps2), coasted), 0.0
     if ahead is not None:
         needed = needed_mps2(ahead, own.speed_mps, own.then_mps, own.braking.response_s)
         if needed > _least_needed_mps2(ahead, limit_mps2):

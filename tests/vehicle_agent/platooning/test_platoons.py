@@ -2,10 +2,13 @@
 
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import pytest
 
 from slipstream.braking import BRAKING
+from slipstream.energy.consumption import PAPER_CAR
+from slipstream.energy.traction import coasting_mps2
 from slipstream.messages import PlannedCrossing, PlatoonControl
 from slipstream.spacing import least_gap_m
 from tests.vehicle_agent.platooning.world import (
@@ -20,6 +23,7 @@ from tests.vehicle_agent.platooning.world import (
     string,
 )
 from vehicle_agent.leg import Leg
+from vehicle_agent.platooning import PlatoonStep
 
 LIMIT = 30.0
 MODES = [pytest.param(0.1, True, id="live"), pytest.param(0.5, False, id="evaluation")]
@@ -160,6 +164,29 @@ def test_a_leader_behind_slower_traffic_keeps_its_promise(traffic_mps: float) ->
     assert leader.speed_mps == pytest.approx(traffic_mps, abs=0.1)
     assert follower.speed_mps == pytest.approx(leader.speed_mps, abs=0.1)
     assert world.gap_m("v1") < 2.6
+
+
+@pytest.mark.parametrize(("interval_s", "delayed"), MODES)
+@pytest.mark.parametrize("name", ["v0", "v1"])
+def test_with_ordinary_brakes_platoons_coast_as_the_rest_of_the_agent_asks(
+    interval_s: float, delayed: bool, name: str
+) -> None:
+    """Leader or follower: 5 s of rolling, no brake, whatever is under way in brake and drive."""
+    world = World(string(2, None, 20.0, 28.0), interval_s, delayed)
+    for car in world.cars:
+        car.platooning = platooning_of(interval_s, name=car.name, braking=BRAKING["car"].on("dry"))
+    assert world.run(60.0, lambda: world.gap_m("v1") < 3.0 and world.car("v0").speed_mps > 29.0)
+    car = world.car(name)
+    assert car.platooning is not None
+    rolls_mps2, step = coasting_mps2(29.0, PAPER_CAR), car.platooning.step
+
+    def capped(*given: Any) -> PlatoonStep:
+        return step(*given, cap_mps=car.speed_mps - rolls_mps2 * interval_s)
+
+    car.platooning.step = capped  # type: ignore[method-assign]
+    begin_mps = car.speed_mps
+    world.run(5.0)
+    assert begin_mps - car.speed_mps == pytest.approx(5.0 * rolls_mps2, rel=0.2)
 
 
 def test_a_leader_that_is_held_back_announces_how_it_moves() -> None:
