@@ -194,10 +194,10 @@ def test_a_clip_without_a_rate_asks_for_it(
 
 @pytest.mark.long
 @pytest.mark.slow
-def test_the_watch_of_a_roadside_unit_is_taken(
+def test_the_window_of_a_roadside_unit_is_taken(
     grey: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """What its edge.toml says of faults, window and intervals holds for its recordings too."""
+    """What its site.toml says of the window holds for its recordings too."""
     clip = grey / "video.mp4"
     config = tmp_path / "edge.toml"
     config.write_text(
@@ -209,5 +209,7 @@ source.clip = "{clip}"
 '''
     )
     line = ["track", str(clip), "--camera", str(grey / "camera.toml"), "--json"]
-    assert main([*line, "--config", str(config), "--out", str(tmp_path / "s.jsonl")]) == 0
-    assert json.loads(capsys.readouterr().out)["states"] == 2
+    states = tmp_path / "s.jsonl"
+    assert main([*line, "--config", str(config), "--out", str(states)]) == 0
+    told = [json.loads(line)["window_s"] for line in states.read_text().splitlines()]
+    assert set(told) == {4.0}
