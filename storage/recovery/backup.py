@@ -5,16 +5,18 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+from sqlalchemy import func, insert, inspect, select
 from sqlalchemy.engine import URL
 
 from slipstream.errors import InputError
 from slipstream.messages import CycleReport
-from storage.database import open_database
-from storage.engine import display_name, is_sqlite, parse_url, sqlite_path
+from storage.engine import display_name, is_sqlite, parse_url, sqlite_path, writer_engine
 from storage.integrity import CheckReport, check
+from storage.models import CycleRow
 from storage.opening import damaged
 from storage.ownership import FileOwner
 from storage.recovery import files
+from storage.rows import cycle_row
 
 NUMBERS_LEFT_OUT = 1000
 """Numbers of cycles that are not given again where the last ones cannot be read."""
@@ -101,11 +103,23 @@ def restore(url: str, source: Path) -> Path | None:
 
 
 def _go_on_above(part: Path, highest: int | None, reason: str) -> None:
-    """Have a database's cycles go on above a number, by a cycle that says why."""
-    # Brings the schema up to date as well, so that this is no matter of the start.
-    with open_database(f"sqlite:///{part}") as database:
-        if highest is not None and highest >= database.next_cycle_number():
-            database.record_cycle(empty_report(highest + 1, time.time_ns(), reason), [], [])
+    """Have a database's cycles go on above a number, by a cycle that says why. Its schema stays, so
+    that the release that it is of can take it, too.
+    """
+    if highest is None:
+        return
+    row = cycle_row(empty_report(highest + 1, time.time_ns(), reason), [])
+    engine = writer_engine(parse_url(f"sqlite:///{part}"))
+    try:
+        with engine.begin() as connection:
+            last = connection.scalar(select(func.max(CycleRow.cycle)))
+            if highest > (last or 0):
+                columns = inspect(connection).get_columns(CycleRow.__tablename__)
+                there = {column["name"] for column in columns} & {*CycleRow.__table__.c.keys()}
+                values = {name: getattr(row, name) for name in there}
+                connection.execute(insert(CycleRow).values(values))
+    finally:
+        engine.dispose()
 
 
 def empty_report(cycle: int, started_ns: int, reason: str, plans: int = 0) -> CycleReport:

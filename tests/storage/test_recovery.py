@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import logging
 import os
+import sqlite3
 import threading
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -90,6 +92,27 @@ def test_backup_and_restore_by_command(url, make_cycle, tmp_path, capsys):
         assert "restored from the backup" in reader.latest_cycle().reason
     assert main(["db", "restore", str(file), "--url", f"sqlite:///{tmp_path}/new.db"]) == 0
     assert _numbers(f"sqlite:///{tmp_path}/new.db") == [1, 2, 3]
+
+
+def test_a_restored_backup_keeps_its_schema(url, make_cycle, tmp_path):
+    """The release before, whose it is, takes it; a newer one brings it up when it starts."""
+    _fill(url, make_cycle, 3)
+    with closing(sqlite3.connect(_path(url))) as connection, connection:
+        connection.execute("DROP TABLE segment_counts")
+        connection.execute("UPDATE alembic_version SET version_num = '0021'")
+    file = tmp_path / "backup.db"
+    storage.backup(url, file)
+    with storage.open_database(url) as database:
+        database.record_cycle(*make_cycle(4))
+    storage.restore(url, file)
+    assert storage.check(url).schema_version == "0021"
+    with closing(sqlite3.connect(_path(url))) as connection:
+        cycles = connection.execute("SELECT cycle, reason FROM cycles ORDER BY cycle").fetchall()
+    assert [cycle for cycle, _ in cycles] == [1, 2, 3, 5]
+    assert cycles[-1][1] == "restored from the backup backup.db"
+    with storage.open_database(url) as database:
+        assert database.next_cycle_number() == 6
+    assert storage.check(url).schema_version == storage.schema.HEAD
 
 
 @pytest.mark.slow
