@@ -292,7 +292,21 @@ class Agent:
             set_mps = min(set_mps, step.cruise_mps)
         if cap is None or top.signal_unknown:  # the driver alone sees what the signal shows
             return self._advice(now_ns, "cruise", min(set_mps, top.speed_mps), step=step)
-        return self._advice(now_ns, "speed", min(cap, set_mps, top.speed_mps), step=step)
+        wanted_mps = min(cap, set_mps, top.speed_mps)
+        advised_mps = self._ahead_of_response(state.speed_mps, wanted_mps)
+        return self._advice(now_ns, "speed", advised_mps, step=step)
+
+    def _ahead_of_response(self, speed_mps: float, wanted_mps: float) -> float:
+        """The speed to advise for one that is wanted at the end of the interval. A vehicle comes to
+        an advised speed within twice its response: told the wanted one alone it would slow down by
+        a part only, again and again.
+        """
+        if wanted_mps >= speed_mps:
+            return wanted_mps
+        change_mps = max(wanted_mps - speed_mps, -COMFORTABLE_MPS2 * self._interval_s)
+        loop_s = 2 * self._braking.nominal_s + self._braking.lag_s
+        ahead_mps = speed_mps + change_mps * max(1.0, loop_s / self._interval_s)
+        return max(0.0, min(wanted_mps, ahead_mps))
 
     def _end_platooning(self, reason: str) -> None:
         self._send_all(self._platooning.reset(reason))

@@ -153,6 +153,32 @@ def eco(**fields: Any) -> Any:
     )
 
 
+@pytest.mark.parametrize("interval_s", [0.1, 0.5])
+def test_a_speed_is_advised_ahead_of_what_the_vehicle_takes_to_come_to_it(
+    interval_s: float,
+) -> None:
+    """Its speed loop takes twice its response: as told, it slows down as one without any does, and
+    speeds up no sooner.
+    """
+    told = {}
+    for name in ("ideal", "car"):
+        own = AgentParameters(braking=BRAKING[name].on("dry"), interval_s=interval_s)
+        for speed_mps in (13.0, 6.0):
+            one = Agent(VAN, own)
+            one.receive(eco(), ns(1))
+            one.receive(spat(70.0, *course((90.0, 120.0))), ns(70))
+            advice = one.advise(sensing(70, "a", 250.0, speed_mps=speed_mps), ns(70))
+            assert advice.mode == "speed"
+            assert advice.speed_mps is not None
+            told[name, speed_mps] = advice.speed_mps
+    slowing_mps2 = (13.0 - told["ideal", 13.0]) / interval_s
+    assert 0.1 < slowing_mps2 < 2.5
+    car = BRAKING["car"].on("dry")
+    loop_s = 2 * car.nominal_s + car.lag_s
+    assert (13.0 - told["car", 13.0]) / loop_s == pytest.approx(slowing_mps2)
+    assert told["car", 6.0] == told["ideal", 6.0] >= 6.0
+
+
 def test_speed_towards_a_red_light_and_a_request_for_green() -> None:
     """Both where the plan allows them; the request is taken back at the stop."""
     one = Agent(VAN)
