@@ -301,12 +301,11 @@ class Agent:
         an advised speed within twice its response: told the wanted one alone it would slow down by
         a part only, again and again.
         """
-        if wanted_mps >= speed_mps:
+        loop_s = 2 * self._braking.nominal_s + self._braking.lag_s
+        if wanted_mps >= speed_mps or loop_s <= self._interval_s:
             return wanted_mps
         change_mps = max(wanted_mps - speed_mps, -COMFORTABLE_MPS2 * self._interval_s)
-        loop_s = 2 * self._braking.nominal_s + self._braking.lag_s
-        ahead_mps = speed_mps + change_mps * max(1.0, loop_s / self._interval_s)
-        return max(0.0, min(wanted_mps, ahead_mps))
+        return max(0.0, min(wanted_mps, speed_mps + change_mps * loop_s / self._interval_s))
 
     def _end_platooning(self, reason: str) -> None:
         self._send_all(self._platooning.reset(reason))
