@@ -106,8 +106,9 @@ class CountsPublisher:
 
 def warn_opposite(state: SegmentState, limiter: LogLimiter) -> None:
     """Log that a segment is drawn against its traffic."""
-    if state.reason == "opposite_direction" and limiter.allow(f"opposite {state.segment}"):
-        log.warning("%s: the traffic runs the other way; turn the segment round", state.segment)
+    if state.reason == "opposite_direction":
+        line = f"{state.segment}: the traffic runs the other way; turn the segment round"
+        limiter.warn(log, f"opposite {state.segment}", line)
 
 
 class Previews:

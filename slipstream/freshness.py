@@ -14,6 +14,8 @@ STALE_AFTER_S: Final = 5.0
 """Default age limit of a SegmentState."""
 FUTURE_TOLERANCE_S: Final = 1.0
 """Default of how far ahead of the receiver's clock a message may be dated."""
+COUNTS_FRESH_S: Final = 1200.0
+"""Counts are shown for so long after their quarter hour: until the next one has surely come."""
 
 Fault = Literal["stale", "future"]
 

@@ -180,7 +180,7 @@ def _device(there: Sequence[str], wanted: str) -> str:
     """The wanted kind of device of those that OpenVINO has here, as CPU or GPU.0."""
     kinds = {name.partition(".")[0] for name in there}
     if wanted == "auto":
-        found = next(kind for kind in ("GPU", "NPU", "CPU") if kind in kinds | {"CPU"})
+        found = next((kind for kind in ("GPU", "NPU") if kind in kinds), "CPU")
         log.info("the detector computes on the %s", found)
         return found
     if wanted not in kinds:

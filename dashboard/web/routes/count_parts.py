@@ -11,10 +11,8 @@ from dashboard.web.tables.rows import Known, ms
 from slipstream import freshness
 from slipstream.messages import MIN_WATCHED_S, Estimate, SegmentCounts
 
-COUNTS_FRESH_S: Final = 1200.0
-"""A quarter hour is shown for so long after its end: until the next one has surely come, s."""
 RUNNING_FRESH_S: Final = 180.0
-"""The same of one that runs; it is told each minute."""
+"""As `freshness.COUNTS_FRESH_S`, of a quarter hour that runs; it is told each minute."""
 _KMH: Final = 3.6
 
 
@@ -28,7 +26,7 @@ def counts(road: str, known: Known, stored: Sequence[SegmentCounts]) -> Part | N
     snapshot = known.snapshot
     complete = [*stored, *(one for (name, _), one in snapshot.counts.items() if name == road)]
     running = [one for (name, _), one in snapshot.running_counts.items() if name == road]
-    best = _best(complete, known.now_ns, COUNTS_FRESH_S)
+    best = _best(complete, known.now_ns, freshness.COUNTS_FRESH_S)
     if best is None or best.flow_vph(best.vehicles) is None:
         best = _best(running, known.now_ns, RUNNING_FRESH_S) or best
     return None if best is None else _told(best)

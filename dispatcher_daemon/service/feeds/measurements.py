@@ -19,8 +19,6 @@ from slipstream.messages import (
 from slipstream.roads import RoadNetwork
 from slipstream.roads.admission import implausibility
 
-COUNTS_FRESH_S: Final = 1200.0
-"""Counts are given for so long after their quarter hour: until the next one has surely come, s."""
 NO_STATE: Final = "no_state"
 """Why a site measures nothing whose RSU has told nothing of it yet."""
 INTERMITTENT: Final = frozenset({"low_frame_rate", "window_not_covered"})
@@ -87,8 +85,8 @@ def measurements(
 
     counted: dict[tuple[str, str], SegmentCounts] = {}
     for one in sorted(counts, key=lambda one: one.began_ns):
-        age_s = freshness.age_s(one.until_ns, now_ns)
-        is_fresh = age_s <= COUNTS_FRESH_S and not freshness.is_ahead(one.until_ns, now_ns)
+        is_fresh = freshness.age_s(one.until_ns, now_ns) <= freshness.COUNTS_FRESH_S
+        is_fresh &= not freshness.is_ahead(one.until_ns, now_ns)
         if is_fresh and one.flow_vph(one.vehicles) is not None:
             counted[one.rsu, one.segment] = one
 

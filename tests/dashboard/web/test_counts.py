@@ -8,9 +8,10 @@ import msgspec
 import pytest
 
 from dashboard.live import LiveData, Snapshot
-from dashboard.web.routes.count_parts import COUNTS_FRESH_S, RUNNING_FRESH_S, counts
+from dashboard.web.routes.count_parts import RUNNING_FRESH_S, counts
 from dashboard.web.tables.rows import Known
 from slipstream.errors import InputError
+from slipstream.freshness import COUNTS_FRESH_S
 from slipstream.messages import Estimate, SegmentCounts, counts_key, running_counts_key
 from slipstream.roads.admission import refusal
 from slipstream.roads.sumo_net import load_network
