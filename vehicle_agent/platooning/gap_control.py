@@ -48,7 +48,9 @@ COMFORTABLE_MPS2: Final = 2.5
 _GAIN_PER_S: Final = 0.4
 _LEADERS_SHARE: Final = 0.6
 _OPENING_MPS: Final = 1.0
-_OPENING_MPS2: Final = 0.7
+OPENING_MPS2: Final = 0.5
+_OPENS_M: Final = 1.0
+_SHRINKS_M: Final = 0.1
 _OWN_MPS2: Final = 1.0
 _APPROACH_MPS: Final = 0.5
 _EXTRA_BRAKING_MPS2: Final = 1.0
@@ -138,9 +140,10 @@ IDM: Final = Idm()
 def following_mps2(own: Own, ahead: AheadMotion, wanted_m: float) -> float:
     """Acceleration of a follower. Far behind, it closes up no faster than it can slow down again by
     coasting, so that the energy put into catching up is not braked away, and brakes no more than it
-    must. A gap that is too small opens by 1 m/s, and no harder than with 0.7 m/s², as those ahead
-    may do too. More than a comfortable deceleration, or 1 m/s² beyond the told one, is left to
-    `needed_mps2`.
+    must. A gap that is too small opens by 1 m/s, and no harder than with 0.5 m/s², as those ahead
+    may do too; where it lacks more than 1 m, as after a withdrawn promise, it may shrink to the
+    close one before, or by 0.1 m. More than a comfortable deceleration, or 1 m/s² beyond the told
+    one, is left to `needed_mps2`.
 
     Args:
         wanted_m: g*.
@@ -153,8 +156,13 @@ def following_mps2(own: Own, ahead: AheadMotion, wanted_m: float) -> float:
     reference_mps = ahead.speed_mps
     if ahead.leader_mps is not None:
         reference_mps += _LEADERS_SHARE * (ahead.leader_mps - ahead.speed_mps)
-    gain = own.gain_per_s
-    feedback = gain * (reference_mps - own.speed_mps) + max(gain * drift_mps, -_OPENING_MPS2)
+    gain, faster_mps = own.gain_per_s, own.speed_mps - reference_mps
+    if error_m < -_OPENS_M:
+        room_m = max(_SHRINKS_M, ahead.gap_m - own.close_gap_m(own.speed_mps))
+        opening = OPENING_MPS2 + max(0.0, faster_mps) ** 2 / (2 * room_m)
+        feedback = max(gain * (drift_mps - faster_mps), -opening)
+    else:
+        feedback = -gain * faster_mps + max(gain * drift_mps, -OPENING_MPS2)
     a = max(ahead.feed_mps2 + feedback, min(ahead.feed_mps2 - _OWN_MPS2, -own.comfortable_mps2))
     if error_m > 0:
         if error_m > wanted_m:

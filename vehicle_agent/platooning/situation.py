@@ -10,7 +10,7 @@ from slipstream.braking import GREATEST_MPS2, Braking
 from slipstream.energy.drafting import DragLaw
 from slipstream.energy.traction import VehicleParameters
 from slipstream.messages import PlannedSegment, PlatoonControl, SensedVehicle, VehicleSensing
-from slipstream.spacing import ADVISED_GAP_M, wanted_gap_m
+from slipstream.spacing import ADVISED_GAP_M, LIMIT_RATIO, wanted_gap_m
 from vehicle_agent.leg import Leg, VehicleState
 from vehicle_agent.platooning.gap_control import COMFORTABLE_MPS2, Own
 from vehicle_agent.platooning.interface import Gates
@@ -227,13 +227,15 @@ def ahead_motion(
     trend = None
     if told is not None:
         bound = min(bound, told.greatest_mps2)
+        hardest = own.others_mps2
         if told.limit_mps2 is not None and own.braking.emergency_brake:
             bound = min(bound, told.limit_mps2)
-        trend = _within(told.acceleration_mps2, -own.others_mps2, 0.0)
+            # What it can answer without breaking its own promise; more counts when it is sensed.
+            hardest = min(hardest, LIMIT_RATIO * told.limit_mps2)
+        trend = _within(told.acceleration_mps2, -hardest, 0.0)
         planned = planned_mps2(told, age_s, own.interval_s)
         if planned is not None:
-            # Who breaks its promise tells so.
-            feed = _within(planned, -own.others_mps2, _MAX_ACCELERATION_MPS2)
+            feed = _within(planned, -hardest, _MAX_ACCELERATION_MPS2)
         slowing = max(0.0, -trend if planned is None else -feed)
     sensed_mps = _within(sensed.speed_mps, 0.0, MAX_SPEED_MPS)
     speed = max(0.0, sensed_mps - slowing * late_s)
