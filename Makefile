@@ -120,7 +120,7 @@ chaos: setup
 
 # STOPS of platoons behind traffic that brakes as hard as it can, over the envelope of
 # docs/safety.md; fails where one vehicle touches another.
-STOPS ?= 10000
+STOPS ?= 40000
 safety: setup
 	$(BIN)/python -m slipstream_lab.benchmarks.safety --stops $(STOPS)
 

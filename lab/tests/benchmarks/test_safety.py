@@ -19,11 +19,11 @@ def test_nobody_touches_in_fifty_stops(tmp_path: Path) -> None:
     assert main(["--stops", "50", "--workers", "1", "--out", str(tmp_path)]) == 0
     kinds = json.loads((tmp_path / "report.json").read_text())["kinds"]
     assert {name: kind["stops"] for name, kind in kinds.items()} == {
-        "none": 18,
-        "calm": 2,
+        "none": 20,
         "agent": 10,
         "router": 10,
         "sensor": 10,
+        "calm": 2,
     }
     assert all(kind["least_m"] > 0 and not kind["collisions"] for kind in kinds.values())
     assert kinds["none"]["followers"] == kinds["none"]["members"]
@@ -71,6 +71,7 @@ def test_too_few_stops_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
     ("name", "reason"),
     [
         ("nothing, leading", None),
+        ("braking measured", "v1: v0 told of braking that did not come"),
         ("braking told", "v1: v0 told of braking that did not come"),
         ("swinging plans", "v1: v0 told of braking that did not come"),
         ("speeding up told, in the middle", None),
@@ -85,7 +86,7 @@ def test_a_rogue_costs_some_seconds_once_and_takes_nobody_nearer(
     assert harm.slowdown_s < 10.0
     assert reason is None or reason in harm.reasons
     if ATTACKS[name].told_only:
-        assert harm.above_law_m > -0.3
+        assert harm.above_law_m > -0.12
 
 
 @pytest.mark.long

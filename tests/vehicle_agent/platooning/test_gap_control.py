@@ -67,6 +67,25 @@ def test_a_gap_that_is_too_small_opens_gently() -> None:
     assert needed_mps2(AheadMotion(2.0, 20.0), 20.0, 20.0, 0.0) == 0.0
 
 
+@pytest.mark.parametrize("gap_m", [2.2, 3.0, 6.0])
+def test_a_withdrawn_promise_is_no_emergency_while_closing_up(gap_m: float) -> None:
+    """The wanted gap is ten times as large from one interval to the next: the follower brakes
+    comfortably, and comes no nearer than the close gap, but for a tenth of a metre.
+    """
+    speed, least_m, hardest = 20.4, gap_m, 0.0
+    brakes = BRAKING["brake_by_wire"].on("dry")
+    for _ in range(300):
+        vehicle = Own(speed, 30.0, 30.0, 2.0, 0.1, PAPER_CAR, brakes)
+        a = following_mps2(vehicle, AheadMotion(gap_m, 20.0, leader_mps=20.0), 18.0)
+        hardest = min(hardest, a)
+        speed += a * 0.1
+        gap_m += (20.0 - speed) * 0.1
+        least_m = min(least_m, gap_m)
+    assert hardest > -1.5
+    assert least_m > 1.9
+    assert gap_m > 15.0
+
+
 def test_a_follower_drives_what_its_leader_told() -> None:
     """At the wanted gap and equal speeds, that acceleration and nothing else."""
     ahead = AheadMotion(GAP_M, 20.0, slowing_mps2=1.7, feed_mps2=-1.7, leader_mps=20.0)

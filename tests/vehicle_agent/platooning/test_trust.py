@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import pytest
 
+from slipstream.braking import BRAKING
 from slipstream.energy.consumption import PAPER_CAR
 from slipstream.messages import PlatoonManagement, SensedVehicle
-from slipstream.spacing import least_gap_m
+from slipstream.spacing import LIMIT_RATIO, least_gap_m
 from tests.vehicle_agent.platooning.world import (
     BEGIN_NS,
     IDEAL,
@@ -96,6 +97,21 @@ def test_who_tells_braking_that_does_not_come_is_left_and_not_believed_for_an_ho
     for _ in range(100):
         assert ahead.step().mode != "following"
     assert ahead.last.reason == reason
+
+
+def test_told_braking_beyond_a_promise_counts_as_far_as_it_is_sensed() -> None:
+    """Before, it is answered without breaking the own promise: a lie reaches nobody behind."""
+    ahead = Ahead(gap_m=2.0)
+    ahead.platooning = platooning_of(0.1, braking=BRAKING["car"].on("dry"))
+    assert ahead.until_distrust(4.0, limit_mps2=2.0) is None
+    tells = {"planned_mps2": (-9.8,) * 8, "acceleration_mps2": -9.8, "limit_mps2": 2.0}
+    lies = ahead.step(**tells).acceleration_mps2
+    ahead.ahead_mps -= 1.0
+    brakes = ahead.step(**tells).acceleration_mps2
+    assert lies is not None
+    assert brakes is not None
+    assert -LIMIT_RATIO * 2.0 * 1.5 < lies < -2.0
+    assert brakes < -6.0
 
 
 def test_who_brakes_harder_than_it_promised_is_left() -> None:

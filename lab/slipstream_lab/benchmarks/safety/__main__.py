@@ -15,19 +15,17 @@ from slipstream.errors import InputError
 from slipstream_cli.progress import ProgressLine
 from slipstream_lab.benchmarks.aims import Check, Load, check_table, machine
 from slipstream_lab.benchmarks.command import Measured, report, start
-from slipstream_lab.benchmarks.safety.campaign import Tally, drawn, run, worst_of
+from slipstream_lab.benchmarks.safety.campaign import Tally, run, worst_of
 from slipstream_lab.benchmarks.safety.rogue import ATTACKS, Harm, harm_of
 
-_SHARES: Final[Mapping[str, float]] = {
-    "none": 0.37,
-    "calm": 0.03,
-    "agent": 0.2,
-    "router": 0.2,
-    "sensor": 0.2,
-}
+_SHARES: Final[Mapping[str, float]] = {"none": 0.4, "agent": 0.2, "router": 0.2, "sensor": 0.2}
 """Of the stops, by what fails."""
-_GENERATIONS: Final = 10
-_OFFSPRING: Final = 12
+_CALM_SHARE: Final = 0.03
+_MOST_CALM: Final = 300
+"""Drives in which nobody brakes take twelve times as long as a stop."""
+
+_GENERATIONS: Final = 20
+_OFFSPRING: Final = 24
 _SEARCHED: Final = 10_000
 _FEWEST: Final = 50
 _ROGUE_S: Final = 600.0
@@ -40,7 +38,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         prog="python -m slipstream_lab.benchmarks.safety",
         description="Emergency stops of platoons, drawn over the declared envelope.",
     )
-    parser.add_argument("--stops", type=int, default=10_000, help="in all (default 10000)")
+    parser.add_argument(
+        "--stops", type=int, default=40_000, help="besides drives in calm traffic (default 40000)"
+    )
     parser.add_argument("--workers", type=int, default=2, help="processes (default 2)")
     parser.add_argument("--out", type=Path, default=Path(".slipstream") / "safety")
     parser.add_argument("--json", action="store_true", help="print the report as JSON")
@@ -50,6 +50,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.stops < _FEWEST:
             raise InputError("--stops", f"{options.stops} are too few", f"give {_FEWEST} or more")
         load, done = Load(), 0
+        counts = {kind: round(share * options.stops) for kind, share in _SHARES.items()}
+        counts["calm"] = min(_MOST_CALM, round(_CALM_SHARE * options.stops))
         search = options.stops >= _SEARCHED
         with (
             ProgressLine("stopping", sys.stderr) as line,
@@ -59,16 +61,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
             def progress(stops: int) -> None:
                 nonlocal done
                 done += stops
-                line.update(done, options.stops)
+                line.update(done, sum(counts.values()))
 
-            tallies = {
-                kind: run(kind, round(share * options.stops), executor, progress)
-                for kind, share in _SHARES.items()
-            }
+            tallies = {kind: run(kind, count, executor, progress) for kind, count in counts.items()}
             found = {
-                kind: worst_of(drawn(7, kind), _GENERATIONS, _OFFSPRING, executor)
+                kind: worst_of(tallies[kind].worst, _GENERATIONS, _OFFSPRING, executor)
                 for kind in _SHARES
-                if search and kind != "calm"
+                if search
             }
             attacks = [*ATTACKS] if search else []
             rogues = dict(

@@ -71,6 +71,7 @@ class Tally:
         collisions: cases in which members touched, with the impact in m/s, the hardest first.
         traffic: cases in which the leader touched the traffic.
         least_m: smallest gap of a follower that was in a close gap.
+        worst: case of it.
         hardest_mps2: lowest acceleration of a member.
         broken: cases without a fault in which the leader braked harder than it had promised.
     """
@@ -81,6 +82,7 @@ class Tally:
     collisions: list[tuple[float, Case]] = field(default_factory=list)
     traffic: list[Case] = field(default_factory=list)
     least_m: float = float("inf")
+    worst: Case | None = None
     gap_sum_m: float = 0.0
     hardest_mps2: float = 0.0
     broken: int = 0
@@ -91,7 +93,8 @@ class Tally:
         self.followers += outcome.followers
         self.members += len(case.classes) - 1
         self.gap_sum_m += sum(outcome.gaps_m)
-        self.least_m = min(self.least_m, *outcome.least_m)
+        if min(outcome.least_m) < self.least_m:
+            self.least_m, self.worst = min(outcome.least_m), case
         self.hardest_mps2 = min(self.hardest_mps2, *outcome.hardest_mps2)
         if outcome.impact_mps > 0:
             self.collisions = sorted([*self.collisions, (outcome.impact_mps, case)], key=_impact)
@@ -127,11 +130,12 @@ def run(kind: str, stops: int, executor: Executor, progress: Callable[[int], Non
 
 
 def worst_of(
-    case: Case, generations: int, offspring: int, executor: Executor
+    case: Case | None, generations: int, offspring: int, executor: Executor
 ) -> tuple[float, Case]:
-    """The smallest gap that an evolutionary search finds from a case: of each generation's mutants
-    the worst one is the next parent (a (1 + λ) strategy).
+    """The smallest gap that an evolutionary search finds from a case, the worst of those drawn: of
+    each generation's mutants the worst one is the next parent (a (1 + λ) strategy).
     """
+    assert case is not None
     rng = random.Random(case.seed)
     parent, least_m = case, min(drive(case).least_m)
     for _ in range(generations):

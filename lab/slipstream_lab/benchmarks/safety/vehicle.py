@@ -29,6 +29,7 @@ STEP_S: Final = 0.02
 INTERVAL_S: Final = 0.1
 _VALID_S: Final = 0.25
 _OWN_SENSING_S: Final = 0.1
+_OWN_SENSING_STEPS: Final = round(_OWN_SENSING_S / STEP_S) + 1
 _IMMINENT_SHARE: Final = 0.6
 """Of full braking: from there on its own emergency brake overrules advice."""
 
@@ -196,15 +197,17 @@ class Vehicle:
 
     def _emergency_mps2(self) -> float:
         """Of its own emergency brake, which senses ten times a second."""
-        seen = [*self._seen]
-        late = min(len(seen), round(_OWN_SENSING_S / STEP_S) + 1)
+        seen = self._seen
+        late = min(len(seen), _OWN_SENSING_STEPS)
         gap_m, ahead_mps = seen[-late]
         span = min(len(seen) - late, 10)
         slowing = max(0.0, seen[-late - span][1] - ahead_mps) / max(span * STEP_S, STEP_S)
         if gap_m < AIM_M and self.speed_mps > ahead_mps:
             return self.braking.guaranteed_mps2
-        gap_m -= max(0.0, self.speed_mps - ahead_mps) * _OWN_SENSING_S
         then_mps = max(0.0, self.speed_mps + self.acceleration_mps2 * self.braking.nominal_s)
+        if slowing == 0.0 and then_mps <= ahead_mps:
+            return 0.0
+        gap_m -= max(0.0, self.speed_mps - ahead_mps) * _OWN_SENSING_S
         needed = needed_mps2(
             AheadMotion(gap_m, ahead_mps, slowing),
             *(self.speed_mps, then_mps, self.braking.response_s),
