@@ -10,7 +10,7 @@ from slipstream.braking import GREATEST_MPS2, Braking
 from slipstream.energy.drafting import DragLaw
 from slipstream.energy.traction import VehicleParameters
 from slipstream.messages import PlannedSegment, PlatoonControl, SensedVehicle, VehicleSensing
-from slipstream.spacing import ADVISED_GAP_M, LIMIT_RATIO, wanted_gap_m
+from slipstream.spacing import ADVISED_GAP_M, LIMIT_RATIO, RESPONSE_S, wanted_gap_m
 from vehicle_agent.leg import Leg, VehicleState
 from vehicle_agent.platooning.gap_control import COMFORTABLE_MPS2, Own
 from vehicle_agent.platooning.interface import Gates
@@ -230,8 +230,9 @@ def ahead_motion(
         hardest = own.others_mps2
         if told.limit_mps2 is not None and own.braking.emergency_brake:
             bound = min(bound, told.limit_mps2)
-            # What it can answer without breaking its own promise; more counts when it is sensed.
-            hardest = min(hardest, LIMIT_RATIO * told.limit_mps2)
+            if own.interval_s <= RESPONSE_S:
+                # What it can answer without breaking its own promise; more counts once sensed.
+                hardest = min(hardest, LIMIT_RATIO * told.limit_mps2)
         trend = _within(told.acceleration_mps2, -hardest, 0.0)
         planned = planned_mps2(told, age_s, own.interval_s)
         if planned is not None:

@@ -27,7 +27,7 @@ _OBEYED_MPS: Final = 0.05
 _FASTER_MPS: Final = 0.35
 _LED_MPS: Final = 0.15
 _FEED_MPS2: Final = 0.1
-_NEAR_M: Final = 0.25
+_NEAR_M: Final = 0.12
 _NEEDED_MPS2: Final = 0.5
 """Smaller decelerations are left to the gap control."""
 

@@ -86,7 +86,7 @@ def test_a_rogue_costs_some_seconds_once_and_takes_nobody_nearer(
     assert harm.slowdown_s < 10.0
     assert reason is None or reason in harm.reasons
     if ATTACKS[name].told_only:
-        assert harm.above_law_m > -0.12
+        assert harm.above_law_m > -0.15
 
 
 @pytest.mark.long

@@ -16,7 +16,7 @@ from slipstream_cli.progress import ProgressLine
 from slipstream_lab.benchmarks.aims import Check, Load, check_table, machine
 from slipstream_lab.benchmarks.command import Measured, report, start
 from slipstream_lab.benchmarks.safety.campaign import Tally, run, worst_of
-from slipstream_lab.benchmarks.safety.rogue import ATTACKS, Harm, harm_of
+from slipstream_lab.benchmarks.safety.rogue import ATTACKS, HONEST, Harm, harm_of
 
 _SHARES: Final[Mapping[str, float]] = {"none": 0.4, "agent": 0.2, "router": 0.2, "sensor": 0.2}
 """Of the stops, by what fails."""
@@ -28,6 +28,7 @@ _GENERATIONS: Final = 20
 _OFFSPRING: Final = 24
 _SEARCHED: Final = 10_000
 _FEWEST: Final = 50
+_NEARER_M: Final = 0.1
 _ROGUE_S: Final = 600.0
 """Of each attack: what it costs most within an hour, it costs in these."""
 
@@ -115,10 +116,12 @@ def _rogue_checks(rogues: Mapping[str, Harm]) -> list[Check]:
     told = [one for name, one in rogues.items() if ATTACKS[name].told_only]
     slowest = max(one.slowdown_s for one in rogues.values())
     nearest = min(one.above_law_m for one in told)
+    # Noise takes vehicles below the law's gap that nobody misleads.
+    honest = min(rogues[name].above_law_m for name in HONEST)
+    nearer, by = nearest >= honest - _NEARER_M, f"≥ {honest:.2f} (honest) − {_NEARER_M:g} m"
     return [
         Check("slowdown by a rogue", f"{slowest:.1f} s", "≤ 60 s", slowest <= 60),
-        # Sensing noise alone takes an honest drive as far below.
-        Check("gap beyond the law, by telling", f"{nearest:.2f} m", "≥ -0.1 m", nearest >= -0.1),
+        Check("gap beyond the law, by telling", f"{nearest:.2f} m", by, nearer),
     ]
 
 

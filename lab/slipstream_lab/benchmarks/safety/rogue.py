@@ -93,10 +93,15 @@ def _beside(away_m: float, **told: Any) -> Tell:
 
 _FOLLOWS: Final = {"mode": "following", "ahead": "v0", "leader": "v0", "needs_mps2": 0.001}
 
-ATTACKS: Final[Mapping[str, Attack]] = {
+HONEST: Final[Mapping[str, Attack]] = {
     "nothing, leading": Attack("leader"),
     "nothing, in the middle": Attack("middle"),
     "nothing, following": Attack("follower"),
+}
+"""What the attacks are held against."""
+
+ATTACKS: Final[Mapping[str, Attack]] = {
+    **HONEST,
     "braking told": Attack("leader", _planned(lambda _: -9.8)),
     "braking told, in the middle": Attack("middle", _planned(lambda _: -9.8)),
     "braking told for a moment": Attack(
@@ -206,7 +211,7 @@ ATTACKS: Final[Mapping[str, Attack]] = {
     "beside on another lane": Attack("beside", _beside(6.0, lane=1, platoon="p", place=0)),
     "ahead, and slow": Attack("beside", _beside(60.0, lane=0, speed_mps=10.0)),
 }
-"""By what is told; "nothing": it is honest."""
+"""By what is told."""
 
 
 @dataclass(frozen=True)

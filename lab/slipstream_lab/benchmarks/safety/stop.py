@@ -16,10 +16,10 @@ from slipstream_lab.benchmarks.safety.vehicle import (
     INTERVAL_S,
     LENGTH_M,
     STEP_S,
-    Body,
     Vehicle,
     road,
 )
+from slipstream_lab.simulation.fleet.brakes import Brakes
 from vehicle_agent.leg import VehicleState
 from vehicle_agent.platooning import DELAY_S
 
@@ -129,7 +129,7 @@ class Run:
         self.cars = [
             self.vehicles(
                 f"v{i}",
-                Body.drawn(own, self.rng, case.corner),
+                Brakes.drawn(own, self.rng, case.corner),
                 own if case.declared is None else BRAKING[case.declared].on(case.road),
                 self.leg,
                 100.0 + (count - 1 - i) * (2.5 + LENGTH_M),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import random
 from bisect import bisect_right
 from collections import deque
 from dataclasses import dataclass, field
@@ -11,6 +10,7 @@ from typing import Final
 from slipstream.braking import Braking
 from slipstream.energy.traction import PAPER_CAR
 from slipstream.messages import PlannedSegment, SensedVehicle, VehicleSensing
+from slipstream_lab.simulation.fleet.brakes import SUBSTEP_S, Brakes
 from vehicle_agent.leg import Leg, VehicleState
 from vehicle_agent.platooning import (
     AIM_M,
@@ -25,7 +25,7 @@ from vehicle_agent.platooning import (
 )
 
 LENGTH_M: Final = 4.6
-STEP_S: Final = 0.02
+STEP_S: Final = SUBSTEP_S
 INTERVAL_S: Final = 0.1
 _VALID_S: Final = 0.25
 _OWN_SENSING_S: Final = 0.1
@@ -57,39 +57,6 @@ def road(limit_mps: float, segment_m: float = 1000.0) -> Leg:
     return Leg(1, 0, tuple(segments))
 
 
-@dataclass(frozen=True)
-class Body:
-    """What a vehicle really does, within what is declared of it.
-
-    Attributes:
-        dead_s: of its brake and drive.
-        lag_s: likewise.
-        share: of a commanded deceleration that comes.
-        full_mps2: deceleration of full braking.
-    """
-
-    dead_s: float
-    lag_s: float
-    share: float
-    full_mps2: float
-
-    @classmethod
-    def drawn(cls, braking: Braking, rng: random.Random, corner: float) -> Body:
-        """Within the tolerances; a share `corner` of the values lies at one of their ends."""
-
-        def within(tolerance: float) -> float:
-            end = rng.choice((-1.0, 1.0))
-            return 1 + tolerance * (end if rng.random() < corner else rng.uniform(-1, 1))
-
-        span = braking.greatest_mps2 - braking.guaranteed_mps2
-        return cls(
-            braking.dead_s * within(braking.tolerance),
-            braking.lag_s * within(braking.tolerance),
-            within(braking.error),
-            braking.guaranteed_mps2 + span * (0.0 if rng.random() < corner else rng.random()),
-        )
-
-
 @dataclass
 class Vehicle:
     """A vehicle on the road, with its agent.
@@ -104,7 +71,7 @@ class Vehicle:
     """
 
     name: str
-    body: Body
+    brakes: Brakes
     braking: Braking
     leg: Leg
     place_m: float
@@ -112,19 +79,21 @@ class Vehicle:
     others_mps2: float
     phase_s: float
     agent_ends_s: float = float("inf")
-    acceleration_mps2: float = 0.0
     hardest_mps2: float = 0.0
     last: PlatoonStep | None = None
     was_close: bool = False
     platooning: Platooning = field(init=False)
     _until_s: float = 0.0
-    _pipeline: deque[float] = field(init=False)
     _seen: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=16))
 
     def __post_init__(self) -> None:
         own = OwnVehicle(PAPER_CAR, self.braking, self.others_mps2, INTERVAL_S, 1.0, "paper")
         self.platooning = Platooning(self.name, LENGTH_M, own)
-        self._pipeline = deque([0.0] * round(self.body.dead_s / STEP_S))
+
+    @property
+    def acceleration_mps2(self) -> float:
+        """At present."""
+        return self.brakes.acceleration_mps2
 
     @property
     def mode(self) -> str:
@@ -166,19 +135,10 @@ class Vehicle:
         self.was_close |= step.mode != "alone"
 
     def move(self, now_s: float, gap_m: float, ahead_mps: float) -> None:
-        """One step of its body, by its agent's advice or its own control."""
+        """One step, by its agent's advice or its own control."""
         self._seen.append((gap_m, ahead_mps))
-        wanted = self._wanted_mps2(now_s)
-        self._pipeline.append(wanted)
-        wanted = self._pipeline.popleft()
-        if wanted < 0:
-            wanted = max(wanted * self.body.share, -self.body.full_mps2)
-        rate = min(1.0, STEP_S / self.body.lag_s) if self.body.lag_s > 0 else 1.0
-        self.acceleration_mps2 += (wanted - self.acceleration_mps2) * rate
         before = self.speed_mps
-        self.speed_mps = max(0.0, before + self.acceleration_mps2 * STEP_S)
-        if self.speed_mps == 0.0:
-            self.acceleration_mps2 = max(0.0, self.acceleration_mps2)
+        self.speed_mps = self.brakes.drive(before, self._wanted_mps2(now_s), STEP_S)
         self.place_m += (before + self.speed_mps) / 2 * STEP_S
         self.hardest_mps2 = min(self.hardest_mps2, self.acceleration_mps2)
 

@@ -121,14 +121,25 @@ class Brakes:
         self._sent: deque[float] = deque()
 
     @classmethod
-    def drawn(cls, braking: Braking, rng: random.Random) -> Self:
-        """Nominal values and their tolerance."""
+    def drawn(cls, braking: Braking, rng: random.Random, corner: float = 0.0) -> Self:
+        """Nominal values and their tolerance.
+
+        Args:
+            corner: share of the values that lie at an end of it.
+        """
+
+        def at_end() -> bool:
+            return corner > 0 and rng.random() < corner
+
+        def off() -> float:
+            return rng.choice((-1.0, 1.0)) if at_end() else rng.uniform(-1, 1)
+
         span_mps2 = braking.greatest_mps2 - braking.guaranteed_mps2
         return cls(
-            braking.dead_s * (1 + braking.tolerance * rng.uniform(-1, 1)),
-            braking.lag_s * (1 + braking.tolerance * rng.uniform(-1, 1)),
-            1 + braking.error * rng.uniform(-1, 1),
-            braking.guaranteed_mps2 + span_mps2 * rng.random(),
+            braking.dead_s * (1 + braking.tolerance * off()),
+            braking.lag_s * (1 + braking.tolerance * off()),
+            1 + braking.error * off(),
+            braking.guaranteed_mps2 + span_mps2 * (0.0 if at_end() else rng.random()),
         )
 
     def drive(self, speed_mps: float, wanted_mps2: float, step_s: float) -> float:
