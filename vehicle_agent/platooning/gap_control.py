@@ -32,6 +32,7 @@ from slipstream.braking import Braking
 from slipstream.energy.drafting import DragLaw, DragReductions, reductions_at
 from slipstream.energy.traction import VehicleParameters, coasting_mps2
 from slipstream.spacing import (
+    CLOSE_GAP_M,
     DRIVER_MIN_GAP_M,
     DRIVER_TIME_GAP_S,
     SLOWING_SHARE,
@@ -141,9 +142,9 @@ def following_mps2(own: Own, ahead: AheadMotion, wanted_m: float) -> float:
     """Acceleration of a follower. Far behind, it closes up no faster than it can slow down again by
     coasting, so that the energy put into catching up is not braked away, and brakes no more than it
     must. A gap that is too small opens by 1 m/s, and no harder than with 0.5 m/s², as those ahead
-    may do too; where it lacks more than 1 m, as after a withdrawn promise, it may shrink to the
-    close one before, or by 0.1 m. More than a comfortable deceleration, or 1 m/s² beyond the told
-    one, is left to `needed_mps2`.
+    may do too. One that lacks more than 1 m may shrink by 0.1 m before; a close one, whose promise
+    is kept until both are apart even if it was withdrawn, to the closest. More than a comfortable
+    deceleration, or 1 m/s² beyond the told one, is left to `needed_mps2`.
 
     Args:
         wanted_m: g*.
@@ -158,7 +159,9 @@ def following_mps2(own: Own, ahead: AheadMotion, wanted_m: float) -> float:
         reference_mps += _LEADERS_SHARE * (ahead.leader_mps - ahead.speed_mps)
     gain, faster_mps = own.gain_per_s, own.speed_mps - reference_mps
     if error_m < -_OPENS_M:
-        room_m = max(_SHRINKS_M, ahead.gap_m - own.close_gap_m(own.speed_mps))
+        room_m = _SHRINKS_M
+        if ahead.gap_m <= CLOSE_GAP_M:
+            room_m = max(room_m, ahead.gap_m - own.close_gap_m(own.speed_mps))
         opening = OPENING_MPS2 + max(0.0, faster_mps) ** 2 / (2 * room_m)
         feedback = max(gain * (drift_mps - faster_mps), -opening)
     else:

@@ -39,8 +39,6 @@ _BROKEN_SHARE: Final = 1.3
 while the traffic ahead brakes as it can, but after a cut-in it may.
 """
 
-_SPEED_GAIN_PER_S: Final = 0.5
-_ROOM_GAIN_PER_S2: Final = 0.05
 _ROOM_SHARE: Final = 1.1
 """Of the gap that a leader needs, which it keeps: it coasts before its promise has to end."""
 
@@ -187,10 +185,8 @@ def leading(
     a = max(-0.9 * own.coasting_mps2, min(a, IDM.acceleration_mps2))
     if ahead is not None:
         a = min(a, IDM.acceleration_to_mps2(own, ahead.gap_m, ahead.speed_mps))
-        if limit_mps2 is not None:
-            room_m = ahead.gap_m - _ROOM_SHARE * leading_gap_m(s, limit_mps2)
-            keeps = _SPEED_GAIN_PER_S * (ahead.speed_mps - own.speed_mps)
-            a = min(a, max(-own.coasting_mps2, keeps + _ROOM_GAIN_PER_S2 * room_m))
+        if limit_mps2 is not None and ahead.gap_m < _ROOM_SHARE * leading_gap_m(s, limit_mps2):
+            a = min(a, -own.coasting_mps2)
     coasted = _coasted_mps2(situation.own, cap_mps)
     a, needed = min(a, _bounded_mps2(s, cap_mps, limit_mps2), coasted), 0.0
     if ahead is not None:
