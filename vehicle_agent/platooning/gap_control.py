@@ -32,10 +32,10 @@ from slipstream.braking import Braking
 from slipstream.energy.drafting import DragLaw, DragReductions, reductions_at
 from slipstream.energy.traction import VehicleParameters, coasting_mps2
 from slipstream.spacing import (
-    CLOSE_GAP_M,
     DRIVER_MIN_GAP_M,
     DRIVER_TIME_GAP_S,
     SLOWING_SHARE,
+    driver_gap_m,
     planned_gap_m,
 )
 from vehicle_agent.platooning.needed_braking import AheadMotion, braking_mps2
@@ -142,9 +142,9 @@ def following_mps2(own: Own, ahead: AheadMotion, wanted_m: float) -> float:
     """Acceleration of a follower. Far behind, it closes up no faster than it can slow down again by
     coasting, so that the energy put into catching up is not braked away, and brakes no more than it
     must. A gap that is too small opens by 1 m/s, and no harder than with 0.5 m/s², as those ahead
-    may do too. One that lacks more than 1 m may shrink by 0.1 m before; a close one, whose promise
-    is kept until both are apart even if it was withdrawn, to the closest. More than a comfortable
-    deceleration, or 1 m/s² beyond the told one, is left to `needed_mps2`.
+    may do too. One that lacks more than 1 m may shrink by 0.1 m before; within a driver's gap to
+    the closest, as a promise that was withdrawn is kept until both are that far apart. More than a
+    comfortable deceleration, or 1 m/s² beyond the told one, is left to `needed_mps2`.
 
     Args:
         wanted_m: g*.
@@ -160,7 +160,7 @@ def following_mps2(own: Own, ahead: AheadMotion, wanted_m: float) -> float:
     gain, faster_mps = own.gain_per_s, own.speed_mps - reference_mps
     if error_m < -_OPENS_M:
         room_m = _SHRINKS_M
-        if ahead.gap_m <= CLOSE_GAP_M:
+        if ahead.gap_m <= driver_gap_m(own.speed_mps):
             room_m = max(room_m, ahead.gap_m - own.close_gap_m(own.speed_mps))
         opening = OPENING_MPS2 + max(0.0, faster_mps) ** 2 / (2 * room_m)
         feedback = max(gain * (drift_mps - faster_mps), -opening)
