@@ -142,7 +142,7 @@ def following_mps2(own: Own, ahead: AheadMotion, wanted_m: float) -> float:
     """Acceleration of a follower. Far behind, it closes up no faster than it can slow down again by
     coasting, so that the energy put into catching up is not braked away, and brakes no more than it
     must. A gap that is too small opens by 1 m/s, and no harder than with 0.5 m/s², as those ahead
-    may do too. One that lacks more than 1 m opens by coasting and may shrink by 0.1 m before;
+    may do too. One that lacks more than 1 m opens by coasting, and may shrink by 0.1 m before;
     within a driver's gap to the closest, as a promise that was withdrawn is kept until both are
     that far apart. More than a comfortable deceleration, or 1 m/s² beyond the told one, is left to
     `needed_mps2`.
@@ -163,7 +163,9 @@ def following_mps2(own: Own, ahead: AheadMotion, wanted_m: float) -> float:
         room_m = _SHRINKS_M
         if ahead.gap_m <= driver_gap_m(own.speed_mps):
             room_m = max(room_m, ahead.gap_m - own.close_gap_m(own.speed_mps))
-        opening = coasting + max(0.0, faster_mps) ** 2 / (2 * room_m)
+        opening = coasting
+        if faster_mps > 0:
+            opening = OPENING_MPS2 + faster_mps**2 / (2 * room_m)
         feedback = max(gain * (drift_mps - faster_mps), -opening)
     else:
         feedback = -gain * faster_mps + max(gain * drift_mps, -OPENING_MPS2)
