@@ -91,6 +91,11 @@ def reductions_at(law: DragLaw, gap_m: float) -> DragReductions:
     return DragReductions(*(_interpolated(points, gap_m) for points in _MEASURED[law]))
 
 
+def greatest_reduction(law: DragLaw) -> float:
+    """The largest η_drag of any place at any gap."""
+    return max(reductions_at(law, 0.0))
+
+
 def _interpolated(points: _Points, gap_m: float) -> float:
     """Piecewise linear; constant below the first gap, 0 from twice the last one on."""
     first, last = points[0], points[-1]

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from slipstream.errors import InputError
 from slipstream.site import load_site
+from slipstream.vehicle_types import PRESETS
 from slipstream_cli.progress import ProgressLine
 from slipstream_lab.commands import sumo_files
 from slipstream_lab.commands.curve import Curve, add_options, parse_numbers
@@ -76,6 +77,11 @@ def add_to(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         command.add_argument(
             *names, type=Path, metavar="FILE", help=f"{what} instead of the scenario's"
         )
+    command.add_argument(
+        "--type",
+        choices=tuple(PRESETS),
+        help="of the fleet's vehicles (default: its file's, else paper_car)",
+    )
     sumo_files.add_options(command)
     command.add_argument(
         "--signals", choices=("actuated", "fixed"), default="actuated", help="how they are timed"
@@ -146,6 +152,7 @@ def run(options: argparse.Namespace) -> int:
         options.rsus,
         options.fleet,
         own.additional,
+        options.type,
     )
 
     def evaluated(out: Path, of: WorldFiles) -> tuple[Evaluation, dict[str, Any]]:
@@ -186,6 +193,7 @@ def _evaluate(
 
     background = options.out / "background"
     world = World(files, background, options.signals, span_s, prices, options.road)
+    _refuse_exogenous(options, world)
     left_out = world.scenario.left_out
     if left_out is not None:
         print(f"slipstream: {world.scenario.net}: {left_out}", file=sys.stderr)
@@ -287,6 +295,16 @@ def _further_tables(
 
 def _update_of(progress: ProgressLine) -> Callable[[float, float], None]:
     return lambda passed_s, whole_s: progress.update(round(passed_s), round(whole_s))
+
+
+def _refuse_exogenous(options: argparse.Namespace, world: World) -> None:
+    """Exogenous arms are the paper's, and so is their vehicle."""
+    from slipstream_lab.simulation.evaluation.arms import wants_exogenous
+
+    kind = world.scenario.fleet.type
+    if kind != "paper_car" and not options.stored and wants_exogenous(options.arms):
+        problem = f"exogenous arms have the paper's car, and the fleet is of type {kind}"
+        raise InputError("evaluate", problem, "give --arms B,C", key="--arms")
 
 
 def _refuse_gridlock(evaluation: Evaluation) -> None:

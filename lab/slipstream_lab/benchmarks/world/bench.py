@@ -287,9 +287,9 @@ def read_saved(
 
 def _drafting(found: Evaluation, world: World) -> float | None:
     """What every kilometre drafted would save of the baseline, mean of the seeds."""
-    roads = world.scenario.network
+    roads, kind = world.scenario.network, world.scenario.fleet.vehicle_type
     shares = [
-        compute_ceilings(stored.result, roads).savings()["drafting"]
+        compute_ceilings(stored.result, roads, kind).savings()["drafting"]
         for seed, stored in found.arms.get(BASELINE, {}).items()
         if not found.runs[BASELINE][seed].faults
     ]

@@ -171,10 +171,9 @@ def agents(world: WorldSpec, folder: Path) -> dict[str, object]:
     from slipstream_lab.simulation.sumo import TYPES
 
     shutil.rmtree(folder, ignore_errors=True)
-    vehicles = [
-        {"id": name, "type": {"length_m": TYPES["cav"].length_m}}
-        for name in world.deliveries.vehicles
-    ]
+    kind = world.deliveries.settings.vehicle_type
+    own = {"preset": kind.preset, "length_m": kind.length_m or TYPES["cav"].length_m}
+    vehicles = [{"id": name, "type": own} for name in world.deliveries.vehicles]
     return {"vehicles": vehicles, "state": folder.absolute()}
 
 

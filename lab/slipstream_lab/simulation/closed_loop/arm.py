@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from slipstream.braking import Road
+from slipstream.vehicle_types import PresetName
 from slipstream_lab.simulation.closed_loop.policy import AS_DRIVING, Policy, WaitingPrices
 from slipstream_lab.simulation.closed_loop.record import ArmResult, OrderService, Others
 from slipstream_lab.simulation.rsus import Rsu
@@ -40,6 +41,7 @@ class ArmSpec:
     Attributes:
         seed: of the fleet's orders, of perception's errors and of the dispatcher's searches.
         fleet: settings of the deliveries, other than the scenario's.
+        type: of the fleet's vehicles; None: the fleet's own.
         own_routes: whether the background is the user's: the default fleet is another one then.
         history: what movements cost on another day; the lever "routes" needs it.
         begin_s: simulated, s since midnight; a multiple of 300.
@@ -68,6 +70,7 @@ class ArmSpec:
     database: Path | None = None
     prices: WaitingPrices = AS_DRIVING
     road: Road = "dry"
+    type: PresetName | None = None
 
     def __post_init__(self) -> None:
         if self.begin_s % 300 or not 0 <= self.begin_s < self.end_s:
@@ -141,13 +144,17 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
         legs = []
         gridlock = GridlockWatch()
         with SumoSession(options, day.files) as session:
-            reality = Reality.of_day(order.road, ideal=policy.brakes == "ideal", seed=order.seed)
+            kind, ideal = deliveries.settings.vehicle_type, policy.brakes == "ideal"
+            reality = Reality.of_day(kind, order.road, ideal=ideal, seed=order.seed)
             parameters = AgentParameters(
-                length_m=TYPES["cav"].length_m,
-                interval_s=order.step_s,
-                stale_after_s=1.5 * WINDOW_S,
-                braking=reality.braking,
-                others_mps2=reality.others_mps2,
+                kind.profile.physics,
+                kind.length_m or TYPES["cav"].length_m,
+                kind.max_speed_mps,
+                order.step_s,
+                1.5 * WINDOW_S,
+                kind.drafting,
+                reality.braking,
+                reality.others_mps2,
             )
             exchange = Exchange(
                 dict.fromkeys(deliveries.vehicles, parameters),
@@ -175,6 +182,7 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
             world = FleetWorld(
                 session,
                 yards(deliveries, network),
+                kind,
                 lengths_m,
                 exchange,
                 roadside,
@@ -255,7 +263,11 @@ def simulate_arm(order: ArmSpec, report_time: Callable[[float], None]) -> ArmRes
 
 def _scenario(order: ArmSpec) -> Scenario:
     return load_scenario(
-        order.scenario, net=order.net, fleet=order.fleet, own_routes=order.own_routes
+        order.scenario,
+        net=order.net,
+        fleet=order.fleet,
+        type=order.type,
+        own_routes=order.own_routes,
     )
 
 

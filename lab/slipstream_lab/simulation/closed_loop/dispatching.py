@@ -71,7 +71,8 @@ class Dispatching:
             self.interval_s, delay_s = settings.interval_s, DispatcherSettings().deadline_s
             learning = None
         else:
-            worth_kw = 0.0 if history is None else time_worth_kw(history, network)
+            kind = deliveries.settings.vehicle_type
+            worth_kw = 0.0 if history is None else time_worth_kw(history, network, kind)
             settings = settings_of(policy, worth_kw, prices, seed)
             self.interval_s, delay_s = deliveries.settings.cycle_s, 0.0
             learning = _AnotherDay(history, network)

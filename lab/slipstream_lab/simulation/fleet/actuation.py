@@ -17,6 +17,7 @@ from typing import Final
 import libsumo
 
 from slipstream.messages import VehicleAdvice, VehicleSensing
+from slipstream.vehicle_types import VehicleType
 from slipstream_lab.simulation.fleet.brakes import RealVehicle
 from slipstream_lab.simulation.sumo import FLEET_TYPES, TYPES
 
@@ -47,6 +48,24 @@ _BEHIND_LEADER: Final = 0b011000000101
 _AS_DRIVERS_DO: Final = 0b011001010101
 
 
+def shape_fleet(kind: VehicleType, pace: float) -> None:
+    """Give SUMO's type of the fleet the class, dimensions and top speed of a type of vehicles, as
+    far as they are known. Slowed, a vehicle is slower than its top speed too.
+    """
+    kinds = libsumo.vehicletype
+    kinds.setVehicleClass(ALONE, kind.vehicle_class)
+    slowest = min(1.0, pace)
+    top_mps = None if kind.max_speed_mps is None else slowest * kind.max_speed_mps
+    for give, value in (
+        (kinds.setLength, kind.length_m),
+        (kinds.setWidth, kind.width_m),
+        (kinds.setHeight, kind.height_m),
+        (kinds.setMaxSpeed, top_mps),
+    ):
+        if value is not None:
+            give(ALONE, value)
+
+
 def add_follower_type(
     name: str = FOLLOWER,
     deceleration_mps2: float = TYPES[ALONE].deceleration_mps2,
@@ -58,9 +77,11 @@ def add_follower_type(
         return
     alone = TYPES[ALONE]
     kinds.copy("DEFAULT_VEHTYPE", name)
-    kinds.setVehicleClass(name, alone.vclass)
-    kinds.setLength(name, alone.length_m)
-    kinds.setMaxSpeed(name, alone.max_speed_mps)
+    kinds.setVehicleClass(name, kinds.getVehicleClass(ALONE))
+    kinds.setLength(name, kinds.getLength(ALONE))
+    kinds.setWidth(name, kinds.getWidth(ALONE))
+    kinds.setHeight(name, kinds.getHeight(ALONE))
+    kinds.setMaxSpeed(name, kinds.getMaxSpeed(ALONE))
     kinds.setAccel(name, alone.acceleration_mps2)
     kinds.setDecel(name, deceleration_mps2)
     kinds.setApparentDecel(name, alone.deceleration_mps2)

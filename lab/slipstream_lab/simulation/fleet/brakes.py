@@ -14,7 +14,7 @@ from typing import Final, Self
 
 from slipstream.braking import BRAKING, HARDEST_MPS2, Braking, Road
 from slipstream.messages import VehicleSensing
-from slipstream.vehicle_types import PRESETS
+from slipstream.vehicle_types import VehicleType
 
 SUBSTEP_S: Final = 0.02
 _FASTEST_MPS2: Final = 1.8
@@ -44,12 +44,12 @@ class Reality:
     latency_s: float = 0.0
 
     @classmethod
-    def of_day(cls, road: Road, *, ideal: bool, seed: int) -> Self:
-        """Of the fleet's type, the paper's car, on a road; or of the paper's ideal vehicle."""
+    def of_day(cls, kind: VehicleType, road: Road, *, ideal: bool, seed: int) -> Self:
+        """Of vehicles of a type on a road; or with the brakes of the paper's ideal vehicle."""
         if ideal:
             braking = BRAKING["ideal"].on(road)
             return cls(braking, braking.greatest_mps2, seed)
-        return cls(PRESETS["paper_car"].brakes.on(road), HARDEST_MPS2[road], seed)
+        return cls(kind.brakes.on(road), HARDEST_MPS2[road], seed)
 
     @property
     def ideal(self) -> bool:

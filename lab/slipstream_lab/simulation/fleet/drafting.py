@@ -98,14 +98,21 @@ def _place(name: str, front_of: Mapping[str, str]) -> int:
 
 
 def why_missed(
-    planned: PlannedSegment, sensed: VehicleSensing, advice: VehicleAdvice | None, *, is_open: bool
+    planned: PlannedSegment,
+    sensed: VehicleSensing,
+    advice: VehicleAdvice | None,
+    top_mps: float,
+    *,
+    is_open: bool,
 ) -> Cause | None:
-    """Why a vehicle that is in no platoon now is in none; None: its plan has none there either."""
+    """Why a vehicle that drives no faster than `top_mps` and is in no platoon now is in none; None:
+    its plan has none there either.
+    """
     if planned.platoon is None:
         return None
     if not is_open:
         return "gates"
-    limit_mps = planned.speed_limit_mps or planned.speed_mps
+    limit_mps = min(planned.speed_limit_mps or planned.speed_mps, top_mps)
     if sensed.speed_mps < _QUEUE_SHARE * limit_mps:
         return "queues"
     mode = "none" if advice is None else advice.mode

@@ -146,8 +146,8 @@ class LegMeasurement:
         )
 
 
-def free_s(planned: tuple[PlannedSegment, ...]) -> float:
-    """Time of a leg from rest to rest at the limit on empty roads, s."""
+def free_s(planned: tuple[PlannedSegment, ...], top_mps: float) -> float:
+    """Time of a leg from rest to rest at the limit, or the top speed, on empty roads, s."""
     lengths_m = [segment.length_m or 0.0 for segment in planned]
-    limits_mps = [segment.speed_limit_mps or segment.speed_mps for segment in planned]
+    limits_mps = [min(one.speed_limit_mps or one.speed_mps, top_mps) for one in planned]
     return plan_drive(lengths_m, limits_mps, DrivingStyle()).duration_s

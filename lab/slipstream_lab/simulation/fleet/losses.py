@@ -20,7 +20,8 @@ _SAMPLE_S: Final = 0.5
 class Losses(NamedTuple):
     """Electrical energy in kWh of a drive alone, from rest to rest, by what it was lost to.
 
-    The parts add up to its traction energy: from rest to rest nothing stays kinetic.
+    The parts add up to its traction energy: from rest to rest nothing stays kinetic. What braking
+    gives back is lost to nothing.
 
     Attributes:
         stands_kwh: braked away before standing on the road: at signals, and behind others.
@@ -51,7 +52,8 @@ def losses(
     drag_n = vehicle.drag_factor_kgpm * mid**2
     force_n = vehicle.mass_kg * np.diff(v) / seconds + vehicle.rolling_force_n + drag_n
     factor = vehicle.electrical_kwh(1.0)
-    braked_kwh = factor * np.maximum(0.0, -force_n) * mid * seconds
+    lost = factor - vehicle.recovered_kwh(1.0)
+    braked_kwh = lost * np.maximum(0.0, -force_n) * mid * seconds
     parts = {"arrival": 0.0, "stand": 0.0, "slowing": 0.0}
     lowest, pending = 0.0, 0.0
     for after_mps, lost_kwh in zip(v[1:].tolist(), braked_kwh.tolist(), strict=True):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from itertools import takewhile
 from typing import Final, Protocol
@@ -17,8 +18,8 @@ from slipstream.messages import (
     VehicleSensing,
 )
 from slipstream.spacing import CLOSE_GAP_M
-from slipstream.vehicle_types import RoutingProfile
-from slipstream_lab.simulation.fleet.actuation import Driver
+from slipstream.vehicle_types import VehicleType
+from slipstream_lab.simulation.fleet.actuation import Driver, shape_fleet
 from slipstream_lab.simulation.fleet.brakes import Reality
 from slipstream_lab.simulation.fleet.drafting import Cause, RoadsideGates, drafting, why_missed
 from slipstream_lab.simulation.fleet.driven_leg import DrivenLeg, LegMeasurement, free_s
@@ -28,7 +29,6 @@ from slipstream_lab.simulation.fleet.van import DrivenWay, SimulatedVan, planned
 from slipstream_lab.simulation.sumo.session import SumoSession
 
 # The IDM approaches the end of a leg asymptotically: the last metres would take minutes.
-_PAPER_CAR: Final = RoutingProfile()
 _ARRIVED_M: Final = 5.0
 _ARRIVED_MPS: Final = 1.0
 _TELL_S: Final = 1.0
@@ -59,6 +59,7 @@ class FleetWorld:
     """A simulation with the fleet in it.
 
     Args:
+        kind: type of all vehicles.
         service_s: time that a stop takes, by its id; None: as its plan has it.
         reality: of vehicles and sensors; None: all are ideal.
 
@@ -74,6 +75,7 @@ class FleetWorld:
         self,
         session: SumoSession,
         places: Mapping[str, str],
+        kind: VehicleType,
         lengths_m: Mapping[str, float],
         agents: Agents,
         gates: RoadsideGates,
@@ -82,14 +84,15 @@ class FleetWorld:
         clock_ns: Callable[[], int],
         look_s: float,
         pace: float = 1.0,
-        profiles: Mapping[str, RoutingProfile] | None = None,
         reality: Reality | None = None,
     ) -> None:
         self._session, self._lengths_m, self._agents = session, lengths_m, agents
         self._gates, self._service_s, self._step_s = gates, service_s, step_s
         self._clock_ns = clock_ns
-        self._look_ns, self._pace, self._profiles = round(look_s * 1e9), pace, profiles or {}
-        self._laws = {name: profile.drafting for name, profile in self._profiles.items()}
+        self._look_ns, self._pace = round(look_s * 1e9), pace
+        self._physics, self._laws = kind.profile.physics, dict.fromkeys(places, kind.drafting)
+        self._top_mps = kind.max_speed_mps or math.inf
+        shape_fleet(kind, pace)
         real = {} if reality is None else {name: reality.vehicle(name) for name in places}
         self._vans = {
             name: SimulatedVan(segment, real=real.get(name))
@@ -232,7 +235,7 @@ class FleetWorld:
             due_s = max(due_s, self._time_s(plan.stops[leg].departure_ns))
         due_s = max(due_s, van.ready_s + _breaks_s(plan, leg))
         path = tuple(segment.segment for segment in planned)
-        van.way = DrivenWay(plan, leg, planned, path, due_s, free_s(planned))
+        van.way = DrivenWay(plan, leg, planned, path, due_s, free_s(planned, self._top_mps))
         van.serves, van.entering = None, True
         sumo = f"{PREFIX}{name}/{van.tour}/{van.leg}"
         van.driver = Driver(sumo, self._pace, self._step_s, van.real)
@@ -306,7 +309,8 @@ class FleetWorld:
         if sensed is None:
             return None
         is_open = self._gates.is_open(sensed.segment)
-        return why_missed(way.planned[way.at], sensed, self._advice.get(name), is_open=is_open)
+        planned, advice = way.planned[way.at], self._advice.get(name)
+        return why_missed(planned, sensed, advice, self._top_mps, is_open=is_open)
 
     def _note_silence(self, partner: str | None, now_ns: int) -> None:
         advice = self._advice.get(partner or "")
@@ -361,7 +365,7 @@ class FleetWorld:
             way.free_s,
             way.driven + way.path[way.first :],
             self._step_s,
-            self._profiles.get(name, _PAPER_CAR).physics,
+            self._physics,
         )
         van.way, van.measured = None, None
         van.segment, van.leg, van.ready_s = way.path[-1], van.leg + 1, now_s

@@ -32,7 +32,7 @@ class LiveFleetFile:
         text = (
             json.dumps({"depots": [], "stops": [], "vehicles": []})
             if fleet is None
-            else fleet.model_dump_json(indent=1, exclude_none=True)
+            else fleet.model_dump_json(indent=1, exclude_unset=True)
         )
         unfinished = self._path.with_suffix(".part")
         unfinished.write_text(text, encoding="utf-8")

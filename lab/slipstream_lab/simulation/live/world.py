@@ -89,9 +89,11 @@ class _World:
         )
         # Of the town's own orders; those of others are served as their plans have it.
         service_s = {order.id: order.service_s for order in spec.deliveries.orders}
+        kind = spec.deliveries.settings.vehicle_type
         self._fleet = FleetWorld(
             session,
             yards(spec.deliveries, network),
+            kind,
             lengths_m,
             BusAgents(bus, vehicles),
             BusGates(bus),
@@ -99,7 +101,7 @@ class _World:
             spec.step_s,
             time.time_ns,
             _LOOK_S,
-            reality=Reality.of_day(spec.road, ideal=False, seed=spec.seed),
+            reality=Reality.of_day(kind, spec.road, ideal=False, seed=spec.seed),
         )
         self._orders = LiveFleetFile(spec.fleet, spec.deliveries, session.time_s)
         self._legs, self._driven_m, self._platooned_m = 0, 0.0, 0.0

@@ -12,6 +12,7 @@ from slipstream.config import load
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork
 from slipstream.roads.sumo_net import load_network
+from slipstream.vehicle_types import PresetName
 from slipstream_lab.simulation.rsus import Rsu, load_rsus
 from slipstream_lab.simulation.scenarios.day import DaySpec
 from slipstream_lab.simulation.scenarios.defaults import (
@@ -98,6 +99,7 @@ def load_scenario(
     demand: Path | None = None,
     rsus: Path | None = None,
     fleet: Path | None = None,
+    type: PresetName | None = None,
     routes: Sequence[Path] = (),
     additional: Sequence[Path] = (),
     own_routes: bool = False,
@@ -110,6 +112,7 @@ def load_scenario(
     minutes.
 
     Args:
+        type: of the fleet's vehicles; None: the fleet's own.
         own_routes: whether there are routes of the user's, where they are not given here.
 
     Raises:
@@ -130,6 +133,8 @@ def load_scenario(
     rsus = rsus or (None if own else folder / "rsus.toml")
     routed = own_routes or bool(routes)
     deliveries = fleet_settings(name, fleet, own_net=own, own_routes=routed)
+    if type is not None:
+        deliveries = deliveries.model_copy(update={"type": type})
     given = {"demand": demand or routed or None, "fleet": fleet}
     made_up = frozenset(part for part, of in given.items() if own and of is None)
     return Scenario(

@@ -11,11 +11,14 @@ import pytest
 from dispatcher_daemon.fleet.learning import HOURS, History
 from slipstream.errors import InputError
 from slipstream.roads.sumo_net import load_network
+from slipstream.vehicle_types import PRESETS
 from slipstream_lab.simulation.closed_loop.history_file import (
     load_history,
     save_history,
     time_worth_kw,
 )
+
+CAR = PRESETS["paper_car"]
 
 
 def known(pairs: Sequence[tuple[str, str]], count: float) -> History:
@@ -35,8 +38,8 @@ def test_passages_beyond_the_network_are_worth_nothing() -> None:
         *(np.concatenate([t, 7 * t[:1] + 7]) for t in (own.count, own.loss_kwh)),
         *(np.concatenate([t, 7 * t[:1] + 7]) for t in (own.seconds, own.stops)),
     )
-    assert time_worth_kw(own, network) > 0
-    assert time_worth_kw(both, network) == time_worth_kw(own, network)
+    assert time_worth_kw(own, network, CAR) > 0
+    assert time_worth_kw(both, network, CAR) == time_worth_kw(own, network, CAR)
 
 
 def test_a_history_comes_back_from_its_file(tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ from slipstream.energy.consumption import (
 )
 from slipstream.energy.drive import DrivingStyle, plan_drive
 from slipstream.roads import Crossing, Segment, build_network
+from slipstream.vehicle_types import PRESETS
 from slipstream_lab.simulation.closed_loop.record import ArmResult, Others
 from slipstream_lab.simulation.evaluation.arms import POLICIES
 from slipstream_lab.simulation.evaluation.measures.ceilings import (
@@ -33,6 +34,7 @@ from slipstream_lab.simulation.fleet.driven_leg import DrivenLeg
 from slipstream_lab.simulation.fleet.losses import drive_losses, losses
 
 STEP_S: Final = 0.5
+CAR: Final = PRESETS["paper_car"]
 ROADS: Final = build_network(
     "row",
     [
@@ -134,15 +136,15 @@ def test_a_planned_drives_losses_are_those_of_its_trace() -> None:
 def test_the_empty_road_has_turns_and_no_reds() -> None:
     """A free drive slows down for the turn and the lower limit, and stands nowhere but at the end;
     at half the pace everything is half as fast."""
-    drive = free_drive(("a", "b", "c"), ROADS)
+    drive = free_drive(("a", "b", "c"), ROADS, CAR)
     split = drive_losses(drive)
     assert split.stands_kwh == 0.0
     assert split.slowing_kwh > 0.5 * (stop_energy_kwh(14.0) - stop_energy_kwh(6.0))
     assert drive.length_m == 600 + 15 + 500 + 20 + 400
     assert max(drive.speeds_mps) == 14.0
-    assert max(free_drive(("a", "b", "c"), ROADS, 0.5).speeds_mps) == 7.0
+    assert max(free_drive(("a", "b", "c"), ROADS, CAR, 0.5).speeds_mps) == 7.0
     with pytest.raises(KeyError):
-        free_drive(("a", "c"), ROADS)
+        free_drive(("a", "c"), ROADS, CAR)
 
 
 def test_ceilings_are_bounds_in_their_order() -> None:
@@ -153,7 +155,7 @@ def test_ceilings_are_bounds_in_their_order() -> None:
         + ramp((0, 14), (20, 14), (30, 0))[1:],
     ]
     arm = an_arm(*traces)
-    found = compute_ceilings(arm, ROADS)
+    found = compute_ceilings(arm, ROADS, CAR)
     exact = sum(trace_energy(trace, STEP_S, ETA_FOLLOWER).total_kwh for trace in traces)
     assert found.driven.drafted_kwh <= exact <= 1.002 * found.driven.drafted_kwh
     assert found.driven.alone_kwh == pytest.approx(sum(leg.alone.total_kwh for leg in arm.legs))
@@ -171,14 +173,14 @@ def test_ceilings_are_bounds_in_their_order() -> None:
 def test_an_arm_slower_than_the_empty_road_is_not_hurried() -> None:
     """Where the arm was faster than the empty road at the limit, that is driven at the limit."""
     hurried = an_arm(ramp((0, 0), (4, 25), (55, 25), (60, 0)))
-    found = compute_ceilings(hurried, ROADS)
+    found = compute_ceilings(hurried, ROADS, CAR)
     assert found.free_in_time.alone_kwh == pytest.approx(found.free.alone_kwh, rel=1e-4)
 
 
 def test_an_arm_without_legs_has_no_ceilings() -> None:
     """There is nothing to be a share of."""
     with pytest.raises(ValueError, match="without legs"):
-        compute_ceilings(an_arm(), ROADS)
+        compute_ceilings(an_arm(), ROADS, CAR)
     assert share_of_ceiling(0.1, 0.0) is None
     assert share_of_ceiling(0.1, 0.2) == 0.5
 
@@ -245,7 +247,7 @@ def test_who_is_near_on_a_segment_drafts_there_but_for_one() -> None:
     drag = first.alone.drag_kwh
     lengths_m = {name: segment.length_m for name, segment in ROADS.segments.items()}
     together = [
-        proximity_kwh((first, second, third), lengths_m, within_s)
+        proximity_kwh((first, second, third), lengths_m, within_s, "paper")
         for within_s in (10.0, 60.0, 600.0)
     ]
     # Segment a: 600 of 1500 m, or of 1100 m; b: 500; c: 400, which the second one does not drive.

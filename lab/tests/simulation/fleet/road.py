@@ -21,6 +21,7 @@ from slipstream.messages import (
     VehiclePlan,
     VehicleSensing,
 )
+from slipstream.vehicle_types import PRESETS
 from slipstream_lab.simulation.fleet.brakes import Reality
 from slipstream_lab.simulation.fleet.driven_leg import DrivenLeg
 from slipstream_lab.simulation.fleet.exchange import Exchange
@@ -271,8 +272,9 @@ def running(
     pace: float = 1.0,
     service_s: Callable[[str], float | None] = lambda stop: SERVICE_S,
     reality: Reality | None = None,
+    preset: str = "paper_car",
 ) -> Iterator[Running]:
-    """A world without background."""
+    """A world without background; `preset` is its vehicles' type."""
     net, routes = files
     options = [
         *("--net-file", str(net), "--route-files", str(routes), "--step-length", f"{step_s:g}"),
@@ -280,9 +282,13 @@ def running(
         *("--collision.action", "warn", "--default.speeddev", "0"),
     ]
     flags, sent = Flags(), list[Message]()
-    reality = reality or Reality.of_day("dry", ideal=False, seed=1)
+    kind = PRESETS[preset]
+    reality = reality or Reality.of_day(kind, "dry", ideal=False, seed=1)
     parameters = AgentParameters(
-        length_m=TYPES["cav"].length_m,
+        kind.profile.physics,
+        kind.length_m or TYPES["cav"].length_m,
+        kind.max_speed_mps,
+        drafting=kind.drafting,
         interval_s=step_s,
         stale_after_s=10.0,
         braking=reality.braking,
@@ -302,6 +308,7 @@ def running(
         world = FleetWorld(
             session,
             dict.fromkeys(vehicles, yard),
+            kind,
             lengths_m,
             exchange,
             flags,

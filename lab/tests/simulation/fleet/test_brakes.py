@@ -9,9 +9,12 @@ import pytest
 
 from slipstream.braking import Road
 from slipstream.messages import SensedVehicle, VehicleAdvice
+from slipstream.vehicle_types import PRESETS
 from slipstream_lab.simulation.fleet.brakes import Brakes, Reality
 from slipstream_lab.simulation.fleet.safety import NOTHING, OthersSafety, SafetyWatch
 from slipstream_lab.simulation.fleet.sensing import standing
+
+CAR = PRESETS["paper_car"]
 
 
 @pytest.mark.parametrize("step_s", [0.1, 0.5])
@@ -50,7 +53,7 @@ def test_a_vehicle_that_its_driver_drove_goes_on_from_there() -> None:
 @pytest.mark.parametrize("road", ["dry", "wet", "snow"])
 def test_vehicles_are_drawn_within_what_is_declared(road: Road) -> None:
     """By seed and name, and nothing of an ideal one."""
-    day = Reality.of_day(road, ideal=False, seed=1)
+    day = Reality.of_day(CAR, road, ideal=False, seed=1)
     declared = day.braking
     seen = set()
     for number in range(200):
@@ -66,7 +69,7 @@ def test_vehicles_are_drawn_within_what_is_declared(road: Road) -> None:
         assert again.brakes.full_mps2 == brakes.full_mps2
         seen.add(brakes.full_mps2)
     assert len(seen) == 200
-    assert Reality.of_day(road, ideal=True, seed=1).vehicle("v0") is None
+    assert Reality.of_day(CAR, road, ideal=True, seed=1).vehicle("v0") is None
 
 
 def sensed(gap_m: float, own_mps: float, ahead_mps: float) -> Any:
@@ -79,14 +82,14 @@ def sensed(gap_m: float, own_mps: float, ahead_mps: float) -> Any:
 def test_the_vehicle_ahead_is_sensed_late_and_with_noise() -> None:
     """0.1 s ago it was faster and nearer; the noise has no bias."""
     exact = replace(
-        Reality.of_day("dry", ideal=False, seed=1), gap_noise_m=0.0, speed_noise_mps=0.0
+        Reality.of_day(CAR, "dry", ideal=False, seed=1), gap_noise_m=0.0, speed_noise_mps=0.0
     )
     found = exact.vehicle("rear")
     assert found is not None
     ahead = found.sensed(sensed(10.0, 20.0, 15.0), -3.0).ahead
     assert ahead is not None
     assert (ahead.gap_m, ahead.speed_mps) == (pytest.approx(10.5), pytest.approx(15.3))
-    noisy = Reality.of_day("dry", ideal=False, seed=1).vehicle("rear")
+    noisy = Reality.of_day(CAR, "dry", ideal=False, seed=1).vehicle("rear")
     assert noisy is not None
     many = [noisy.sensed(sensed(10.0, 20.0, 20.0), 0.0).ahead for _ in range(400)]
     gaps = [one.gap_m - 10.0 for one in many if one is not None]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from lab.tests.simulation.fleet.road import Flags, segments
@@ -183,6 +185,6 @@ def test_why_a_planned_platoon_is_not_driven(
 ) -> None:
     """One cause a moment; none where the plan has no platoon."""
     (planned,) = segments("a", place=1)
-    assert why_missed(planned, sensing, advice, is_open=is_open) == cause
+    assert why_missed(planned, sensing, advice, math.inf, is_open=is_open) == cause
     (alone,) = segments("a")
-    assert why_missed(alone, sensing, advice, is_open=is_open) is None
+    assert why_missed(alone, sensing, advice, math.inf, is_open=is_open) is None

@@ -8,6 +8,7 @@ import libsumo
 import pytest
 
 from lab.tests.simulation.fleet.road import LIMIT_MPS, Running, plan, running, segments, write_line
+from slipstream.vehicle_types import PRESETS
 from slipstream_lab.simulation.fleet.actuation import ALONE, CLOSE
 from slipstream_lab.simulation.fleet.brakes import Reality
 
@@ -85,7 +86,7 @@ def test_a_platoon_forms_and_keeps_its_gap(
 
 def test_ideal_vehicles_keep_the_advised_gap(files: tuple[Path, Path]) -> None:
     """The paper's vehicle is one profile: it drives what it is advised, in the same step."""
-    ideal = Reality.of_day("dry", ideal=True, seed=1)
+    ideal = Reality.of_day(PRESETS["paper_car"], "dry", ideal=True, seed=1)
     with running(files, ["v0", "v1"], step_s=0.1, reality=ideal) as town:
         open_gates(town)
         names = send(town, 10.0, 11.0)

@@ -6,19 +6,20 @@ by the physics of `slipstream.energy.consumption` alone; no lever reaches it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 from slipstream.energy.consumption import (
-    ETA_FOLLOWER,
-    PAPER_CAR,
     VehicleParameters,
     drive_energies,
     steady_energy_kwh,
 )
+from slipstream.energy.drafting import greatest_reduction
 from slipstream.energy.drive import Drive, DrivingStyle, plan_drive
 from slipstream.roads import RoadNetwork
+from slipstream.vehicle_types import VehicleType
 from slipstream_lab.simulation.closed_loop.record import ArmResult
 from slipstream_lab.simulation.fleet.driven_leg import DrivenLeg
 from slipstream_lab.simulation.sumo import TYPES
@@ -71,21 +72,19 @@ class Ceilings:
         return {name: 1 - kwh / base for name, kwh in found.items()}
 
 
-def compute_ceilings(
-    arm: ArmResult, roads: RoadNetwork, vehicle: VehicleParameters = PAPER_CAR
-) -> Ceilings:
-    """Ceilings of an arm. Raises ValueError: the arm drove nothing."""
-    legs = arm.legs
+def compute_ceilings(arm: ArmResult, roads: RoadNetwork, kind: VehicleType) -> Ceilings:
+    """Ceilings of an arm whose vehicles are of a type. Raises ValueError: the arm drove nothing."""
+    legs, vehicle, eta = arm.legs, kind.profile.physics, greatest_reduction(kind.drafting)
     if not legs:
         raise ValueError("an arm without legs has no ceilings")
     travel_s = sum(leg.arrived_s - leg.departed_s for leg in legs)
     alone_kwh = sum(leg.alone.total_kwh for leg in legs)
     drag_kwh = sum(leg.alone.drag_kwh for leg in legs)
     return Ceilings(
-        Ideal(alone_kwh, alone_kwh - ETA_FOLLOWER * drag_kwh, travel_s),
-        _free(legs, roads, 1.0, vehicle),
-        _free(legs, roads, _pace(legs, roads, travel_s), vehicle),
-        Ideal(_steady_kwh(legs, 0.0, vehicle), _steady_kwh(legs, ETA_FOLLOWER, vehicle), travel_s),
+        Ideal(alone_kwh, alone_kwh - eta * drag_kwh, travel_s),
+        _free(legs, roads, 1.0, kind),
+        _free(legs, roads, _pace(legs, roads, travel_s, kind), kind),
+        Ideal(_steady_kwh(legs, 0.0, vehicle), _steady_kwh(legs, eta, vehicle), travel_s),
     )
 
 
@@ -94,39 +93,42 @@ def share_of_ceiling(saving: float, ceiling: float) -> float | None:
     return saving / ceiling if ceiling > 0 else None
 
 
-def free_drive(path: Sequence[str], roads: RoadNetwork, pace: float = 1.0) -> Drive:
-    """A leg on empty roads without signals: limits, and the speeds that turns allow. Raises
-    KeyError: a segment that the net has not, or two that no lane joins.
+def free_drive(
+    path: Sequence[str], roads: RoadNetwork, kind: VehicleType, pace: float = 1.0
+) -> Drive:
+    """A leg on empty roads without signals: limits, the vehicle's top speed, and the speeds that
+    turns allow. Raises KeyError: a segment that the net has not, or two that no lane joins.
     """
-    lengths, speeds = [], []
+    lengths, speeds, top_mps = [], [], kind.max_speed_mps or math.inf
     for number, segment in enumerate(path):
         if number > 0:
             way = roads.crossings[path[number - 1], segment]
             if way.length_m > 0:
                 lengths.append(way.length_m)
-                speeds.append(pace * way.speed_mps)
+                speeds.append(pace * min(way.speed_mps, top_mps))
         lengths.append(roads.segments[segment].length_m)
-        speeds.append(pace * roads.segments[segment].speed_limit_mps)
+        speeds.append(pace * min(roads.segments[segment].speed_limit_mps, top_mps))
     return plan_drive(lengths, speeds, _STYLE)
 
 
-def _free(
-    legs: Sequence[DrivenLeg], roads: RoadNetwork, pace: float, vehicle: VehicleParameters
-) -> Ideal:
-    drives = [free_drive(leg.path, roads, pace) for leg in legs]
+def _free(legs: Sequence[DrivenLeg], roads: RoadNetwork, pace: float, kind: VehicleType) -> Ideal:
+    vehicle = kind.profile.physics
+    drives = [free_drive(leg.path, roads, kind, pace) for leg in legs]
     alone, drafted = (
         drive_energies(drives, [[eta] * len(d.entry_s) for d in drives], vehicle).sum().total_kwh
-        for eta in (0.0, ETA_FOLLOWER)
+        for eta in (0.0, greatest_reduction(kind.drafting))
     )
     return Ideal(alone, drafted, sum(drive.duration_s for drive in drives))
 
 
-def _pace(legs: Sequence[DrivenLeg], roads: RoadNetwork, travel_s: float) -> float:
+def _pace(
+    legs: Sequence[DrivenLeg], roads: RoadNetwork, travel_s: float, kind: VehicleType
+) -> float:
     """The pace at which all legs together take a time on empty roads, at most 1."""
     low, high = _SLOWEST, 1.0
     for _ in range(20):
         middle = 0.5 * (low + high)
-        taken_s = sum(free_drive(leg.path, roads, middle).duration_s for leg in legs)
+        taken_s = sum(free_drive(leg.path, roads, kind, middle).duration_s for leg in legs)
         low, high = (middle, high) if taken_s > travel_s else (low, middle)
     return high
 

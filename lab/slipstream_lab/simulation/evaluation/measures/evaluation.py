@@ -103,8 +103,9 @@ def collect(store: ArmStore, provenance: Provenance, seeds: Iterable[int]) -> Ev
         for name, policy in POLICIES.items()
     }
     arms = {name: of_seed for name, of_seed in arms.items() if of_seed}
+    law = provenance.vehicle_type.drafting
     runs = {
-        name: {seed: measure(arm.result) for seed, arm in of_seed.items()}
+        name: {seed: measure(arm.result, law) for seed, arm in of_seed.items()}
         for name, of_seed in arms.items()
     }
     found = compare(runs)

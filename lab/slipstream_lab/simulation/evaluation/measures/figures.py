@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from slipstream.energy.consumption import ETA_FOLLOWER, Energy, total
+from slipstream.energy.consumption import Energy, total
+from slipstream.energy.drafting import DragLaw, greatest_reduction
 from slipstream_lab.simulation.closed_loop.record import ArmResult, Others
 from slipstream_lab.simulation.fleet.drafting import CAUSES, Cause
 from slipstream_lab.simulation.fleet.losses import Losses
@@ -58,6 +59,7 @@ class Measures:
     emergency_stops: int
     safety: FleetSafety
     faults: tuple[str, ...]
+    law: DragLaw
 
     @property
     def others_safety(self) -> OthersSafety:
@@ -109,7 +111,7 @@ class Measures:
     @property
     def ceiling_kwh(self) -> float:
         """What drafting would save at most: everybody a follower all the way."""
-        return ETA_FOLLOWER * self.alone.drag_kwh
+        return greatest_reduction(self.law) * self.alone.drag_kwh
 
     @property
     def platooned_share(self) -> float:
@@ -122,8 +124,8 @@ class Measures:
         return self.open / self.judged if self.judged else None
 
 
-def measure(result: ArmResult) -> Measures:
-    """Sum up an arm."""
+def measure(result: ArmResult, law: DragLaw = "paper") -> Measures:
+    """Sum up an arm. `law`: of its vehicles' drag."""
     legs, cycles = result.legs, result.cycles
     return Measures(
         driven=total(leg.driven for leg in legs),
@@ -168,6 +170,7 @@ def measure(result: ArmResult) -> Measures:
         emergency_stops=result.emergency_stops,
         safety=result.safety,
         faults=faults(result),
+        law=law,
     )
 
 

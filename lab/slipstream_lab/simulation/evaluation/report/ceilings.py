@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
+from slipstream.energy.drafting import greatest_reduction
 from slipstream.roads import RoadNetwork
 from slipstream_lab.simulation.evaluation.arms import BASELINE, COOPERATIVE, EVERY_LEVER, only
 from slipstream_lab.simulation.evaluation.measures import (
@@ -75,7 +76,8 @@ def ceiling_tables(evaluation: Evaluation, roads: RoadNetwork) -> tuple[ReportTa
     fit = evaluation.results(BASELINE)
     if not fit:
         return ()
-    best = {seed: compute_ceilings(result, roads) for seed, result in fit.items()}
+    kind = evaluation.provenance.vehicle_type
+    best = {seed: compute_ceilings(result, roads, kind) for seed, result in fit.items()}
     lengths_m = {name: segment.length_m for name, segment in roads.segments.items()}
     together = proximity_table(evaluation, lengths_m)
     return (
@@ -95,6 +97,7 @@ def _ceiling_table(evaluation: Evaluation, best: Mapping[int, Ceilings]) -> Repo
             else percent(SeedSpread.over([s[key] for s in saved.values()]), 1)
         )
 
+    most = greatest_reduction(evaluation.provenance.vehicle_type.drafting)
     slower = SeedSpread.over([f.free.travel_s / f.driven.travel_s - 1 for f in best.values()])
     time = {"no signals or traffic": percent(slower, 1, sign=True)}
     rows = tuple(
@@ -112,10 +115,10 @@ def _ceiling_table(evaluation: Evaluation, best: Mapping[int, Ceilings]) -> Repo
         rows,
         f"{arm_files(evaluation, [BASELINE])}, by `simulation.evaluation.measures.ceilings`",
         (
-            f"{MEANS} On the baseline's own paths. Drafted: 20 % less drag for everybody all the "
-            "way, as if nobody led. No signals or traffic: empty roads, with turns, lower limits "
-            "and deliveries. No braking: each leg at its mean speed from end to end, the least "
-            "that its distance can cost in its time; deliveries cost nothing there, so nobody "
+            f"{MEANS} On the baseline's own paths. Drafted: {100 * most:.0f} % less drag for "
+            "everybody all the way, as if nobody led. No signals or traffic: empty roads, with "
+            "turns, lower limits and deliveries. No braking: each leg at its mean speed from end "
+            "to end, the least that its distance can cost in its time; deliveries cost nothing there, so nobody "
             "gets near it.",
         ),
     )

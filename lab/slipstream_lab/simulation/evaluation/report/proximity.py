@@ -11,7 +11,7 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from slipstream.energy.consumption import ETA_FOLLOWER, ETA_LEADER
+from slipstream.energy.drafting import DragLaw, greatest_reduction, reductions_at
 from slipstream_lab.simulation.evaluation.arms import COOPERATIVE, EVERY_LEVER, only
 from slipstream_lab.simulation.evaluation.measures import Evaluation, SeedSpread
 from slipstream_lab.simulation.evaluation.report.cells import MEANS, arm_files
@@ -26,15 +26,16 @@ def proximity_table(evaluation: Evaluation, lengths_m: Mapping[str, float]) -> R
     """What arms with platoons drafted, beside what those near each other could have; None where
     there is no such arm.
     """
-    rows, names = [], []
+    rows, names, law = [], [], evaluation.provenance.vehicle_type.drafting
+    most = greatest_reduction(law)
     for name in _ARMS:
         fit = [arm.legs for arm in evaluation.results(name).values() if arm.legs]
         if not fit:
             continue
-        bound = [ETA_FOLLOWER * sum(leg.alone.drag_kwh for leg in legs) for legs in fit]
+        bound = [most * sum(leg.alone.drag_kwh for leg in legs) for legs in fit]
         saved = [sum(leg.alone.total_kwh - leg.driven.total_kwh for leg in legs) for legs in fit]
         near = [
-            [proximity_kwh(legs, lengths_m, 60.0 * minutes) for legs in fit]
+            [proximity_kwh(legs, lengths_m, 60.0 * minutes, law) for legs in fit]
             for minutes in _WITHIN_MIN
         ]
         names.append(name)
@@ -62,7 +63,7 @@ def proximity_table(evaluation: Evaluation, lengths_m: Mapping[str, float]) -> R
 
 
 def proximity_kwh(
-    legs: Sequence[DrivenLeg], lengths_m: Mapping[str, float], within_s: float
+    legs: Sequence[DrivenLeg], lengths_m: Mapping[str, float], within_s: float, law: DragLaw
 ) -> float:
     """Energy that drafting saves if all who are near each other on a segment are one platoon, kWh.
 
@@ -78,7 +79,7 @@ def proximity_kwh(
             passages[segment].append((at_s, drag_kwh))
             driven_m += lengths_m[segment]
     return sum(
-        _platoon_kwh(drags)
+        _platoon_kwh(drags, law)
         for on_segment in passages.values()
         for drags in _platoons(sorted(on_segment), within_s)
     )
@@ -96,9 +97,9 @@ def _platoons(passages: Sequence[tuple[float, float]], within_s: float) -> list[
     return found
 
 
-def _platoon_kwh(drags_kwh: Sequence[float]) -> float:
-    """The one with the least drag leads."""
+def _platoon_kwh(drags_kwh: Sequence[float], law: DragLaw) -> float:
+    """The one with the least drag leads; followers of more save together as those of pairs."""
     if len(drags_kwh) < 2:
         return 0.0
-    leads = min(drags_kwh)
-    return ETA_LEADER * leads + ETA_FOLLOWER * (sum(drags_kwh) - leads)
+    leads, close = min(drags_kwh), reductions_at(law, 0.0)
+    return close.leader * leads + close.follower * (sum(drags_kwh) - leads)

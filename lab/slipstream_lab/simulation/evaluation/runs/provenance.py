@@ -11,6 +11,7 @@ from typing import Final
 
 from slipstream.braking import Road
 from slipstream.sources import sources_digest
+from slipstream.vehicle_types import PRESETS, PresetName, VehicleType
 from slipstream_lab.simulation.closed_loop.policy import AS_DRIVING, WaitingPrices
 from slipstream_lab.simulation.rsus import Rsu
 from slipstream_lab.simulation.scenarios.perception import measured_errors
@@ -40,6 +41,7 @@ class Provenance:
         rsus: of the RSUs; empty where they are found by the traffic.
         waiting_kw: price of waiting at the depot; None: that of driving time, as in arms that were
             stored before it could be given.
+        type: of the fleet's vehicles; None: the paper's car, likewise.
     """
 
     scenario: str
@@ -56,6 +58,12 @@ class Provenance:
     waiting_kw: float | None = None
     standing_kw: float | None = None
     road: Road = "dry"
+    type: PresetName | None = None
+
+    @property
+    def vehicle_type(self) -> VehicleType:
+        """Of the fleet's vehicles."""
+        return PRESETS[self.type or "paper_car"]
 
 
 def provenance_of(
@@ -83,6 +91,7 @@ def provenance_of(
         waiting_kw=prices.waiting_kw,
         standing_kw=prices.standing_kw,
         road=road,
+        type=None if scenario.fleet.type == "paper_car" else scenario.fleet.type,
     )
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from slipstream.braking import Road
+from slipstream.vehicle_types import PresetName
 from slipstream_lab.simulation.closed_loop.arm import STEP_S, ArmSpec, home_by_s, run_arm
 from slipstream_lab.simulation.closed_loop.history_file import save_history
 from slipstream_lab.simulation.closed_loop.history_recording import (
@@ -36,7 +37,9 @@ RunArm = Callable[[ArmSpec, Progress], ArmResult]
 
 @dataclass(frozen=True)
 class WorldFiles:
-    """A scenario as a user names it. `net`: a SUMO net of the user's."""
+    """A scenario as a user names it. `net`: a SUMO net of the user's; `type`: of the fleet's
+    vehicles, None: the fleet's own.
+    """
 
     name: str
     net: Path | None = None
@@ -45,6 +48,7 @@ class WorldFiles:
     rsus: Path | None = None
     fleet: Path | None = None
     additional: tuple[Path, ...] = ()
+    type: PresetName | None = None
 
     def load(self) -> Scenario:
         """The scenario. Raises InputError: no such scenario, or a file that is malformed or does
@@ -56,6 +60,7 @@ class WorldFiles:
             demand=self.demand,
             rsus=self.rsus,
             fleet=self.fleet,
+            type=self.type,
             routes=self.routes,
             additional=self.additional,
         )
@@ -157,6 +162,7 @@ class World:
             database=None if databases is None else databases / f"{policy.name}-{seed}.db",
             prices=self._prices,
             road=self._road,
+            type=self._files.type,
         )
         return (run or run_arm)(order, progress)
 

@@ -18,6 +18,7 @@ from dispatcher_daemon.fleet import Break, Depot, Fleet, Stop, Vehicle
 from slipstream.config import Settings
 from slipstream.errors import InputError
 from slipstream.roads import RoadNetwork
+from slipstream.vehicle_types import PRESETS, PresetName, VehicleType
 from slipstream_lab.simulation.scenarios.demand.trips import (
     Array,
     Hours,
@@ -50,6 +51,7 @@ class FleetSettings(Settings):
     vehicles: Annotated[int, Field(ge=1, le=2000)] = Field(
         default=16, description="Spread evenly over the depots."
     )
+    type: PresetName = Field(default="paper_car", description="Of all vehicles: a preset.")
     capacity: Annotated[int, Field(ge=1)] = Field(default=8, description="Parcels a vehicle.")
     orders: Annotated[int, Field(ge=1, le=100_000)] = Field(default=400, description="A day.")
     parcels: tuple[Annotated[int, Field(ge=1)], Annotated[int, Field(ge=1)]] = Field(
@@ -88,9 +90,16 @@ class FleetSettings(Settings):
             raise ValueError("a simulated day has no clock times: give earliest_s and latest_s")
         return self
 
+    @property
+    def vehicle_type(self) -> VehicleType:
+        """Of all vehicles. Their batteries last: nobody charges in a simulated day."""
+        return PRESETS[self.type].model_copy(update={"battery_kwh": None})
+
     def digest_text(self) -> str:
-        """JSON for digests, which stored arms hold; without breaks as before there were any."""
-        return self.model_dump_json(exclude=None if self.breaks else {"breaks"})
+        """JSON for digests, which stored arms hold; without breaks as before there were any. The
+        type stands beside it.
+        """
+        return self.model_dump_json(exclude={"type"} if self.breaks else {"type", "breaks"})
 
 
 def busiest_begin_s(settings: FleetSettings, hours: float) -> float:
@@ -205,6 +214,7 @@ def fleet_at(
         )
         for own in settings.breaks
     )
+    kind = settings.vehicle_type
     vehicles = tuple(
         Vehicle(
             id=name,
@@ -212,6 +222,7 @@ def fleet_at(
             capacity=settings.capacity,
             ready_s=max(0.0, idle[name] - now_s),
             depart_by_s=max(0.0, idle[name] - now_s) + settings.depart_within_s,
+            own_type=kind,
             breaks=breaks,
         )
         for name in sorted(idle)
