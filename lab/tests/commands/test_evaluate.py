@@ -87,6 +87,22 @@ def test_arms_are_simulated_once_and_reported_again(
 
 
 @pytest.mark.slow
+def test_a_fleet_of_vans_is_another_evaluation(
+    capsys: Capture, tmp_path: Path, orders: list[ArmSpec]
+) -> None:
+    """Arms have the type that is asked for, and the report says it; a folder has one; the paper's
+    own way has its car."""
+    evaluate(capsys, tmp_path, "--arms", "B", "--seeds", "1", "--type", "van")
+    assert [order.type for order in orders] == ["van"]
+    assert " of type van, RSUs " in (tmp_path / "report.md").read_text()
+    again = ["evaluate", *MORNING, "--out", str(tmp_path), "--seeds", "1"]
+    assert main([*again, "--arms", "B"]) == 2
+    assert "type was van, is none" in capsys.readouterr().err.lower()
+    assert main([*again, "--arms", "main", "--type", "van"]) == 2
+    assert "exogenous arms have the paper's car" in capsys.readouterr().err
+
+
+@pytest.mark.slow
 def test_ceilings_and_the_papers_way_join_the_report(
     capsys: Capture, tmp_path: Path, orders: list[ArmSpec], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -118,8 +118,8 @@ def _ceiling_table(evaluation: Evaluation, best: Mapping[int, Ceilings]) -> Repo
             f"{MEANS} On the baseline's own paths. Drafted: {100 * most:.0f} % less drag for "
             "everybody all the way, as if nobody led. No signals or traffic: empty roads, with "
             "turns, lower limits and deliveries. No braking: each leg at its mean speed from end "
-            "to end, the least that its distance can cost in its time; deliveries cost nothing there, so nobody "
-            "gets near it.",
+            "to end, the least that its distance can cost in its time; deliveries cost nothing "
+            "there, so nobody gets near it.",
         ),
     )
 

@@ -199,7 +199,9 @@ def _provenance(evaluation: Evaluation, made_up: Sequence[str]) -> str:
         "## What it stands on",
         "",
         f"- scenario {provenance.scenario}; SHA-256 of its net `{provenance.net[:12]}`, background "
-        f"`{provenance.demand[:12]}`, fleet `{provenance.fleet[:12]}`, RSUs "
+        f"`{provenance.demand[:12]}`, fleet `{provenance.fleet[:12]}`"
+        + ("" if provenance.type is None else f" of type {provenance.type}")
+        + ", RSUs "
         + (f"`{provenance.rsus[:12]}`" if provenance.rsus else "placed by the traffic"),
         *(f"- made up: {line}" for line in made_up),
         f"- {provenance.begin_s:g} to {provenance.end_s:g} s, steps of {provenance.step_s:g} s, "
