@@ -75,6 +75,7 @@ def test_losses_of_a_type_that_recuperates_add_up_to_its_energy() -> None:
         assert sum(losses(speeds, 1.0, physics)) == pytest.approx(whole)
 
 
+@pytest.mark.slow
 def test_the_dispatcher_plans_with_the_fleets_type(tmp_path: Path) -> None:
     """As its file has it, or as it is asked for beside the file; charge is not looked at."""
     path = tmp_path / "fleet.toml"
