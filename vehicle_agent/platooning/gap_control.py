@@ -35,7 +35,6 @@ from slipstream.spacing import (
     DRIVER_MIN_GAP_M,
     DRIVER_TIME_GAP_S,
     SLOWING_SHARE,
-    driver_gap_m,
     planned_gap_m,
 )
 from vehicle_agent.platooning.needed_braking import AheadMotion, braking_mps2
@@ -51,6 +50,7 @@ _LEADERS_SHARE: Final = 0.6
 _OPENING_MPS: Final = 1.0
 OPENING_MPS2: Final = 0.5
 _OPENS_M: Final = 1.0
+_OPENS_MPS: Final = 0.2
 _SHRINKS_M: Final = 0.1
 _OWN_MPS2: Final = 1.0
 _APPROACH_MPS: Final = 0.5
@@ -142,10 +142,9 @@ def following_mps2(own: Own, ahead: AheadMotion, wanted_m: float) -> float:
     """Acceleration of a follower. Far behind, it closes up no faster than it can slow down again by
     coasting, so that the energy put into catching up is not braked away, and brakes no more than it
     must. A gap that is too small opens by 1 m/s, and no harder than with 0.5 m/s², as those ahead
-    may do too. One that lacks more than 1 m opens by coasting, and may shrink by 0.1 m before;
-    within a driver's gap to the closest, as a promise that was withdrawn is kept until both are
-    that far apart. More than a comfortable deceleration, or 1 m/s² beyond the told one, is left to
-    `needed_mps2`.
+    may do too. One that lacks more than 1 m, as after a withdrawn promise, opens by coasting, once
+    it grows by 0.2 m/s; what it shrinks by before ends within 0.1 m. More than a comfortable
+    deceleration, or 1 m/s² beyond the told one, is left to `needed_mps2`.
 
     Args:
         wanted_m: g*.
@@ -160,12 +159,10 @@ def following_mps2(own: Own, ahead: AheadMotion, wanted_m: float) -> float:
         reference_mps += _LEADERS_SHARE * (ahead.leader_mps - ahead.speed_mps)
     gain, faster_mps = own.gain_per_s, own.speed_mps - reference_mps
     if error_m < -_OPENS_M:
-        room_m = _SHRINKS_M
-        if ahead.gap_m <= driver_gap_m(own.speed_mps):
-            room_m = max(room_m, ahead.gap_m - own.close_gap_m(own.speed_mps))
         opening = coasting
-        if faster_mps > 0:
-            opening = OPENING_MPS2 + faster_mps**2 / (2 * room_m)
+        if faster_mps > -_OPENS_MPS:
+            shrinks_mps = max(0.0, faster_mps)
+            opening = OPENING_MPS2 + min(gain * shrinks_mps, shrinks_mps**2 / (2 * _SHRINKS_M))
         feedback = max(gain * (drift_mps - faster_mps), -opening)
     else:
         feedback = -gain * faster_mps + max(gain * drift_mps, -OPENING_MPS2)

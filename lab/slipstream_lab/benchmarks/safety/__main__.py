@@ -28,7 +28,7 @@ _GENERATIONS: Final = 20
 _OFFSPRING: Final = 24
 _SEARCHED: Final = 10_000
 _FEWEST: Final = 50
-_NEARER_M: Final = 0.15
+_NEARER_M: Final = 0.1
 _ROGUE_S: Final = 600.0
 """Of each attack: what it costs most within an hour, it costs in these."""
 
