@@ -63,8 +63,9 @@ def test_a_gap_opens_gently_until_the_idm_can_take_over() -> None:
 def test_a_gap_that_is_too_small_opens_gently() -> None:
     """However much is lacking: it is no emergency, as long as nobody brakes."""
     vehicle = own(20.0, 0.5)
-    a = following_mps2(vehicle, AheadMotion(2.0, 20.0), 40.0)
-    assert a == pytest.approx(-vehicle.coasting_mps2)
+    assert following_mps2(vehicle, AheadMotion(2.0, 20.0), 40.0) == pytest.approx(-0.5)
+    opens = following_mps2(vehicle, AheadMotion(2.0, 20.3), 40.0)
+    assert opens == pytest.approx(-vehicle.coasting_mps2)
     assert needed_mps2(AheadMotion(2.0, 20.0), 20.0, 20.0, 0.0) == 0.0
 
 
