@@ -223,7 +223,7 @@ class EdgeDaemon:
     def _update(self, frame: Frame, found: Detections) -> None:
         """Process a frame and its detections, unless the camera has a fault."""
         if self._fault is None:
-            self._pipeline.update(frame, found)
+            self._pipeline.update(frame, self._watch.steady(found))
             if frame.cut:
                 self._standing.forget()
         done = time.monotonic()

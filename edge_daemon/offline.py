@@ -152,7 +152,7 @@ def track(
                 all_boxes = detections.boxes
             before, fault = fault, watch.look(seen, boxes, all_boxes)
             if fault is None and detections is not None:
-                result.recorder.frame(now, pipeline.update(seen, detections))
+                result.recorder.frame(now, pipeline.update(seen, watch.steady(detections)))
             elif fault is not None:
                 result.fault_s[fault] = result.fault_s.get(fault, 0.0) + (
                     frame.media_time_s - last_s

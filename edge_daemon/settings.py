@@ -130,9 +130,9 @@ class WatchSettings(TunedSettings):
     moved_after_s: Annotated[float, Field(gt=0, le=60, allow_inf_nan=False)] = 5.0
     """`camera_moved`: time over which the median shift is taken, s."""
     max_shift_share: Annotated[float, Field(gt=0, le=0.05)] = 0.002
-    """`camera_moved`: allowed shift of the road in the frame, as a share of the frame's width;
-    shaking may be 1.5 times that in the median.
-    """
+    """`camera_moved`: allowed shift of the road in the frame, as a share of the frame's width."""
+    max_shake_share: Annotated[float, Field(gt=0, le=0.05)] = 0.004
+    """`camera_moved`: how far the road may shake about that, in the median; it is taken out."""
 
 
 class PreviewSettings(Settings):

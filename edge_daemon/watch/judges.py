@@ -9,7 +9,7 @@ from edge_daemon.frame import Image
 from edge_daemon.settings import WatchSettings
 from edge_daemon.watch.background import Background
 from edge_daemon.watch.faults.blind import BlindJudge
-from edge_daemon.watch.faults.camera_moved import CameraMovedJudge, ViewShift
+from edge_daemon.watch.faults.camera_moved import CameraMovedJudge
 from edge_daemon.watch.faults.clock_jump import ClockJumpJudge
 from edge_daemon.watch.faults.corrupt import CorruptJudge, repeated
 from edge_daemon.watch.faults.exposure import BrightJudge, DarkJudge
@@ -19,15 +19,14 @@ from edge_daemon.watch.judge import FaultJudge
 from edge_daemon.watch.motion import MotionFinder
 from edge_daemon.watch.sample import grid_step, road_mask, sampled, small_grey
 from edge_daemon.watch.trails import BareRoad
-
-_VEHICLE_MARGIN = 0.06
+from edge_daemon.watch.view import View
 
 
 def make_judges(
-    camera: Camera, settings: WatchSettings, reference: Image | None
+    camera: Camera, settings: WatchSettings, reference: Image | None, view: View
 ) -> tuple[FaultJudge, ...]:
-    """All judges, in order of precedence: of several faults the first one is reported. Without a
-    reference, an image of the calibrated view, that of the first good seconds is taken for it.
+    """All judges, in order of precedence: of several faults the first one is reported. The
+    reference is an image of the calibrated view; the view measures its motion.
     """
     width, height = camera.size
     step = grid_step(width)
@@ -36,12 +35,10 @@ def make_judges(
     lanes = road_mask(camera, (rows, columns), 0.0)
     background = Background()
     moved = CameraMovedJudge(
-        ViewShift(
-            settings.max_shift_share,
-            settings.moved_after_s,
-            road_mask(camera, (rows, columns), _VEHICLE_MARGIN),
-            None if reference is None else small_grey(reference),
-        )
+        view,
+        settings.max_shift_share * width,
+        settings.max_shake_share * width,
+        settings.moved_after_s,
     )
     blind = BlindJudge(MotionFinder(background, lanes, columns / width, camera))
     return (

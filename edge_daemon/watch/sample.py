@@ -19,6 +19,7 @@ Mask = npt.NDArray[np.bool_]
 
 GRID_COLUMNS: Final = 160
 SMALL_WIDTH: Final = 320
+DETAIL_WIDTH: Final = 640
 _BLUR_PX: Final = 4.0
 _VIEW_EVERY: Final = 4
 
@@ -61,9 +62,14 @@ class Sample:
         return to_grey(self.colours)
 
     @cached_property
+    def detail(self) -> Grey:
+        """The `detail_grey` copy of the frame."""
+        return detail_grey(self.frame.image)
+
+    @cached_property
     def small(self) -> Grey:
         """The `small_grey` copy of the frame."""
-        return small_grey(self.frame.image)
+        return small_of(self.detail)
 
     @cached_property
     def texture(self) -> Floats:
@@ -87,16 +93,31 @@ def to_grey(image: Image) -> Grey:
     return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
 
 
-def small_grey(image: Image) -> Grey:
-    """Grey copy, at most 320 px wide, each pixel the mean of those that it stands for."""
+def detail_grey(image: Image) -> Grey:
+    """Grey copy, at most 640 px wide."""
     height, width = image.shape[:2]
-    if width <= SMALL_WIDTH:
-        return to_grey(image)
-    size = (SMALL_WIDTH, max(1, round(height * SMALL_WIDTH / width)))
-    if width >= 2 * SMALL_WIDTH:
+    if width >= 2 * DETAIL_WIDTH:
         # Halving bilinearly takes the mean of four at a fraction of the cost of INTER_AREA.
         image = np.asarray(cv2.resize(image, (width // 2, height // 2)), dtype=np.uint8)
-    return np.asarray(cv2.resize(to_grey(image), size, interpolation=cv2.INTER_AREA), np.uint8)
+    return _reduced(to_grey(image), DETAIL_WIDTH)
+
+
+def small_grey(image: Image) -> Grey:
+    """Grey copy, at most 320 px wide, each pixel the mean of those that it stands for."""
+    return small_of(detail_grey(image))
+
+
+def small_of(detail: Grey) -> Grey:
+    """The `small_grey` of a frame, given its `detail_grey`."""
+    return _reduced(detail, SMALL_WIDTH)
+
+
+def _reduced(grey: Grey, max_width: int) -> Grey:
+    height, width = grey.shape
+    if width <= max_width:
+        return grey
+    size = (max_width, max(1, round(height * max_width / width)))
+    return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def texture(small: Grey | Floats) -> Floats:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from edge_daemon.camera import Camera
+from edge_daemon.detection import Detections, box_feet
 from edge_daemon.frame import Frame, Image
 from edge_daemon.settings import WatchSettings
 from edge_daemon.watch.debounce import Debounce
 from edge_daemon.watch.judges import make_judges
 from edge_daemon.watch.sample import Sample
+from edge_daemon.watch.view import View
 from slipstream.messages import CameraFault
 
 SAMPLE_INTERVAL_S: Final = 0.2
@@ -31,7 +34,8 @@ class Watch:
     def __init__(
         self, camera: Camera, settings: WatchSettings, reference: Image | None = None
     ) -> None:
-        self._judges = make_judges(camera, settings, reference)
+        self._view = View(camera, reference)
+        self._judges = make_judges(camera, settings, reference, self._view)
         self._debounces = {
             judge.fault: Debounce(judge.after_s, _CLEAR_AFTER_S) for judge in self._judges
         }
@@ -58,6 +62,8 @@ class Watch:
             0 <= now_s - self._sampled_s < SAMPLE_INTERVAL_S
         )
         sample = Sample(frame, self._samples + is_sampled, boxes, all_boxes)
+        if not frame.repeated:
+            self._view.measure(sample.detail)
         seen = {judge.fault for judge in self._judges if judge.every_frame and judge.look(sample)}
         if seen or frame.cut:
             self._interrupt()
@@ -70,6 +76,16 @@ class Watch:
             debounce.update(now_s, fault in seen)
         self.fault = next((f for f, debounce in self._debounces.items() if debounce.active), None)
         return self.fault
+
+    def steady(self, found: Detections) -> Detections:
+        """The detections of the frame that was looked at last, where they would be in the
+        calibrated view: the camera's own movement is taken out. As they are where it is not known.
+        """
+        motion = self._view.motion
+        if motion is None or not len(found):
+            return found
+        moved = motion.at(box_feet(found.boxes)).astype(np.float32)
+        return replace(found, boxes=found.boxes - np.hstack([moved, moved]))
 
     def absent(self, idle_s: float) -> CameraFault | None:
         """The fault while no frame comes, `idle_s` after the last one."""

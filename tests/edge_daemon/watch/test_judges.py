@@ -14,6 +14,7 @@ from edge_daemon.watch import Watch
 from edge_daemon.watch.judge import FaultJudge
 from edge_daemon.watch.judges import make_judges
 from edge_daemon.watch.sample import Sample
+from edge_daemon.watch.view import View
 from slipstream.messages import CAMERA_FAULTS, CameraFault
 
 ROAD = np.random.default_rng(0).integers(60, 200, (720, 1280, 3), dtype=np.uint8)
@@ -38,7 +39,9 @@ def at(time_s: float, image: Image) -> Frame:
 
 def test_every_fault_has_one_judge_in_the_order_of_precedence(camera: Camera) -> None:
     """`stale` alone has none: it is a fault without frames."""
-    faults = [judge.fault for judge in make_judges(camera, WatchSettings(), None)]
+    faults = [
+        judge.fault for judge in make_judges(camera, WatchSettings(), None, View(camera, None))
+    ]
     assert faults == [
         "clock_jump",
         "dark",

@@ -62,7 +62,7 @@ def measure(
             assert frame is not None
             assert found is not None
             watch.look(frame, found.boxes_above(HIGH_SCORE))
-            pipeline.update(frame, found)
+            pipeline.update(frame, watch.steady(found))
             if frame.media_time_s >= due_s:
                 pipeline.states(frame.captured_ns)
                 due_s += _EVERY_S
