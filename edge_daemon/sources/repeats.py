@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from edge_daemon.frame import Frame, Image
+from edge_daemon.sources.grid import PictureGrid
 
 _STEP_PX: Final = 8
 _MEMORY_FRAMES: Final = 90
@@ -30,13 +31,23 @@ _MAX_GAP_S: Final = 0.45
 
 
 def mark_repeats(frames: Iterable[Frame | None]) -> Iterator[Frame | None]:
-    """The same frames, those that repeat their predecessor marked as `repeated`."""
-    finder = RepeatFinder()
+    """The same frames, those that repeat their predecessor marked as `repeated`, the others with
+    the time at which they were taken, where a `PictureGrid` tells it.
+    """
+    finder, grid = RepeatFinder(), PictureGrid()
+    last_s = 0.0
     for frame in frames:
-        if frame is not None and finder.is_repeat(frame):
-            yield replace(frame, repeated=True)
-        else:
-            yield frame
+        if frame is None:
+            yield None
+            continue
+        repeated, time_s = finder.is_repeat(frame), frame.media_time_s
+        if frame.cut:
+            grid.restart()
+            last_s = time_s
+        if not repeated:
+            time_s = grid.taken_s(time_s)
+        last_s = max(last_s, time_s)
+        yield replace(frame, repeated=repeated, media_time_s=last_s)
 
 
 class RepeatFinder:
