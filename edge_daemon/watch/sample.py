@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from edge_daemon.camera import Camera
+from edge_daemon.camera import Array, Camera
 from edge_daemon.frame import Frame, Image
 
 Grey = npt.NDArray[np.uint8]
@@ -22,22 +22,26 @@ SMALL_WIDTH: Final = 320
 DETAIL_WIDTH: Final = 640
 _BLUR_PX: Final = 4.0
 _VIEW_EVERY: Final = 4
+_STILL_PX: Final = 0.2
 
 
-@dataclass(frozen=True)
+@dataclass
 class Sample:
     """A frame as the judges examine it; each part is made when it is first asked for.
 
     Attributes:
         number: of the sampled frames so far, this one included.
-        boxes: of the vehicles detected in it, px, shape (n, 4); None where nobody looked.
-        all_boxes: those and what may be a vehicle, px, shape (m, 4); None: `boxes`.
+        boxes: of the vehicles detected in it, px of the calibrated view, shape (n, 4); None where
+            nobody looked.
+        all_boxes: those and what may be a vehicle, shape (m, 4); None: `boxes`.
+        shift: of its view against the calibrated one, right and down, px; None: not known.
     """
 
     frame: Frame
     number: int
     boxes: npt.NDArray[np.float32] | None = None
     all_boxes: npt.NDArray[np.float32] | None = None
+    shift: Array | None = None
 
     @property
     def time_s(self) -> float:
@@ -70,6 +74,19 @@ class Sample:
     def small(self) -> Grey:
         """The `small_grey` copy of the frame."""
         return small_of(self.detail)
+
+    @cached_property
+    def steady(self) -> Grey:
+        """`small` with the camera's movement taken out, where that is large enough to be seen."""
+        if self.shift is None:
+            return self.small
+        right, down = self.shift * self.small.shape[1] / self.frame.image.shape[1]
+        if np.hypot(right, down) < _STILL_PX:
+            return self.small
+        move = np.array([[1.0, 0.0, -right], [0.0, 1.0, -down]])
+        size = self.small.shape[::-1]
+        moved = cv2.warpAffine(self.small, move, size, borderMode=cv2.BORDER_REPLICATE)
+        return np.asarray(moved, dtype=np.uint8)
 
     @cached_property
     def texture(self) -> Floats:

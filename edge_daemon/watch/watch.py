@@ -15,7 +15,7 @@ from edge_daemon.settings import WatchSettings
 from edge_daemon.watch.debounce import Debounce
 from edge_daemon.watch.judges import make_judges
 from edge_daemon.watch.sample import Sample
-from edge_daemon.watch.view import View
+from edge_daemon.watch.view import View, ViewMotion
 from slipstream.messages import CameraFault
 
 SAMPLE_INTERVAL_S: Final = 0.2
@@ -64,6 +64,11 @@ class Watch:
         sample = Sample(frame, self._samples + is_sampled, boxes, all_boxes)
         if not frame.repeated:
             self._view.measure(sample.detail)
+        motion = self._view.motion
+        if motion is not None:
+            sample.shift = motion.shift
+            sample.boxes = None if boxes is None else _taken_back(boxes, motion)
+            sample.all_boxes = None if all_boxes is None else _taken_back(all_boxes, motion)
         seen = {judge.fault for judge in self._judges if judge.every_frame and judge.look(sample)}
         if seen or frame.cut:
             self._interrupt()
@@ -82,10 +87,7 @@ class Watch:
         calibrated view: the camera's own movement is taken out. As they are where it is not known.
         """
         motion = self._view.motion
-        if motion is None or not len(found):
-            return found
-        moved = motion.at(box_feet(found.boxes)).astype(np.float32)
-        return replace(found, boxes=found.boxes - np.hstack([moved, moved]))
+        return found if motion is None else replace(found, boxes=_taken_back(found.boxes, motion))
 
     def absent(self, idle_s: float) -> CameraFault | None:
         """The fault while no frame comes, `idle_s` after the last one."""
@@ -113,3 +115,9 @@ class Watch:
                 seen.append(judge.fault)
                 hidden_by = judge.fault if judge.hides_scene else None
         return set(seen[:1])
+
+
+def _taken_back(boxes: npt.NDArray[np.float32], motion: ViewMotion) -> npt.NDArray[np.float32]:
+    """Boxes (n, 4), px, where they would be in the calibrated view."""
+    moved = motion.at(box_feet(boxes)).astype(np.float32)
+    return np.asarray(boxes - np.hstack([moved, moved]))

@@ -191,10 +191,10 @@ class CorruptJudge(FaultJudge):
     def _has_trails(self, sample: Sample) -> bool:
         boxes = sample.boxes if sample.all_boxes is None else sample.all_boxes
         if boxes is not None:
-            self._background.update(sample.small)
+            self._background.update(sample.steady)
             changed = self._background.changed
-            if not self._bare_road.repeats(sample.small) and changed is not None:
-                found = self._bare_road.has_trails(sample.small, changed, boxes)
+            if not self._bare_road.repeats(sample.steady) and changed is not None:
+                found = self._bare_road.has_trails(sample.steady, changed, boxes)
                 self._trails.append(found and not self._is_blind())
         seen = sum(self._trails)
         if 2 * seen <= _TRAIL_SAMPLES:
