@@ -4,12 +4,32 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from slipstream_lab.simulation.training.card import REACH_HEIGHT_PX, Record, StageRecord, card_text
+from slipstream_lab.simulation.training.card import (
+    REACH_HEIGHT_PX,
+    RealRecord,
+    Record,
+    StageRecord,
+    card_text,
+    earlier_stages,
+)
 from slipstream_lab.simulation.training.dataset import write_data_yaml, write_dataset
+from slipstream_lab.simulation.training.distillation import (
+    Batches,
+    CocoTeacher,
+    DistilSettings,
+    RealCamera,
+    distil,
+    judge_cameras,
+    mixed_pictures,
+    of_role,
+    read_sources,
+)
 from slipstream_lab.simulation.training.labelled import read_labelled_set
 from slipstream_lab.simulation.training.ranges import (
     BY_CONDITION,
@@ -57,6 +77,30 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--threads", type=_positive, default=2, help="CPU threads and processes")
     parser.add_argument("--out", type=Path, required=True, help="folder for data and the run")
     parser.add_argument(
+        "--start",
+        type=Path,
+        metavar="PT",
+        help="weights to go on from, their card beside them: no stages on renders alone",
+    )
+    parser.add_argument(
+        "--real",
+        type=Path,
+        metavar="DIR",
+        help="folder of the real pictures of distillation/sources.toml: learn from these too",
+    )
+    parser.add_argument(
+        "--teacher",
+        type=Path,
+        metavar="XML",
+        help="OpenVINO export of a YOLO11n with COCO's classes that answers for real pictures",
+    )
+    parser.add_argument(
+        "--real-samples",
+        type=_positive,
+        default=DistilSettings(seed=0).pictures,
+        help="real and rendered samples of the stage with real pictures",
+    )
+    parser.add_argument(
         "--only-render",
         action="store_true",
         help="stop after the labelled pictures; needs no torch, and leaves the weights alone",
@@ -80,9 +124,38 @@ def _installed() -> dict[str, str]:
     return found
 
 
+def _learn_from_real(
+    chosen: argparse.Namespace, cameras: Sequence[RealCamera], rendered: list[Path], start: Path
+) -> tuple[Path, StageRecord, RealRecord]:
+    """The weights, what was used, and what the teacher finds on the cameras kept out."""
+    settings = DistilSettings(
+        pictures=chosen.real_samples, seed=chosen.seed, threads=chosen.threads
+    )
+    teacher = CocoTeacher(chosen.teacher, settings.shape, 1)
+    batches = Batches(cameras, rendered, teacher, settings)
+    last = distil(start, chosen.out / "distil", settings, batches)
+    judged = judge_cameras(chosen.teacher, of_role(cameras, "validation", "test"))
+    real = RealRecord(cameras, batches.real_pictures, settings, {"the teacher": judged})
+    boxes = sum(StageRecord.counted(folder)[1] for folder in rendered)
+    stage = StageRecord(
+        f"{len(of_role(cameras, 'train'))} real cameras, and all ranges",
+        str(batches.real_pictures + batches.rendered_pictures),
+        f"{boxes} rendered",
+        f"{settings.pictures / (batches.real_pictures + batches.rendered_pictures):.1f}",
+        settings.seed,
+        settings.batch,
+        f"{settings.learning_rate:g}, cosine to {settings.final_rate:g} of it",
+    )
+    return last, stage, real
+
+
 def main(argv: list[str] | None = None) -> int:
     """Render, train, export, measure, write the card."""
-    chosen = _parser().parse_args(argv)
+    parser = _parser()
+    chosen = parser.parse_args(argv)
+    if (chosen.real is None) != (chosen.teacher is None):
+        parser.error("--real and --teacher go together")
+    cameras = read_sources(chosen.real) if chosen.real else ()
     begin = time.monotonic()
     sets = {
         limits.name: (limits, chosen.out / limits.name, pictures, held_out)
@@ -120,9 +193,11 @@ def main(argv: list[str] | None = None) -> int:
         ([roadside, riders, queues], chosen.last_epochs, 5e-4, 0.01),
         (list(folders.values()), chosen.last_epochs, 5e-4, 0.01),
     )
-    last: Path | None = None
-    stages = []
+    last: Path | None = chosen.start
+    stages = list(earlier_stages(chosen.start.with_name("CARD.md"))) if chosen.start else []
     for number, (used, epochs, rate, final_rate) in enumerate(plans, start=1):
+        if chosen.start:
+            break
         settings = TrainSettings(
             epochs=epochs,
             seed=chosen.seed,
@@ -134,9 +209,18 @@ def main(argv: list[str] | None = None) -> int:
         data = write_data_yaml(chosen.out / f"stage{number}.yaml", used, roadside)
         last = train(data, chosen.out, settings, f"stage{number}", last)
         stages.append(StageRecord.of(used, settings))
-    minutes = (time.monotonic() - begin) / 60
     assert last is not None
-    shipped = ship(last, chosen.weights, chosen.out / "export", roadside / "images" / TRAIN)
+    calibrate = roadside / "images" / TRAIN
+    real = None
+    if cameras:
+        last, stage, real = _learn_from_real(chosen, cameras, list(folders.values()), last)
+        stages.append(stage)
+        calibrate = mixed_pictures(chosen.out / "calibration", calibrate, cameras)
+    minutes = (time.monotonic() - begin) / 60
+    shipped = ship(last, chosen.weights, chosen.out / "export", calibrate)
+    if real is not None:
+        judged = judge_cameras(shipped.int8_xml, of_role(cameras, "validation", "test"))
+        real = replace(real, figures={**real.figures, "these weights, INT8": judged})
     heights = (0.0, REACH_HEIGHT_PX)
     figures = {
         (folder, xml): evaluate_model(
@@ -162,6 +246,8 @@ def main(argv: list[str] | None = None) -> int:
         int8_in_reach=figures[roadside, shipped.int8_xml][1],
         by_condition=by_condition,
         validator=ultralytics_map(shipped.pt, roadside / "data.yaml"),
+        threads=chosen.threads,
+        real=real,
         minutes=minutes,
         versions=_installed(),
     )

@@ -51,7 +51,7 @@ def _heights(corners: Floats) -> Floats:
     return np.asarray(corners[:, 3] - corners[:, 1])
 
 
-def _judge(
+def judge(
     found: Floats, true: Floats, threshold: float, min_height_px: float
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Which found boxes count, and which of them are hits, in one picture and class.
@@ -86,7 +86,7 @@ def average_precision(
         total += int((_heights(wanted) >= min_height_px).sum())
         chosen = f.classes == number
         order = np.argsort(-f.scores[chosen], kind="stable")
-        counts, hit = _judge(f.corners[chosen][order], wanted, threshold, min_height_px)
+        counts, hit = judge(f.corners[chosen][order], wanted, threshold, min_height_px)
         scores.append(f.scores[chosen][order][counts])
         hits.append(hit[counts])
     if total == 0:

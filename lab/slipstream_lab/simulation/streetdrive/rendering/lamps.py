@@ -69,12 +69,12 @@ def light_road(
     # What lies behind the camera would appear above the horizon.
     horizon = camera.height_px / 2 - camera.focal_px * np.tan(camera.pitch_rad)
     field[: max(0, round(float(horizon) / _COARSE) + 1)] = 0
-    if not field.any():
-        return
     # Eyes and sensors saturate: beams that overlap do not add up for ever.
     level = (1 - np.exp(-1.1 * field)) * 0.62 * 255
     gain = cv2.resize(level.astype(np.uint8), (width, height))
     rows = np.flatnonzero(gain.max(axis=1))
+    if not rows.size:
+        return
     part = np.s_[int(rows[0]) : int(rows[-1]) + 1]
     tinted = cv2.merge([cv2.convertScaleAbs(gain[part], alpha=t / 255) for t in HEAD])
     light = cv2.multiply(surface[part], tinted, scale=1 / 255)
