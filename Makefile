@@ -225,9 +225,12 @@ deb: wheelhouse
 image: wheelhouse
 	BASE='$(BASE)' $(RELEASE) image $(ROLE)
 
-# From rendered scenes to the shipped detector; needs torch, so in an environment of its own.
+# From rendered scenes to the shipped detector; needs torch, so in an environment of its own. With REAL,
+# a folder of real pictures, and TEACHER, a COCO model (.xml), it learns from these too; with START it
+# goes on from weights (.pt).
 train: train-venv
-	$(TRAIN)/bin/python -m slipstream_lab.simulation.training --out .slipstream/training
+	$(TRAIN)/bin/python -m slipstream_lab.simulation.training --out .slipstream/training \
+		$(if $(REAL),--real "$(REAL)" --teacher "$(TEACHER)") $(if $(START),--start "$(START)")
 
 train-venv: $(TRAIN)/bin/yolo
 

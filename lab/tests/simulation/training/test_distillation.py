@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -12,12 +14,19 @@ from edge_daemon.detection import VEHICLE_CLASSES, Detections, builtin_model
 from edge_daemon.frame import Image
 from slipstream.errors import InputError
 from slipstream_lab.simulation.training.__main__ import main as training
-from slipstream_lab.simulation.training.card import earlier_stages
+from slipstream_lab.simulation.training.card import (
+    RealRecord,
+    Record,
+    StageRecord,
+    card_text,
+    earlier_stages,
+)
 from slipstream_lab.simulation.training.distillation import (
     Answer,
     Batches,
     DistilSettings,
     RealCamera,
+    RealFigures,
     judge_cameras,
     judging,
     mixed_pictures,
@@ -27,7 +36,7 @@ from slipstream_lab.simulation.training.distillation import (
 from slipstream_lab.simulation.training.distillation.distil import learning_rate, unknown_to
 from slipstream_lab.simulation.training.distillation.samples import cut, side_by_side, worn
 from slipstream_lab.simulation.training.distillation.teacher import CocoTeacher, joined
-from slipstream_lab.simulation.training.metrics import Boxes
+from slipstream_lab.simulation.training.metrics import Boxes, DetectionFigures
 
 SHAPE = (64, 96)
 PLACES = 8 * 12 + 4 * 6 + 2 * 3
@@ -347,3 +356,37 @@ def test_the_shipped_card_says_what_each_stage_used() -> None:
     assert len(stages) >= 9
     assert stages[0].name == "wide"
     assert stages[0].pictures == "700"
+
+
+def test_the_card_names_sources_licences_figures_and_limits(
+    cameras: tuple[RealCamera, ...],
+) -> None:
+    """Who trusts the weights with a real camera finds there what they saw."""
+    drawn = DetectionFigures(0.9, 0.7, (0.9,) * 4, (10,) * 4)
+    sets = {"roadside": drawn, "wide": drawn}
+    figures = {"bright": (RealFigures(0.5, 20, 10, 9), RealFigures(0.1, 20, 30, 15))}
+    record = Record(
+        date="2026-11-29",
+        stages=(StageRecord("wide", "1", "2", "3", 4, 5, "0.1, cosine to 0.1 of it"),),
+        held_out_pictures=3,
+        shipped=sets,
+        in_reach=drawn,
+        int8=sets,
+        int8_in_reach=drawn,
+        by_condition={"night": drawn},
+        validator=(0.9, 0.7),
+        threads=2,
+        minutes=1,
+        versions={},
+    )
+    assert "never seen a real camera" in card_text(record)
+    text = card_text(
+        replace(record, real=RealRecord(cameras, 2, settings_of(), {"the teacher": figures}))
+    )
+    assert "never seen a real camera" not in text
+    assert "and, by distillation, on real pictures" in text
+    assert "| dark | `example.org` | MIT | train |" in text
+    assert re.search(
+        r"\| bright \| +20 \| the teacher \| +45.0 \| +90.0 \| +75.0 \| +50.0 \|", text
+    )
+    assert "mostly motorways by day" in text

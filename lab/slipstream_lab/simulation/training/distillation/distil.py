@@ -4,7 +4,7 @@ At every place of a real picture the student learns the teacher's scores and box
 that what the teacher is unsure of stays unsure, and, through one linear layer for each stride, what
 the teacher's heads look at. The teacher sees the picture before it is worn, and at twice the size
 where that shows more. Hand-made boxes that the teacher does not find are added. Rendered pictures
-are learned by Ultralytics' own loss.
+are learned from their labels by Ultralytics' assignment, and from what the weights answered before.
 
 Everything that needs torch is imported inside the functions.
 """
@@ -42,10 +42,10 @@ from slipstream_lab.simulation.training.metrics import Boxes, box_iou
 from slipstream_lab.simulation.training.scenes import TRAIN
 
 _REAL_ZOOM: Final = (0.6, 1.7)
-_RENDERED_ZOOM: Final = (0.85, 1.2)
+_RENDERED_ZOOM: Final = (0.9, 1.15)
 _REAL_STRETCH: Final = 0.2
 _RENDERED_STRETCH: Final = 0.06
-_RENDERED_WEAR: Final = 0.5
+_RENDERED_WEAR: Final = 0.3
 _SEAMS: Final = 0.3
 """Share of real samples that are two pictures side by side."""
 _KNOWN_SCORE: Final = 0.35
@@ -77,7 +77,7 @@ class DistilSettings:
     seed: int = 7
     batch: int = 8
     shape: tuple[int, int] = (256, 416)
-    rendered_share: float = 0.375
+    rendered_share: float = 0.5
     learning_rate: float = 8e-4
     final_rate: float = 0.02
     every: int = 5
@@ -217,7 +217,7 @@ def distil(initial: Path, out: Path, settings: DistilSettings, batches: Batches)
         parameter.requires_grad_(True)
     model.to(memory_format=torch.channels_last)
     average = deepcopy(model).eval()
-    lessons = Lessons(model)
+    lessons = Lessons(model, former=deepcopy(model).eval())
     parameters = [*model.parameters(), *lessons.bridges.parameters()]
     optimizer = torch.optim.AdamW(
         [
@@ -266,7 +266,7 @@ def _step(model: Any, lessons: Lessons, optimizer: Any, batch: Batch) -> dict[st
     # Ultralytics' loss is float; bfloat16 halves the time of a step where the processor has it.
     with torch.autocast("cpu", torch.bfloat16):
         answers = model(images)
-    losses = lessons.losses(answers, batch)
+    losses = lessons.losses(answers, batch, images)
     total = sum(losses.values())
     optimizer.zero_grad()
     total.backward()
@@ -314,7 +314,8 @@ class Lessons:
         bridges: a linear layer for each stride, from the student's features to the teacher's.
     """
 
-    def __init__(self, model: Any) -> None:
+    def __init__(self, model: Any, former: Any) -> None:
+        """Of a model, and as it was before."""
         from torch import nn
         from ultralytics.utils.loss import v8DetectionLoss
 
@@ -322,9 +323,10 @@ class Lessons:
         channels = [branch[0].conv.in_channels for branch in model.model[-1].cv2]
         self.bridges = nn.ModuleList(nn.Conv2d(c, c, 1) for c in channels)
         self._own = v8DetectionLoss(model)
+        self._former = former
 
-    def losses(self, answers: dict[str, Any], batch: Batch) -> dict[str, Any]:
-        """By name, for the network's answers (in training) to a batch."""
+    def losses(self, answers: dict[str, Any], batch: Batch, images: Any) -> dict[str, Any]:
+        """By name, for the network's answers (in training) to a batch with these images."""
         import torch
         from ultralytics.utils.tal import make_anchors
 
@@ -344,13 +346,15 @@ class Lessons:
             real,
         )
         wanted, sure = wanted.clone(), sure.clone()
+        before = self._remembered(batch, images)
         for row, answer in enumerate(batch.answers):
             if answer is None:
-                continue
-            said = torch.from_numpy(answer.scores)
+                put, said = before.pop(0)
+            else:
+                put, said = torch.from_numpy(answer.boxes), torch.from_numpy(answer.scores)
             better = said.amax(dim=1) >= sure[row].amax(dim=1)
             sure[row, better] = said[better]
-            wanted[row, better] = torch.from_numpy(answer.boxes)[better]
+            wanted[row, better] = put[better]
             here[row] = sure[row].amax(dim=1) >= _BOX_SCORE
         total = sure.sum().clamp(min=1)
         size = torch.tensor(batch.images.shape[2:], dtype=torch.float32)
@@ -363,6 +367,18 @@ class Lessons:
             "dfl": _DFL * dfl,
             "features": _FEATURE * self._unlikeness(features, batch),
         }
+
+    def _remembered(self, batch: Batch, images: Any) -> list[tuple[Any, Any]]:
+        """Boxes (n, 4) and scores (n, classes) of the former weights for each rendered sample."""
+        import torch
+        from ultralytics.utils.ops import xywh2xyxy
+
+        rows = [row for row, answer in enumerate(batch.answers) if answer is None]
+        if not rows:
+            return []
+        with torch.no_grad(), torch.autocast("cpu", torch.bfloat16):
+            said = self._former(images[rows])[0].float().transpose(1, 2)
+        return [(xywh2xyxy(each[:, :4]), each[:, 4:]) for each in said]
 
     def _unlikeness(self, features: list[Any], batch: Batch) -> Any:
         """Mean squared difference of features whose channels have mean 0 and variance 1."""
