@@ -158,7 +158,8 @@ def _real_data(real: RealRecord) -> str:
 YOLO11n with COCO's weights (not part of this package either), answers for {s.distinct} cuts of them, {s.shape[0]}×{s.shape[1]}, at two scales: the
 student learns its scores and boxes at each place of the network as they are, and what its heads look at. Hand-made boxes
 that the teacher does not find are added. {s.rendered} of {s.batch} samples of a batch are renders. Each sample is worn anew: light, colours,
-haze, blur, noise, few pixels, strong compression. {s.pictures} samples in all; the moving average after the last one is taken. Classes on
+haze, blur, noise, few pixels, strong compression. {s.pictures} samples in all; the weights are the moving average after
+the last one by {1 - s.former_share:.0%}, and by {s.former_share:.0%} what they were before. Classes on
 real pictures are the teacher's: vans and pick-ups are cars or trucks as COCO has them.
 """
 

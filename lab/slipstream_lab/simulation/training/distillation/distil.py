@@ -69,6 +69,8 @@ class DistilSettings:
             worn in other ways. They stay in memory, some 0.7 MB each.
         shape: (height, width) of a sample, multiples of 32: cuts at the daemon's scale.
         rendered_share: of a batch.
+        former_share: of the weights at the end: means of weights before and after lose less on
+            renders than they win on real pictures (Wortsman et al., CVPR 2022).
         every: of clips, one frame in so many is used.
     """
 
@@ -78,6 +80,7 @@ class DistilSettings:
     batch: int = 8
     shape: tuple[int, int] = (256, 416)
     rendered_share: float = 0.5
+    former_share: float = 0.4
     learning_rate: float = 8e-4
     final_rate: float = 0.02
     every: int = 5
@@ -245,6 +248,7 @@ def distil(initial: Path, out: Path, settings: DistilSettings, batches: Batches)
                 words = ", ".join(f"{name} {value:.3f}" for name, value in figures.items())
                 took = (time.monotonic() - started) / (step + 1 - begin) / settings.batch
                 print(f"{step + 1}/{settings.steps}: {words}; {took:.3f} s a sample", flush=True)
+    _follow(average, lessons.former, 1 - settings.former_share)
     yolo.model.load_state_dict(average.state_dict())
     weights = out / "distilled.pt"
     yolo.save(str(weights))
@@ -312,10 +316,11 @@ class Lessons:
 
     Attributes:
         bridges: a linear layer for each stride, from the student's features to the teacher's.
+        former: the student as it was before.
     """
 
     def __init__(self, model: Any, former: Any) -> None:
-        """Of a model, and as it was before."""
+        """Of a model, and as it was before. The model's arguments are replaced."""
         from torch import nn
         from ultralytics.utils.loss import v8DetectionLoss
 
@@ -323,7 +328,7 @@ class Lessons:
         channels = [branch[0].conv.in_channels for branch in model.model[-1].cv2]
         self.bridges = nn.ModuleList(nn.Conv2d(c, c, 1) for c in channels)
         self._own = v8DetectionLoss(model)
-        self._former = former
+        self.former = former
 
     def losses(self, answers: dict[str, Any], batch: Batch, images: Any) -> dict[str, Any]:
         """By name, for the network's answers (in training) to a batch with these images."""
@@ -377,7 +382,7 @@ class Lessons:
         if not rows:
             return []
         with torch.no_grad(), torch.autocast("cpu", torch.bfloat16):
-            said = self._former(images[rows])[0].float().transpose(1, 2)
+            said = self.former(images[rows])[0].float().transpose(1, 2)
         return [(xywh2xyxy(each[:, :4]), each[:, 4:]) for each in said]
 
     def _unlikeness(self, features: list[Any], batch: Batch) -> Any:
