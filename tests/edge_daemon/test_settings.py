@@ -35,6 +35,7 @@ def test_every_key_says_what_it_is(file: type[BaseModel]) -> None:
         "EdgeSettings.watch",
         "TrackSettings.state_interval_s",
         "TrackSettings.watch",
+        "WatchSettings.max_shake_share",
         "WatchSettings.max_shift_share",
         "WatchSettings.moved_after_s",
     }

@@ -48,7 +48,8 @@ COMFORTABLE_MPS2: Final = 2.5
 _GAIN_PER_S: Final = 0.4
 _LEADERS_SHARE: Final = 0.6
 _OPENING_MPS: Final = 1.0
-OPENING_MPS2: Final = 0.5
+_OPENING_MPS2: Final = 0.7
+SOFT_MPS2: Final = 0.5
 _OPENS_M: Final = 1.0
 _OPENS_MPS: Final = 0.2
 _SHRINKS_M: Final = 0.1
@@ -138,16 +139,18 @@ class Idm:
 IDM: Final = Idm()
 
 
-def following_mps2(own: Own, ahead: AheadMotion, wanted_m: float) -> float:
+def following_mps2(own: Own, ahead: AheadMotion, wanted_m: float, *, softly: bool = True) -> float:
     """Acceleration of a follower. Far behind, it closes up no faster than it can slow down again by
     coasting, so that the energy put into catching up is not braked away, and brakes no more than it
-    must. A gap that is too small opens by 1 m/s, and no harder than with 0.5 m/s², as those ahead
-    may do too. One that lacks more than 1 m, as after a withdrawn promise, opens by coasting, once
-    it grows by 0.2 m/s; what it shrinks by before ends within 0.1 m. More than a comfortable
-    deceleration, or 1 m/s² beyond the told one, is left to `needed_mps2`.
+    must. A gap that is too small opens by 1 m/s, and no harder than with 0.7 m/s², as those ahead
+    may do too. More than a comfortable deceleration, or 1 m/s² beyond the told one, is left to
+    `needed_mps2`.
 
     Args:
         wanted_m: g*.
+        softly: a gap that lacks more than 1 m opens by coasting, once it grows by 0.2 m/s; what it
+            shrinks by before ends within 0.1 m. The vehicle ahead keeps what it has promised until
+            both are apart.
     """
     error_m, coasting = ahead.gap_m - wanted_m, own.coasting_mps2
     if error_m > 0:
@@ -158,14 +161,14 @@ def following_mps2(own: Own, ahead: AheadMotion, wanted_m: float) -> float:
     if ahead.leader_mps is not None:
         reference_mps += _LEADERS_SHARE * (ahead.leader_mps - ahead.speed_mps)
     gain, faster_mps = own.gain_per_s, own.speed_mps - reference_mps
-    if error_m < -_OPENS_M:
+    if softly and error_m < -_OPENS_M:
         opening = coasting
         if faster_mps > -_OPENS_MPS:
             shrinks_mps = max(0.0, faster_mps)
-            opening = OPENING_MPS2 + min(gain * shrinks_mps, shrinks_mps**2 / (2 * _SHRINKS_M))
+            opening = SOFT_MPS2 + min(gain * shrinks_mps, shrinks_mps**2 / (2 * _SHRINKS_M))
         feedback = max(gain * (drift_mps - faster_mps), -opening)
     else:
-        feedback = -gain * faster_mps + max(gain * drift_mps, -OPENING_MPS2)
+        feedback = -gain * faster_mps + max(gain * drift_mps, -_OPENING_MPS2)
     a = max(ahead.feed_mps2 + feedback, min(ahead.feed_mps2 - _OWN_MPS2, -own.comfortable_mps2))
     if error_m > 0:
         if error_m > wanted_m:
@@ -199,7 +202,7 @@ def leaving_mps2(own: Own, ahead: AheadMotion, wanted_m: float) -> float:
     lower = -COMFORTABLE_MPS2 if nearer else -own.coasting_mps2
     a = IDM.acceleration_to_mps2(own, ahead.gap_m, ahead.speed_mps)
     a = min(max(a, lower), IDM.acceleration_mps2)
-    return min(a, following_mps2(own, ahead, wanted_m))
+    return min(a, following_mps2(own, ahead, wanted_m, softly=False))
 
 
 def waiting_mps(before_mps: float, target_mps: float, own: Own) -> float:

@@ -26,8 +26,8 @@ from slipstream.spacing import GAP_ERROR_M, STANDING_M
 AIM_M: Final = STANDING_M + GAP_ERROR_M
 """Gap that is left where braking is needed."""
 
-EVIDENT_MPS: Final = 0.35
-"""Noise of 0.05 m/s in each sample exceeds it in a fall of speed once a day."""
+EVIDENT_MPS: Final = 0.3
+"""Three times what the own sensors measure a speed to."""
 
 _JUDGED_NS: Final = 1_000_000_000
 _LATE_NS: Final = 900_000_000

@@ -14,7 +14,7 @@ from vehicle_agent.platooning.agreement import Joining
 from vehicle_agent.platooning.gap_control import (
     COMFORTABLE_MPS2,
     IDM,
-    OPENING_MPS2,
+    SOFT_MPS2,
     Own,
     following_mps2,
     leaving_mps2,
@@ -74,7 +74,7 @@ def commanded(
     s, own, ahead = situation, situation.own, situation.motion
     if not s.sensing_in_time:  # blind, it goes by what it hears, and else brakes comfortably
         heard = ahead is not None and s.partner is not None
-        least = OPENING_MPS2 if heard else own.comfortable_mps2
+        least = SOFT_MPS2 if heard else own.comfortable_mps2
         return _command(s, min(0.0 if ahead is None else ahead.feed_mps2 - least, -least))
     if ahead is None:
         a = 0.0

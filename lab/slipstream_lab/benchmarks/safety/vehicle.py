@@ -33,6 +33,9 @@ _OWN_SENSING_STEPS: Final = round(_OWN_SENSING_S / STEP_S) + 1
 _IMMINENT_SHARE: Final = 0.6
 """Of full braking: from there on its own emergency brake overrules advice."""
 
+_MORE: Final = 1.1
+"""Of the braking that is needed: what its own emergency brake does."""
+
 _STANDING_GAP_M: Final = 1.0
 
 
@@ -172,7 +175,9 @@ class Vehicle:
             AheadMotion(gap_m, ahead_mps, slowing),
             *(self.speed_mps, then_mps, self.braking.response_s),
         )
-        return min(needed, self.braking.guaranteed_mps2)
+        # Its brake may do less than it is told, and what is just enough is late in the end.
+        margin = _MORE / (1 - self.braking.error)
+        return min(margin * needed, self.braking.guaranteed_mps2)
 
     def _driver_mps2(self) -> float:
         """A driver who has the vehicle alone: follows as drivers do, and brakes in an emergency."""
