@@ -45,7 +45,7 @@ class PictureGrid:
         where nothing better is known.
         """
         if self._late_s is not None:
-            slope, begin = np.polyfit(self._numbers, self._shown_s, 1)
+            slope, begin = self._line()
             number = round((shown_s - begin) / slope)
             # One that was left out is a number more, a repeat that passed for new none.
             if abs(shown_s - begin - slope * number) <= self._late_s:
@@ -63,8 +63,12 @@ class PictureGrid:
         self._shown_s = [*self._shown_s[1 - _MEMORY :], shown_s]
         self._numbers = [*self._numbers[1 - _MEMORY :], number]
 
+    def _line(self) -> Array:
+        """Distance of the pictures and time of number 0, s."""
+        return np.polyfit(self._numbers, self._shown_s, 1)
+
     def _last_s(self) -> float:
-        slope, begin = np.polyfit(self._numbers, self._shown_s, 1)
+        slope, begin = self._line()
         return float(begin + slope * self._numbers[-1])
 
     def _is_found(self) -> bool:

@@ -73,9 +73,9 @@ def commanded(
         return None
     s, own, ahead = situation, situation.own, situation.motion
     if not s.sensing_in_time:  # blind, it goes by what it hears, and else brakes comfortably
-        heard = ahead is not None and s.partner is not None
-        least = SOFT_MPS2 if heard else own.comfortable_mps2
-        return _command(s, min(0.0 if ahead is None else ahead.feed_mps2 - least, -least))
+        if ahead is None or s.partner is None:
+            return _command(s, -own.comfortable_mps2)
+        return _command(s, min(0.0, ahead.feed_mps2) - SOFT_MPS2)
     if ahead is None:
         a = 0.0
         if front is not None and front.announced_mps < own.speed_mps:

@@ -29,7 +29,6 @@ STEP_S: Final = SUBSTEP_S
 INTERVAL_S: Final = 0.1
 _VALID_S: Final = 0.25
 _OWN_SENSING_S: Final = 0.1
-_OWN_SENSING_STEPS: Final = round(_OWN_SENSING_S / STEP_S) + 1
 _IMMINENT_SHARE: Final = 0.6
 """Of full braking: from there on its own emergency brake overrules advice."""
 
@@ -161,15 +160,13 @@ class Vehicle:
     def _emergency_mps2(self) -> float:
         """Of its own emergency brake, which senses ten times a second."""
         seen = self._seen
-        late = min(len(seen), _OWN_SENSING_STEPS)
+        late = min(len(seen), round(_OWN_SENSING_S / STEP_S) + 1)
         gap_m, ahead_mps = seen[-late]
         span = min(len(seen) - late, 10)
         slowing = max(0.0, seen[-late - span][1] - ahead_mps) / max(span * STEP_S, STEP_S)
         if gap_m < AIM_M and self.speed_mps > ahead_mps:
             return self.braking.guaranteed_mps2
         then_mps = max(0.0, self.speed_mps + self.acceleration_mps2 * self.braking.nominal_s)
-        if slowing == 0.0 and then_mps <= ahead_mps:
-            return 0.0
         gap_m -= max(0.0, self.speed_mps - ahead_mps) * _OWN_SENSING_S
         needed = needed_mps2(
             AheadMotion(gap_m, ahead_mps, slowing),
