@@ -171,7 +171,10 @@ class Site:
         """With its unit read anew, however often it was started before."""
         self.machine.run("systemctl", "daemon-reload")
         self.machine.run("systemctl", "reset-failed", "slipstream-dispatcher")
-        self.machine.run("systemctl", "restart", "slipstream-dispatcher")
+        done = self.machine.run("systemctl", "restart", "slipstream-dispatcher", check=False)
+        if done.returncode != 0:
+            said = ("journalctl", "--unit=slipstream-dispatcher", "--lines=60", "--no-pager")
+            pytest.fail(f"{done.stderr}{self.machine.run(*said).stdout}")
 
 
 @pytest.fixture(scope="module")

@@ -125,11 +125,20 @@ class Processes:
         kwargs: Mapping[str, Any] | None = None,
         timeout_s: float | None = None,
     ) -> Future[Any]:
-        """Run a picklable call; a process that takes longer than its time is killed."""
+        """Run a picklable call; a process that takes longer than its time is killed.
+
+        Where the processes cannot take the call, its future says why; nothing is raised.
+        """
         self._asked_at = time.monotonic()
-        future: Future[Any] = self._living_pool().schedule(
-            function, args=args, kwargs=dict(kwargs or {}), timeout=timeout_s
-        )
+        future: Future[Any]
+        try:
+            future = self._living_pool().schedule(
+                function, args=args, kwargs=dict(kwargs or {}), timeout=timeout_s
+            )
+        except RuntimeError as error:
+            # They died after the pool was seen to be alive.
+            future = Future()
+            future.set_exception(BrokenProcessPool(str(error)))
         self._pending.add(future)
         future.add_done_callback(self._pending.discard)
         future.add_done_callback(self._note)
@@ -149,8 +158,7 @@ class Processes:
         Where nothing is left to do, nobody else would learn that they do.
         """
         if self._died and time.monotonic() - self._asked_at >= after_s:
-            with suppress(RuntimeError):
-                self.schedule(os.getpid)
+            self.schedule(os.getpid)
 
     def _living_pool(self) -> Any:
         """The pool, created again if it broke (a worker that dies while idle breaks it)."""

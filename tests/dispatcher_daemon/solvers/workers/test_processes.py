@@ -6,13 +6,14 @@ import signal
 import threading
 import time
 from collections.abc import Iterator
-from concurrent.futures import CancelledError
+from concurrent.futures import CancelledError, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
 import psutil
 import pytest
 
-from dispatcher_daemon.solvers.workers.processes import WorkerExecutor
+from dispatcher_daemon.solvers.workers.processes import Processes, WorkerExecutor
 
 pytestmark = pytest.mark.process
 
@@ -68,6 +69,27 @@ def test_workers_that_die_are_told_until_one_answers(workers: WorkerExecutor) ->
     assert workers.fault.startswith("ProcessExpired")
     workers.submit(abs, -1).result(60)
     assert workers.fault is None
+
+
+def test_processes_that_die_as_a_call_comes_cost_that_call_only(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The pool breaks after it was seen to be alive: the call's future says so, none is raised."""
+    with ThreadPoolExecutor(1) as spawner:
+        processes = Processes(1, spawner, "processes")
+        worker = processes.schedule(os.getpid).result(60)
+        broken = processes._living_pool()
+        os.kill(worker, signal.SIGKILL)
+        while broken.active:
+            time.sleep(0.01)
+        with monkeypatch.context() as at_once:
+            at_once.setattr(processes, "_living_pool", lambda: broken)
+            error = processes.schedule(abs, (-1,)).exception(0.0)
+        assert isinstance(error, BrokenProcessPool)
+        assert processes.fault is not None
+        assert processes.schedule(abs, (-1,)).result(60) == 1
+        assert processes.fault is None
+        processes.stop()
 
 
 def test_workers_that_died_are_asked_again_where_no_call_comes(workers: WorkerExecutor) -> None:
