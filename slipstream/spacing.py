@@ -17,14 +17,16 @@ motions, integrated. It counts on a rear vehicle that does not accelerate within
 platoon it has promised not to brake harder than a limit until its follower is apart. Where b is
 above a, the gap does not depend on the speed. The limit is what the follower's wanted gap allows
 with all of the follower's brake, and below the limit that the follower has promised itself, by
-`LIMIT_RATIO`: with that, who brakes as its leader has told stays within its own promise. By sensing
-alone, or where `LEAST_LIMIT_MPS2` holds a limit up, it may need more: docs/safety.md.
+`LIMIT_RATIO`: with that, who brakes as its leader has told stays within its own promise. Where
+`LEAST_LIMIT_MPS2` holds a limit up it may need more: the string is no longer than that allows
+(`longest_string`). By sensing alone it may need more too: docs/safety.md.
 
 ρ = age of the sensed gap + one interval of control + dead time and lag at their tolerance.
 """
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Final
 
 from slipstream.braking import Braking
@@ -66,7 +68,11 @@ faster than trucks, which would else pass it."""
 SLOWING_SHARE: Final = 0.9
 """Of the deceleration by coasting, with which it does so."""
 
+MOST_VEHICLES: Final = 10
+"""Of a platoon, however they brake: for so many it is shown that no deviation grows."""
+
 _SOFTEST_SHARE: Final = 0.001
+_FASTEST_MPS: Final = 36.0
 
 
 def driver_gap_m(speed_mps: float) -> float:
@@ -167,3 +173,28 @@ def planned_gap_m(
         needed = front_limit_mps2(advised_gap_m, braking, interval_s=interval_s)
         limit = promised_mps2(needed, braking)
     return wanted_gap_m(speed_mps, advised_gap_m, limit, braking, interval_s)
+
+
+@lru_cache(maxsize=256)
+def longest_string(advised_gap_m: float, braking: Braking) -> int:
+    """Number of vehicles of one type up to which each one in a close platoon that has heard its
+    leader stops behind it within what it has promised itself, from 2 to `MOST_VEHICLES`.
+
+    The limits fall from the rear to the front by `LIMIT_RATIO` until `LEAST_LIMIT_MPS2` holds them
+    up: a vehicle farther in front would have to brake harder than it may. Who was told when its
+    leader brakes begins late by its tolerance, the leader's, and one interval.
+    """
+    if not braking.emergency_brake:
+        # Nothing is promised: each keeps the unannounced gap.
+        return MOST_VEHICLES
+    late_s = 2 * braking.tolerance * braking.nominal_s + RESPONSE_S
+    speed_mps, faster_mps = _FASTEST_MPS, _FASTEST_MPS + SPEED_ERROR_MPS
+    own = promised_mps2(front_limit_mps2(advised_gap_m, braking), braking)
+    for vehicles in range(2, MOST_VEHICLES):
+        front = promised_mps2(front_limit_mps2(advised_gap_m, braking, own), braking)
+        closing = closing_m(speed_mps, faster_mps, front, own, late_s)
+        kept_m = wanted_gap_m(speed_mps, advised_gap_m, front, braking)
+        if STANDING_M + GAP_ERROR_M + closing > kept_m:
+            return vehicles
+        own = front
+    return MOST_VEHICLES

@@ -17,6 +17,7 @@ from slipstream.spacing import (
     driver_gap_m,
     front_limit_mps2,
     least_gap_m,
+    longest_string,
     planned_gap_m,
     promised_mps2,
     reaction_s,
@@ -93,6 +94,11 @@ def in_a_string(braking: Braking, road: Road) -> list[str]:
     ]
 
 
+def lengths(braking: Braking, road: Road) -> list[str]:
+    """One row: vehicles of a platoon."""
+    return [str(longest_string(gap_m, braking)) for gap_m in (1.5, 2.0, 4.0)]
+
+
 @pytest.mark.parametrize(
     ("header", "row_of"),
     [
@@ -100,6 +106,7 @@ def in_a_string(braking: Braking, road: Road) -> list[str]:
         ("| third vehicle of four |", promised),
         ("| 2.0 m/s² | 2.5 |", over_limits),
         ("heard: third vehicle", in_a_string),
+        ("most, advised 1.5 m", lengths),
     ],
 )
 def test_tables_are_what_the_law_gives(header: str, row_of: Any) -> None:

@@ -18,12 +18,14 @@ from slipstream.spacing import (
     ENTRY_HEADWAY_S,
     LIMIT_RATIO,
     MAX_SLOWDOWN,
+    MOST_VEHICLES,
     RESPONSE_S,
     SLOWING_SHARE,
     closing_m,
     driver_gap_m,
     front_limit_mps2,
     least_gap_m,
+    longest_string,
     planned_gap_m,
     promised_mps2,
     reaction_s,
@@ -313,6 +315,38 @@ def test_who_brakes_with_its_leader_keeps_its_own_promise(
         if behind / ahead > LIMIT_RATIO - 1e-9 and behind <= braking.guaranteed_mps2:
             needed_m = closing_m(speed_mps, speed_mps + 0.1, ahead, behind, late_s)
             assert needed_m <= gap_m - 0.6 + 1e-6
+
+
+@given(classes, roads, st.floats(1.0, 8.0), st.floats(0.0, 36.0))
+def test_in_the_longest_string_everybody_keeps_its_own_promise(
+    name: BrakingClass, road: Road, gap_m: float, speed_mps: float
+) -> None:
+    """Whoever is between two others, at every speed; with one vehicle more somebody does not."""
+    braking = BRAKING[name].on(road)
+    longest = longest_string(gap_m, braking)
+    assert 2 <= longest <= MOST_VEHICLES
+    late_s = 2 * braking.tolerance * braking.nominal_s + RESPONSE_S
+
+    def lacking_m(behind: float, ahead: float, mps: float) -> float:
+        closing = closing_m(mps, mps + 0.1, ahead, behind, late_s)
+        return 0.6 + closing - wanted_gap_m(mps, gap_m, ahead, braking)
+
+    inside = [*pairwise(limits_mps2(braking, gap_m, longest - 1))]
+    assert all(lacking_m(*pair, speed_mps) <= 1e-6 for pair in inside)
+    if longest < MOST_VEHICLES:
+        *_, beyond = pairwise(limits_mps2(braking, gap_m, longest))
+        assert lacking_m(*beyond, 36.0) > 0
+
+
+@given(classes, roads, st.floats(1.0, 8.0), st.floats(1.0, 8.0))
+def test_a_larger_gap_allows_a_longer_string(
+    name: BrakingClass, road: Road, one_m: float, other_m: float
+) -> None:
+    """And who promises nothing, as its vehicle has no emergency brake, has no bound by that."""
+    braking, (near_m, far_m) = BRAKING[name].on(road), sorted((one_m, other_m))
+    assert longest_string(near_m, braking) <= longest_string(far_m, braking)
+    blind = replace(braking, emergency_brake=False)
+    assert longest_string(near_m, blind) == MOST_VEHICLES
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ from vehicle_agent.platooning.gap_control import (
     MIN_SPEED_MPS,
     closing_mps,
 )
-from vehicle_agent.platooning.join_leave import is_planned_behind
+from vehicle_agent.platooning.join_leave import is_planned_behind, too_long
 from vehicle_agent.platooning.neighbours import SILENT_NS, Neighbours
 from vehicle_agent.platooning.rendezvous import (
     MARGIN_KWH,
@@ -65,23 +65,27 @@ class CatchUp:
     drop_back: bool = False
 
 
-def find_catch_up(situation: Situation, vehicle: str, neighbours: Neighbours) -> CatchUp | None:
+def find_catch_up(
+    situation: Situation, vehicle: str, neighbours: Neighbours, behind: int
+) -> CatchUp | None:
     """The rendezvous with a vehicle ahead on the same path, if it saves energy: with the next one
     of the plan's platoon while it is within the synchronisation window, else with the nearest one.
+
+    Args:
+        behind: number of the vehicle's followers, and of theirs.
     """
     s = situation
     # Near enough to join or to be refused.
     if s.partner is not None and s.gap_m <= 1.5 * IDM.desired_gap_m(s.state.speed_mps):
         return None
-    found = _front(s, vehicle, neighbours)
+    found = _front(s, vehicle, neighbours, behind)
     if found is None:
         return None
     front, age_s, planned = found
     shared = find_shared_path(s.leg, s.state.number, s.place_m, front, age_s)
     if shared is None or _is_blocked(s, front, shared):
         return None
-    leads = any(heard.message.ahead == vehicle for heard in neighbours)
-    rendezvous = _rendezvous(s, front, shared, leads=leads, planned=planned)
+    rendezvous = _rendezvous(s, front, shared, leads=behind > 0, planned=planned)
     if rendezvous is None:
         return None
     asked = _free_to_ask(front, vehicle, neighbours)
@@ -119,7 +123,7 @@ def closing_slowdown(situation: Situation, followers: Iterable[PlatoonControl]) 
 
 
 def _front(
-    s: Situation, vehicle: str, neighbours: Neighbours
+    s: Situation, vehicle: str, neighbours: Neighbours, behind: int
 ) -> tuple[PlatoonControl, float, bool] | None:
     """Who may be joined, the age of its message, and whether the plan has it ahead. Nobody beyond
     it is asked while another one joins it, or its leader: to get there, all between would have to
@@ -134,7 +138,7 @@ def _front(
         if followed.get(front.vehicle, vehicle) != vehicle:
             continue
         away_m = spacing_m(s.leg, s.state.number, s.place_m, front, age_ns / 1e9)
-        if away_m > MAX_DISTANCE_M:
+        if away_m > MAX_DISTANCE_M or too_long(s, front, neighbours, behind) is not None:
             continue
         window_m = SYNC_WINDOW_S * s.own.desired_mps + front.length_m
         planned = away_m <= window_m and is_planned_behind(s, front)

@@ -28,7 +28,7 @@ from vehicle_agent.platooning.catch_up import (
 from vehicle_agent.platooning.control_message import ControlMessages
 from vehicle_agent.platooning.gap_control import COMFORTABLE_MPS2, IDM
 from vehicle_agent.platooning.interface import Gates, PlatoonStep
-from vehicle_agent.platooning.join_leave import followers, no_waiting_for
+from vehicle_agent.platooning.join_leave import followers, no_waiting_for, too_long
 from vehicle_agent.platooning.membership import Membership, Trust
 from vehicle_agent.platooning.needed_braking import Evidence
 from vehicle_agent.platooning.neighbours import MOST_COST_S, CausedDelays, Heard, Neighbours
@@ -226,7 +226,7 @@ class Platooning:
             self._leave(reason)
 
     def _decide_mode(self, s: Situation) -> None:
-        if not self._member.may_go_on(s, self._neighbours):
+        if not self._member.may_go_on(s, self._neighbours, len(self._platoon)):
             self._leave(self._member.reason)
         elif self._member.mode == "following":
             self._agreements.joining.end()
@@ -237,7 +237,7 @@ class Platooning:
         found, joining, member = None, self._agreements.joining, self._member
         calm = member.disengaged_on is None and not member.has_just_parted(s.now_ns)
         if calm and s.sensing_in_time:
-            found = find_catch_up(s, self._vehicle, self._neighbours)
+            found = find_catch_up(s, self._vehicle, self._neighbours, len(self._platoon))
         if found is None:
             joining.end()
             return
@@ -317,14 +317,16 @@ class Platooning:
 
     def _may_promise(self, s: Situation) -> bool:
         """Whether it can keep what its follower needs: a follower, while the one ahead promises
-        too; a leader, where it is commanded, far enough from the traffic ahead, and from signals
-        where it may have to brake harder.
+        too, and the platoon is not too long for its brakes; a leader, where it is commanded, far
+        enough from the traffic ahead, and from signals where it may have to brake harder.
         """
         limit = self.limit_mps2
         if limit is None:
             return False
         if self._member.mode == "following":
-            return s.partner is not None and s.partner.limit_mps2 is not None
+            if s.partner is None or s.partner.limit_mps2 is None:
+                return False
+            return too_long(s, s.partner, self._neighbours, len(self._platoon)) is None
         if self._member.mode != "alone" or not s.gates.is_open(s.state.segment):
             return False
         if s.own.braking.commanded_mps2(limit) < COMFORTABLE_MPS2:

@@ -35,6 +35,7 @@ from slipstream.spacing import (
     DRIVER_MIN_GAP_M,
     DRIVER_TIME_GAP_S,
     SLOWING_SHARE,
+    longest_string,
     planned_gap_m,
 )
 from vehicle_agent.platooning.needed_braking import AheadMotion, braking_mps2
@@ -90,6 +91,11 @@ class Own:
     def close_gap_m(self, speed_mps: float) -> float:
         """g* in a close platoon of its like."""
         return planned_gap_m(speed_mps, self.advised_gap_m, self.braking, self.interval_s)
+
+    @property
+    def longest_string(self) -> int:
+        """Number of vehicles up to which its platoon may have grown."""
+        return longest_string(self.advised_gap_m, self.braking)
 
     @property
     def then_mps(self) -> float:

@@ -62,6 +62,29 @@ def no_waiting_for(situation: Situation, neighbours: Neighbours, vehicle: str) -
     return None
 
 
+def vehicles_up_to(front: PlatoonControl, neighbours: Neighbours) -> int:
+    """Number of vehicles of a platoon from its leader to one of them, as far as they are heard."""
+    names = [front.vehicle]
+    while front.mode == "following" and front.ahead is not None and front.ahead not in names:
+        names.append(front.ahead)
+        front = neighbours.get(front.ahead) or front
+    return len(names)
+
+
+def too_long(
+    s: Situation, front: PlatoonControl, neighbours: Neighbours, behind: int
+) -> str | None:
+    """Why a platoon is too long with this vehicle behind one of its vehicles; None: it is not.
+
+    Args:
+        behind: number of vehicles that come with it.
+    """
+    longest = s.own.longest_string
+    if vehicles_up_to(front, neighbours) + 1 + behind <= longest:
+        return None
+    return f"with its brakes a platoon has {longest} vehicles at most"
+
+
 def followers(
     situation: Situation, neighbours: Neighbours, vehicle: str
 ) -> tuple[PlatoonControl, ...]:

@@ -12,6 +12,7 @@ from vehicle_agent.platooning.gap_control import has_left
 from vehicle_agent.platooning.join_leave import (
     NONE_AHEAD,
     obstacle,
+    too_long,
     turbulent_segment,
 )
 from vehicle_agent.platooning.needed_braking import EVIDENT_MPS, Told
@@ -66,11 +67,18 @@ class Membership:
         """Note that platooning was ended from outside."""
         self.reason, self._parted_ns = reason, now_ns
 
-    def may_go_on(self, s: Situation, neighbours: Neighbours) -> bool:
-        """Take the situation in; False: it follows and must leave now, for `reason`."""
+    def may_go_on(self, s: Situation, neighbours: Neighbours, behind: int) -> bool:
+        """Take the situation in; False: it follows and must leave now, for `reason`.
+
+        Args:
+            behind: number of its followers, and of theirs.
+        """
         follows = self.mode == "following"
         keeps = follows and s.ahead is not None and s.ahead.vehicle == self.partner
         found = self._obstacle(s, neighbours, keeps=keeps)
+        if found is None and s.partner is not None:
+            # Of one that has grown too long the last ones leave.
+            found = too_long(s, s.partner, neighbours, 0 if keeps else behind)
         if found is None and s.partner is not None:
             self.mode, self.partner = "following", s.partner.vehicle
             self.reason, self._seen_ns = None, s.now_ns

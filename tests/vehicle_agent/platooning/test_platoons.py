@@ -10,7 +10,7 @@ from slipstream.braking import BRAKING
 from slipstream.energy.consumption import PAPER_CAR
 from slipstream.energy.traction import coasting_mps2
 from slipstream.messages import PlannedCrossing, PlatoonControl
-from slipstream.spacing import least_gap_m
+from slipstream.spacing import CLOSE_GAP_M, least_gap_m
 from tests.vehicle_agent.platooning.world import (
     IDEAL,
     LENGTH_M,
@@ -500,3 +500,26 @@ def promised(world: World) -> float | None:
     """What the first vehicle promises now."""
     step = world.car("v0").last
     return None if step is None else step.control.limit_mps2
+
+
+@pytest.mark.slow
+def test_a_platoon_is_no_longer_than_its_brakes_cover() -> None:
+    """Ideal vehicles with gaps of 2 m: eight. The ninth drives alone."""
+    world = World(string(9, None, 20.0, 28.0), 0.1, delayed=True)
+    world.run(100.0)
+    modes = [set(world.modes[f"v{n}"][-100:]) for n in range(1, 9)]
+    assert modes == [*[{"following"}] * 7, {"alone"}]
+    assert min(world.gaps["v8"][-100:]) > CLOSE_GAP_M
+
+
+@pytest.mark.slow
+def test_one_whose_brakes_cover_less_promises_nothing_to_another() -> None:
+    """A truck on a wet road between two vehicles whose own brakes cover three."""
+    world = World(string(3, None, 20.0, 28.0), 0.1, delayed=True)
+    for name, kind, state in (("v1", "truck", "wet"), ("v2", "car", "dry")):
+        braking = BRAKING[kind].on(state)
+        world.car(name).platooning = platooning_of(0.1, name=name, braking=braking)
+    world.run(60.0)
+    assert world.modes["v1"][-1] == "following"
+    assert world.car("v1").last.control.limit_mps2 is None
+    assert min(world.gaps["v2"]) > CLOSE_GAP_M

@@ -9,7 +9,8 @@ from dataclasses import dataclass, field, replace
 from itertools import islice
 from typing import Final
 
-from slipstream.braking import HARDEST_MPS2, BrakingClass, Road
+from slipstream.braking import BRAKING, HARDEST_MPS2, BrakingClass, Road
+from slipstream.spacing import ADVISED_GAP_M, longest_string
 from slipstream_lab.benchmarks.safety.stop import BRAKES_S, Case, Fault, FaultKind, Outcome, drive
 
 _CLASSES: Final[tuple[tuple[BrakingClass, ...], ...]] = (
@@ -21,8 +22,6 @@ _CLASSES: Final[tuple[tuple[BrakingClass, ...], ...]] = (
 )
 """Of which platoons are drawn; trucks drive among themselves."""
 
-_LONGEST: Final[dict[BrakingClass, int]] = {"truck": 2}
-_LONGEST_OTHER: Final = 4
 _CHUNK: Final = 20
 
 
@@ -37,9 +36,7 @@ def drawn(number: int, kind: str) -> Case:
     rng = random.Random(f"{kind}/{number}")
     group = rng.choice(_CLASSES)
     road: Road = rng.choice(("dry", "dry", "wet"))
-    longest = min(_LONGEST.get(name, _LONGEST_OTHER) for name in group)
-    if road == "wet":
-        longest = min(longest, 3)
+    longest = min(longest_string(ADVISED_GAP_M, BRAKING[name].on(road)) for name in group)
     count = rng.randint(2, longest)
     hardest = HARDEST_MPS2[road]
     fault = None

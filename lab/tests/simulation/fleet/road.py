@@ -95,7 +95,7 @@ def segments(
             speed_mps=limit_mps,
             platoon=None if place is None else "p",
             place=place,
-            gap_m=1.5 if place else None,
+            gap_m=2.0 if place else None,
             leg=leg,
             length_m=LENGTHS[name],
             speed_limit_mps=limit_mps,
