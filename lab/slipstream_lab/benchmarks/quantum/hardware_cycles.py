@@ -28,6 +28,7 @@ from dispatcher_daemon.solvers import Outcome, configured_solvers
 from dispatcher_daemon.solvers.quantum import LcQaoaSolver
 from dispatcher_daemon.solvers.quantum.hardware import JobLimits, JobManager, JobThread
 from dispatcher_daemon.solvers.workers import RESERVE, PoolJob, Solve, SolverPool
+from dispatcher_daemon.solvers.workers.processes import start_fork_server
 from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot
 from slipstream.messages import Message
 from slipstream.orders import FleetRecords
@@ -212,6 +213,8 @@ def run(
         checked: whether to hold the ledger against the service's records in the end.
     """
     result = empty_run(settings)
+    # It and multiprocessing's resource tracker stay when all workers have ended.
+    start_fork_server()
     before = _resources()
     harness = Harness(folder, seed, settings, solve, limits)
     early = before
@@ -237,7 +240,7 @@ def run(
     after = _resources()
     result.growth = {name: late[name] - early[name] for name in early}
     result.leaks = {name: after[name] - before[name] for name in before}
-    # A worker may just be replaced, and the first pool leaves multiprocessing's resource tracker.
+    # A worker may just be replaced.
     for name, most in (("threads", 2), ("processes", 1), ("descriptors", 6)):
         for what, figures in (("in the run", result.growth), ("after it", result.leaks)):
             if figures[name] > most:
