@@ -27,8 +27,7 @@ from dispatcher_daemon.settings import DispatcherSettings, HardwareSettings, LcQ
 from dispatcher_daemon.solvers import Outcome, configured_solvers
 from dispatcher_daemon.solvers.quantum import LcQaoaSolver
 from dispatcher_daemon.solvers.quantum.hardware import JobLimits, JobManager, JobThread
-from dispatcher_daemon.solvers.workers import RESERVE, PoolJob, Solve, SolverPool
-from dispatcher_daemon.solvers.workers.processes import start_fork_server
+from dispatcher_daemon.solvers.workers import RESERVE, PoolJob, Solve, SolverPool, start_fork_server
 from dispatcher_daemon.traffic import SegmentTraffic, TrafficSnapshot
 from slipstream.messages import Message
 from slipstream.orders import FleetRecords
