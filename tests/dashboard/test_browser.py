@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -49,15 +50,16 @@ LABELS = """() => {
 }"""
 
 
-BOXES = """(nodes) => nodes.map((node) => node.getBoundingClientRect())
+BOXES = """(selector) => [...document.querySelectorAll(selector)]
+  .map((node) => node.getBoundingClientRect())
   .map(({x, y, width, height}) => ({x, y, width, height}))"""
 
 
 def _boxes(page: Any, selector: str) -> list[dict[str, float]]:
-    """Where all that match are drawn, px, at one moment: a block is drawn anew by each change, and
-    a node asked for by its number would be gone by then.
+    """Where all that match are drawn, px, found and measured in one call: a block is drawn anew by
+    each change, and a node found before has no size any more.
     """
-    boxes: list[dict[str, float]] = page.locator(selector).evaluate_all(BOXES)
+    boxes: list[dict[str, float]] = page.evaluate(BOXES, selector)
     return [box for box in boxes if box["height"] > 0]
 
 
@@ -125,12 +127,21 @@ def view(world) -> Iterator[View]:
     shown.page.close()
 
 
-def _open(browser: Any, view: View, width: int, query: str = "", scheme: str = "light") -> Any:
-    page = browser.new_page(viewport={"width": width, "height": 800}, color_scheme=scheme)
-    page.goto(f"{view.address}/{query}")
-    page.wait_for_function(DRAWN, timeout=90_000)
-    page.get_by_text("Traffic is calm on 1 of 2").wait_for(timeout=30_000)
-    return page
+@pytest.fixture
+def opened(browser, view) -> Iterator[Callable[..., Any]]:
+    """Opens the view in a window of a width, px; all windows are gone at a test's end."""
+    with ExitStack() as pages:
+
+        def page(width: int, query: str = "", scheme: str = "light") -> Any:
+            page = browser.new_page(viewport={"width": width, "height": 800}, color_scheme=scheme)
+            pages.callback(page.close)
+            page.goto(f"{view.address}/{query}")
+            page.wait_for_function(DRAWN, timeout=90_000)
+            page.get_by_text("Traffic is calm on 1 of 2").wait_for(timeout=30_000)
+            return page
+
+        yield page
+    assert _until(lambda: view.page.clients() == 0)
 
 
 def _one(view: View) -> Any:
@@ -142,15 +153,15 @@ def _one(view: View) -> Any:
 
 def _until(condition: Callable[[], bool]) -> bool:
     deadline = time.monotonic() + 120
-    while not condition() and time.monotonic() < deadline:
+    while not (holds := condition()) and time.monotonic() < deadline:
         time.sleep(0.2)
-    return condition()
+    return holds
 
 
-def test_the_panel_covers_nothing(browser, view):
+def test_the_panel_covers_nothing(opened, view):
     """Map and panel stand side by side, figures are one line high, no developer controls."""
     width = 1024
-    page = _open(browser, view, width, "?select=van/van-a")
+    page = opened(width, "?select=van/van-a")
     page.get_by_text("Vehicle van-a").wait_for(timeout=30_000)
     (canvas,) = _boxes(page, "canvas[data-engine]")
     boxes = _boxes(page, ".sl")
@@ -169,12 +180,11 @@ def test_the_panel_covers_nothing(browser, view):
     assert all(box["height"] < 30 for box in figures)
     for icon in ("adjustments", "share"):
         assert not page.locator(f".tabler-icon-{icon}").first.is_visible()
-    page.close()
 
 
-def test_no_two_labels_overlap_in_the_browser(browser, view):
+def test_no_two_labels_overlap_in_the_browser(opened, view):
     """By the browser's own camera and font; and no label is wider than it is thought to be."""
-    page = _open(browser, view, 1920)
+    page = opened(1920)
     shown: list[dict[str, Any]] = []
 
     def labelled() -> bool:
@@ -192,7 +202,6 @@ def test_no_two_labels_overlap_in_the_browser(browser, view):
             apart_x = abs(one["x"] - other["x"]) - (one["width"] + other["width"]) / 2
             apart_y = abs(one["y"] - other["y"]) - HEIGHT_PX
             assert max(apart_x, apart_y) > 0, (one, other)
-    page.close()
 
 
 def _pixel(view: View, kind: str, name: str) -> np.ndarray:
@@ -208,10 +217,10 @@ def _pixel(view: View, kind: str, name: str) -> np.ndarray:
     return eye.pixels(np.array([mark.position]))[0][0]
 
 
-def test_a_click_selects(browser, view):
+def test_a_click_selects(opened, view):
     """A click on a vehicle, a camera, a road and beside them all changes the card, for this browser
     alone, with its link to the operator's page."""
-    page = _open(browser, view, 1440)
+    page = opened(1440)
     one = _one(view)
     assert _until(lambda: one._drawn is not None and "Click a vehicle" in one._sent)
     time.sleep(1)
@@ -228,18 +237,16 @@ def test_a_click_selects(browser, view):
         assert one.viewer.selection == Selection(kind, name)
         wanted = {"rsu-avenue_east"} if kind == "rsu" else set()
         assert _until(lambda wanted=wanted: view.page._looks.keys() == wanted)
-    other = _open(browser, view, 1024)
+    other = opened(1024)
     other.get_by_text("Click a vehicle, a road or a camera").wait_for(timeout=30_000)
     other.close()
     page.mouse.click(20, 760)
     page.get_by_text("Click a vehicle, a road or a camera").wait_for(timeout=30_000)
-    page.close()
-    assert _until(lambda: view.page.clients() == 0)
 
 
-def test_buttons_lead_the_camera(browser, view):
+def test_buttons_lead_the_camera(opened, view):
     """The whole map, from above, and the selection from near by; an unknown name harms nothing."""
-    page = _open(browser, view, 1440, "?select=van/nobody")
+    page = opened(1440, "?select=van/nobody")
     page.get_by_text("no such vehicle is known").wait_for(timeout=30_000)
     one = _one(view)
 
@@ -254,7 +261,6 @@ def test_buttons_lead_the_camera(browser, view):
     one.viewer.select(Selection("rsu", "rsu-avenue_east"))
     page.get_by_role("button", name="Selection").click()
     assert _until(lambda: one.viewer.eye().position[2] < far / 1.5)
-    page.close()
 
 
 def _compass(page: Any) -> tuple[float, float]:
@@ -269,9 +275,9 @@ def _compass(page: Any) -> tuple[float, float]:
     )
 
 
-def test_north_and_scale_follow_the_camera(browser, view):
+def test_north_and_scale_follow_the_camera(opened, view):
     """Arrow and bar stay in the map's corner; both agree with the server's view of the camera."""
-    page = _open(browser, view, 1440)
+    page = opened(1440)
     one = _one(view)
     page.get_by_role("button", name="From above").click()
     assert _until(lambda: one.viewer.eye().turn[2, 2] < -0.99)
@@ -295,12 +301,11 @@ def test_north_and_scale_follow_the_camera(browser, view):
     assert canvas["x"] < box["x"]
     assert box["x"] + box["width"] < canvas["x"] + 250
     assert canvas["height"] - 80 < box["y"] < canvas["height"] - box["height"]
-    page.close()
 
 
-def test_a_phone_sees_map_and_panel(browser, view):
+def test_a_phone_sees_map_and_panel(opened, view):
     """The panel is below the map, in the scheme of the browser; collapsed it makes room."""
-    page = _open(browser, view, 390, scheme="dark")
+    page = opened(390, scheme="dark")
     root = "getComputedStyle(document.documentElement).colorScheme"
     assert page.evaluate(root) == "dark"
 
@@ -321,4 +326,3 @@ def test_a_phone_sees_map_and_panel(browser, view):
     canvas = "canvas[data-engine]"
     assert _until(lambda: any(box["height"] > 700 for box in _boxes(page, canvas)))
     assert page.locator("#sl-scale").is_visible()
-    page.close()
