@@ -14,7 +14,7 @@ from dispatcher_daemon.settings import DispatcherSettings
 from slipstream.energy.consumption import PAPER_CAR, VehicleParameters
 from slipstream.energy.drive import DrivingStyle
 from slipstream.roads import RoadNetwork
-from slipstream.spacing import ADVISED_GAP_M
+from slipstream.spacing import ADVISED_GAP_M, longest_string
 from slipstream.vehicle_types import RoutingProfile
 
 
@@ -86,6 +86,12 @@ class RoutingProblem:
     def profiles(self) -> tuple[RoutingProfile, ...]:
         """The distinct profiles of the fleet's vehicles, in their order; at least one."""
         return tuple(dict.fromkeys(self._profiles.values())) or (RoutingProfile(self.vehicle),)
+
+    @cached_property
+    def longest_platoon(self) -> int:
+        """Number of vehicles of the fleet that a platoon has at most: what each type allows."""
+        of = [longest_string(self.advised_gap_m, profile.braking) for profile in self.profiles]
+        return min(of)
 
     def profile_of(self, vehicle: Vehicle | str) -> RoutingProfile:
         """What decides a vehicle's ways and their costs.

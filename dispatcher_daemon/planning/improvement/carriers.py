@@ -56,7 +56,8 @@ class Accounts:
         self._shares = [
             planner.book.shares_by_profile[planner.problem.profile_of(v)] for v in vehicles
         ]
-        self._window_s, self._expected = planner.book.sync_window_s, planner.book.expected
+        self._window_s, self._longest = planner.book.sync_window_s, planner.book.longest
+        self._expected = planner.book.expected
         self._on: dict[str, list[TimedPassage[Passage]]] = defaultdict(list)
         self._savers: dict[str, set[int]] = {}
         self._saved: list[dict[str, float]] = [{} for _ in vehicles]
@@ -137,7 +138,7 @@ class Accounts:
             for number in self._savers.pop(segment, ()):
                 del self._saved[number][segment]
             saved: dict[int, float] = defaultdict(float)
-            for group in platoons_of(self._on[segment], self._window_s):
+            for group in platoons_of(self._on[segment], self._window_s, self._longest):
                 if len(group) < 2:
                     continue
                 close = self._close(group)

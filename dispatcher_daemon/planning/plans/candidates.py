@@ -133,7 +133,15 @@ class Cycle:
             expected = expected_drafting(
                 self.problem, self.snapshot, self.commitments, self.on_road
             )
-            places = form_platoons(routes, self.snapshot, window, self.number, others, expected)
+            places = form_platoons(
+                routes,
+                self.snapshot,
+                window,
+                self.problem.longest_platoon,
+                self.number,
+                others,
+                expected,
+            )
         energies = tuple(route_energy(self.problem, route, places) for route in routes)
         plans = vehicle_plans(
             self.problem,
@@ -153,6 +161,7 @@ class Cycle:
             self.problem.fleet,
             {name for name, t in self.snapshot.segments.items() if t.open},
             window,
+            longest=self.problem.longest_platoon,
             unserved=unserved or {},
             reference_s=self.reference_s,
             joined=joined_segments(self.on_road, places, settings.gap_m),

@@ -20,6 +20,7 @@ from dispatcher_daemon.planning.plans.verify_vehicles import (
 from slipstream.messages import PlannedSegment, VehiclePlan
 from slipstream.roads import RoadNetwork
 from slipstream.service.tracing import traced
+from slipstream.spacing import MOST_VEHICLES
 
 _TOLERANCE_NS = 1_000_000
 _SPEED_TOLERANCE = 1e-3
@@ -33,6 +34,7 @@ def verify_plans(
     open_segments: Collection[str],
     sync_window_s: float,
     *,
+    longest: int = MOST_VEHICLES,
     unserved: Collection[str] = (),
     reference_s: float = 0.0,
     joined: Sequence[tuple[str, PlannedSegment]] = (),
@@ -44,6 +46,7 @@ def verify_plans(
     of a bound vehicle is no fault: it is loaded.
 
     Args:
+        longest: number of vehicles that a platoon has at most.
         reference_s: from the issue of the plans to the moment that the fleet's times count from.
         joined: segments that vehicles on the road pass in platoons with those of the plans.
 
@@ -68,7 +71,7 @@ def verify_plans(
                 *_commitment_faults(plan, own),
             )
         ),
-        *_platoon_faults(plans, open_segments, sync_window_s, joined),
+        *_platoon_faults(plans, open_segments, sync_window_s, longest, joined),
     )
 
 
@@ -271,6 +274,7 @@ def _platoon_faults(
     plans: Sequence[VehiclePlan],
     open_segments: Collection[str],
     sync_window_s: float,
+    longest: int,
     joined: Sequence[tuple[str, PlannedSegment]],
 ) -> Iterator[str]:
     groups: dict[tuple[str, str], list[tuple[str, PlannedSegment]]] = {}
@@ -289,15 +293,18 @@ def _platoon_faults(
             yield f"{where}: a gap is for followers, and for each of them"
         groups.setdefault((segment.segment, segment.platoon), []).append((vehicle, segment))
     for (road, name), members in groups.items():
-        yield from (f"platoon {name} on {road}: {f}" for f in _group_faults(members, sync_window_s))
+        faults = _group_faults(members, sync_window_s, longest)
+        yield from (f"platoon {name} on {road}: {fault}" for fault in faults)
 
 
 def _group_faults(
-    members: Sequence[tuple[str, PlannedSegment]], sync_window_s: float
+    members: Sequence[tuple[str, PlannedSegment]], sync_window_s: float, longest: int
 ) -> Iterable[str]:
     ordered = sorted(members, key=lambda m: -1 if m[1].place is None else m[1].place)
     if len({vehicle for vehicle, _ in members}) < max(2, len(members)):
         yield "fewer than two vehicles, or one of them twice"
+    if len(members) > longest:
+        yield f"{len(members)} vehicles, more than the {longest} that their brakes allow"
     if [segment.place for _, segment in ordered] != list(range(len(members))):
         yield "places are not 0, 1, 2 ..."
     entries = [segment.entry_ns for _, segment in ordered]

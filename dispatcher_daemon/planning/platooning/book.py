@@ -25,6 +25,7 @@ class MeetingBook:
     """Open segments of one fleet under one traffic snapshot.
 
     Attributes:
+        longest: number of vehicles that a platoon has at most.
         shares: savings of the fleet's first profile by place, on each open segment.
         shares_by_profile: those of all its profiles.
         expected: of platoons; None: they are close everywhere.
@@ -39,7 +40,7 @@ class MeetingBook:
         on_road: Sequence[RoadUser] = (),
         commitments: Sequence[Commitment] = (),
     ) -> None:
-        self.sync_window_s = sync_window_s
+        self.sync_window_s, self.longest = sync_window_s, problem.longest_platoon
         first, *others = problem.profiles
         self.shares: Mapping[str, Shares] = open_shares(problem, snapshot, first)
         self.shares_by_profile = {
@@ -60,7 +61,9 @@ class MeetingBook:
 
     def meetings(self) -> Meetings:
         """Passages of the vehicles on the road only; their savings are part of no change."""
-        meetings = Meetings(self.shares, self.sync_window_s, self._own_shares, self.expected)
+        meetings = Meetings(
+            self.shares, self.sync_window_s, self.longest, self._own_shares, self.expected
+        )
         for vehicle in self.on_road:
             meetings.add(vehicle)
         return meetings

@@ -15,6 +15,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 from dispatcher_daemon.planning.platooning.expected import ExpectedDrafting
+from dispatcher_daemon.planning.platooning.platoons import parted
 from dispatcher_daemon.planning.platooning.segment_order import Change, SegmentOrder
 from dispatcher_daemon.planning.platooning.shares import Shares
 from dispatcher_daemon.planning.platooning.stretches import Traversal
@@ -23,17 +24,29 @@ Traversals = Mapping[str, Sequence[Traversal]]
 """One vehicle's passages of segments whose gate is open, or may be then, by segment."""
 
 
-def platoon_kwh(
+def group_kwh(
+    group: Sequence[Traversal],
+    longest: int,
+    shares: Shares,
+    own: Mapping[int, Shares],
+    expected: ExpectedDrafting | None,
+) -> float:
+    """Saving of the platoons that a group is parted into on a segment, kWh.
+
+    Args:
+        own: shares of vehicles that have others, by their number.
+    """
+    if len(group) <= longest:
+        return _platoon_kwh(group, shares, own, expected)
+    return sum(_platoon_kwh(one, shares, own, expected) for one in parted(group, longest))
+
+
+def _platoon_kwh(
     platoon: Sequence[Traversal],
     shares: Shares,
     own: Mapping[int, Shares],
     expected: ExpectedDrafting | None,
 ) -> float:
-    """Saving of one platoon on a segment, kWh.
-
-    Args:
-        own: shares of vehicles that have others, by their number.
-    """
     members = len(platoon)
     if members < 2:
         return 0.0
@@ -58,16 +71,18 @@ class Meetings:
         self,
         shares: Mapping[str, Shares],
         sync_window_s: float,
+        longest: int,
         own_shares: Mapping[int, Mapping[str, Shares]] | None = None,
         expected: ExpectedDrafting | None = None,
     ) -> None:
         """Start with empty roads.
 
         Args:
+            longest: number of vehicles that a platoon has at most.
             own_shares: of vehicles that have others, by their number; of the same segments.
         """
         self.shares, self.sync_window_s = shares, sync_window_s
-        self._expected = expected
+        self._longest, self._expected = longest, expected
         self._own_shares = own_shares or {}
         self._orders: dict[str, SegmentOrder] = {}
         self._before: dict[str, SegmentOrder] | None = None
@@ -154,8 +169,9 @@ class Meetings:
     def _order(self, segment: str) -> SegmentOrder:
         if segment not in self._orders:
             shares = self.shares[segment]
+            longest, expected = self._longest, self._expected
             own = {n: of[segment] for n, of in self._own_shares.items()}
             self._orders[segment] = SegmentOrder(
-                self.sync_window_s, lambda one: platoon_kwh(one, shares, own, self._expected)
+                self.sync_window_s, lambda group: group_kwh(group, longest, shares, own, expected)
             )
         return self._orders[segment]

@@ -41,6 +41,7 @@ def form_platoons(
     routes: Sequence[Route],
     snapshot: TrafficSnapshot,
     sync_window_s: float,
+    longest: int,
     cycle: int,
     on_road: Iterable[tuple[str, TimedPassage[Passage]]] = (),
     expected: ExpectedDrafting | None = None,
@@ -52,6 +53,7 @@ def form_platoons(
     the window and in that order: a vehicle that starts from a stop at its beginning falls behind.
 
     Args:
+        longest: number of vehicles that a platoon has at most.
         on_road: passages of vehicles on the road, each with its segment.
 
     Returns:
@@ -72,7 +74,7 @@ def form_platoons(
     places: dict[Passage, Place] = {}
     approaches = {} if expected is None else expected.of_routes(routes)
     for segment in sorted(passages):
-        for group in platoons_of(sorted(passages[segment]), sync_window_s):
+        for group in platoons_of(sorted(passages[segment]), sync_window_s, longest):
             members = tuple(passage[0] for _, _, passage in group)
             if len(group) < 2 or sent.isdisjoint(members):
                 continue
@@ -86,27 +88,40 @@ def form_platoons(
 
 
 def platoons_of(
-    passages: Sequence[TimedPassage[Key]], sync_window_s: float
-) -> Iterator[list[TimedPassage[Key]]]:
+    passages: Sequence[TimedPassage[Key]], sync_window_s: float, longest: int
+) -> Iterator[Sequence[TimedPassage[Key]]]:
     """Split the passages of one segment into platoons; those of one vehicle drive alone.
 
     Args:
         passages: in the order of entry.
+        longest: number of vehicles that a platoon has at most.
     """
     at = 0
     while at < len(passages):
-        at, platoons = independent_platoons(passages, at, sync_window_s)
-        yield from platoons
+        at, groups = independent_groups(passages, at, sync_window_s)
+        for group in groups:
+            yield from parted(group, longest)
 
 
-def independent_platoons(
+def parted(
+    group: Sequence[TimedPassage[Key]], longest: int
+) -> Iterator[Sequence[TimedPassage[Key]]]:
+    """Platoons of vehicles that drive behind each other: whom a full one has no place for leads the
+    next one, as vehicles on the road do it.
+    """
+    for begin in range(0, len(group), longest):
+        yield group[begin : begin + longest]
+
+
+def independent_groups(
     passages: Sequence[TimedPassage[Key]], at: int, sync_window_s: float
 ) -> tuple[int, list[list[TimedPassage[Key]]]]:
-    """(position of the next passage, platoons) of a stretch from a passage on, up to where no
-    platoon of it reaches: what changes behind one stretch changes nothing in it, nor the reverse.
+    """(position of the next passage, groups of any length that `parted` makes platoons of) of a
+    stretch from a passage on, up to where no group of it reaches: what changes behind one stretch
+    changes nothing in it, nor the reverse.
     """
-    # Those that platoons before them left behind, then the others from `at` on.
-    left, platoons = [passages[at]], []
+    # Those that groups before them left behind, then the others from `at` on.
+    left, groups = [passages[at]], []
     at += 1
     while left:
         lead_entry = left[0][0]
@@ -116,21 +131,21 @@ def independent_platoons(
         left += passages[at:end]
         at = end
         if len(left) == 1:
-            platoons.append(left)
+            groups.append(left)
             break
         group, behind = _joined(left, sync_window_s)
         vehicles = {passage[0] for _, _, passage in group}
         if len(vehicles) < len(group):
             group, behind = _joined(left, sync_window_s, each_once=True)
-        platoons.append(group)
+        groups.append(group)
         left = behind
-    return at, platoons
+    return at, groups
 
 
 def _joined(
     passages: Sequence[TimedPassage[Key]], sync_window_s: float, *, each_once: bool = False
 ) -> tuple[list[TimedPassage[Key]], list[TimedPassage[Key]]]:
-    """(the platoon that the first of some passages leads, those that it leaves behind).
+    """(the group that the first of some passages leads, those that it leaves behind).
 
     Args:
         each_once: whether a vehicle that passes again is left behind.

@@ -61,7 +61,7 @@ class SegmentOrder:
         self.entries_s = array("d")
         self.numbers: list[int] = []
         self._window_s, self._kwh = window_s, kwh
-        # First passages of the stretches of `independent_platoons`, and these.
+        # First passages of the stretches of `independent_groups`, and these.
         self._begins: list[Traversal] = []
         self._stretches: list[Stretch] = []
 

@@ -9,7 +9,7 @@ from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from dispatcher_daemon.planning.platooning.platoons import TimedPassage, independent_platoons
+from dispatcher_daemon.planning.platooning.platoons import TimedPassage, independent_groups
 
 Traversal = TimedPassage[tuple[int, ...]]
 """A passage by a vehicle's number in the fleet, with its approach if `ExpectedDrafting` counts."""
@@ -109,6 +109,6 @@ def stretch_at(
     passages: Sequence[Traversal], at: int, window_s: float
 ) -> tuple[int, list[list[Traversal]], frozenset[int] | None]:
     """(position of the next passage, platoons, vehicles) of the stretch from a passage on."""
-    end, platoons = independent_platoons(passages, at, window_s)
+    end, platoons = independent_groups(passages, at, window_s)
     vehicles = frozenset([passage[2][0] for passage in passages[at:end]])
     return end, platoons, vehicles if len(vehicles) == end - at else None

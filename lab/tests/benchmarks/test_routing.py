@@ -420,7 +420,9 @@ def test_nobody_drafts_more_than_everybody_who_follows() -> None:
     base = initial_plans(instance_cycle(city, 1), travel, visits, {}).base
     drives = exact_drives(city, base)
     alone = measured(city, drives, {})[0]
-    together = form_platoons(drives, city.snapshot, city.sync_window_s, 1)
+    together = form_platoons(
+        drives, city.snapshot, city.sync_window_s, city.problem.longest_platoon, 1
+    )
     minute, ten, opened, everywhere = ceilings_kwh(city, drives)
     assert WINDOWS_S == (60.0, 600.0)
     assert alone >= measured(city, drives, together)[0] >= minute > ten > opened > everywhere

@@ -194,7 +194,14 @@ def _energy(city: Instance, plan: FleetPlan) -> dict[str, object]:
     """Physical energy of the plan against the VRP without platooning."""
     ours, base = plan.choice.routes, plan.base.routes
     expected = expected_drafting(city.problem, city.snapshot)
-    places = form_platoons(ours, city.snapshot, city.sync_window_s, 1, expected=expected)
+    places = form_platoons(
+        ours,
+        city.snapshot,
+        city.sync_window_s,
+        city.problem.longest_platoon,
+        1,
+        expected=expected,
+    )
     driven = [route_energy(city.problem, route, places) for route in ours]
     alone: list[RouteEnergy] = [route_energy(city.problem, route, {}) for route in base]
     summary = summarise("the VRP without platooning", alone, driven, city.problem.price_of_time_kw)

@@ -73,7 +73,10 @@ def _whole(
     planner: Planner, itineraries: Sequence[Itinerary], seed: int
 ) -> tuple[RouteProblem, nx.Graph]:
     meetings = Meetings(
-        planner.book.shares, planner.book.sync_window_s, expected=planner.book.expected
+        planner.book.shares,
+        planner.book.sync_window_s,
+        planner.book.longest,
+        expected=planner.book.expected,
     )
     for itinerary in itineraries:
         meetings.add(itinerary.traversals)

@@ -74,7 +74,12 @@ def plan(seed: int, objective: Literal["energy", "paper"], price_kw: float) -> R
         found = plan_fleet(instance_cycle(city, 1, cycle_settings), executor, solve)
     expected = expected_drafting(problem, city.snapshot)
     places = form_platoons(
-        found.choice.routes, city.snapshot, city.sync_window_s, 1, expected=expected
+        found.choice.routes,
+        city.snapshot,
+        city.sync_window_s,
+        problem.longest_platoon,
+        1,
+        expected=expected,
     )
     base = exact_drives(city, found.base)
     driven, alone = (
@@ -97,7 +102,10 @@ def ceilings_kwh(city: Instance, drives: Sequence[Route]) -> tuple[float, ...]:
         for leg, position, segment, _, _ in route.entries_s()
     }
     together = [
-        *(form_platoons(drives, city.snapshot, window_s, 1) for window_s in WINDOWS_S),
+        *(
+            form_platoons(drives, city.snapshot, window_s, city.problem.longest_platoon, 1)
+            for window_s in WINDOWS_S
+        ),
         {passage: _FOLLOWER for passage, is_open in open_or_not.items() if is_open},
         dict.fromkeys(open_or_not, _FOLLOWER),
     ]

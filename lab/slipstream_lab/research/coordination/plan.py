@@ -97,7 +97,7 @@ def platoons(case: CoordinationCase, plan: Plan) -> Iterator[tuple[int, list[int
         link, entry = int(case.link[trip, position]), float(entries[trip, position])
         passages[link].append((entry, entry + float(case.duration_ms[link]), (trip,)))
     for link, timed in enumerate(passages):
-        for group in platoons_of(sorted(timed), case.sync_window_ms):
+        for group in platoons_of(sorted(timed), case.sync_window_ms, longest=len(timed)):
             yield link, [trip for _, _, (trip,) in group]
 
 

@@ -21,6 +21,7 @@ from dispatcher_daemon.planning.cycle import cycle_of, run_cycle
 from dispatcher_daemon.settings import DispatcherSettings
 from slipstream.energy.drive import DrivingStyle, plan_drive
 from slipstream.messages import VehiclePlan
+from slipstream.spacing import MOST_VEHICLES
 from slipstream_lab.simulation.closed_loop.dispatch_settings import (
     evaluation_settings,
     evaluation_solve,
@@ -76,7 +77,9 @@ def exogenous_day(
     end_s = recorded.end_s if end_s is None else end_s
     day.run(begin_s, end_s, recorded.end_s, progress)
     roadside.until(recorded.end_s)
-    legs, disengagements = evaluate(day.legs, roadside, scenario.network, settings.sync_window_s)
+    legs, disengagements = evaluate(
+        day.legs, roadside, scenario.network, settings.sync_window_s, day.longest_platoon
+    )
     return ArmResult(
         scenario=scenario.name,
         seed=seed,
@@ -101,13 +104,18 @@ def exogenous_day(
 
 @dataclass
 class _FleetDay:
-    """The fleet's day, cycle by cycle."""
+    """The fleet's day, cycle by cycle.
+
+    Attributes:
+        longest_platoon: what every cycle's fleet allows.
+    """
 
     tours: Tours
     roadside: RecordedRoadside
     settings: DispatcherSettings
     legs: list[RecordedLeg] = field(default_factory=list)
     cycles: list[LoopCycleRecord] = field(default_factory=list)
+    longest_platoon: int = MOST_VEHICLES
     _under_way: list[tuple[float, str, RecordedLeg]] = field(default_factory=list)
 
     def run(self, begin_s: float, end_s: float, until_s: float, progress: Progress | None) -> None:
@@ -122,6 +130,7 @@ class _FleetDay:
             if fleet is not None:
                 number, snapshot = len(self.cycles), self.roadside.snapshot(now_s)
                 problem = routing_problem(tours.network, fleet, self.settings)
+                self.longest_platoon = min(self.longest_platoon, problem.longest_platoon)
                 cycle = cycle_of(
                     problem,
                     snapshot,

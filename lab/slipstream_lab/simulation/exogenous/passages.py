@@ -61,6 +61,7 @@ def evaluate(
     roadside: RecordedRoadside,
     network: RoadNetwork,
     sync_window_s: float,
+    longest: int,
 ) -> tuple[tuple[DrivenLeg, ...], int]:
     """The legs with platoons from exact times and energies, and the number of platoons on segments
     that were turbulent in truth.
@@ -68,6 +69,9 @@ def evaluate(
     On a segment whose gate is open when they enter it, vehicles within the window drive as a
     platoon (`planning.platooning`). On one that is turbulent in truth, the traffic's accelerations
     come on top of the drive's own (`turbulence_kwh`).
+
+    Args:
+        longest: number of vehicles that a platoon has at most.
     """
     entries = _entries(legs)
     eta = [[ETA_ALONE] * len(leg.path) for leg in legs]
@@ -79,7 +83,7 @@ def evaluate(
         for entry, leaving, (_, index, _) in passing:
             extra[index] += turbulence_kwh(roadside, network, segment, entry, leaving)
         welcome = [timed for timed in passing if roadside.is_open(segment, timed[0])]
-        for group in platoons_of(welcome, sync_window_s):
+        for group in platoons_of(welcome, sync_window_s, longest):
             if len(group) < 2:
                 continue
             truth = roadside.truth(segment, group[0][0])

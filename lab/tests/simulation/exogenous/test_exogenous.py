@@ -238,7 +238,7 @@ def test_vehicles_close_together_draft_on_open_segments_alone(network: RoadNetwo
     )
     roadside.until(3600.0)
     legs = legs_on(network, 1000.0, 1002.0, 1010.0)
-    (first, second, third), disengagements = evaluate(legs, roadside, network, 3.0)
+    (first, second, third), disengagements = evaluate(legs, roadside, network, 3.0, 8)
     together = sum(network.segments[name].length_m for name in path[1:3])
     assert first.led_m == second.followed_m == pytest.approx(together)
     assert first.followed_m == second.led_m == 0.0
@@ -258,14 +258,14 @@ def test_platoons_in_turbulent_traffic_are_violations(network: RoadNetwork) -> N
     day = a_day(network, {path[1]: ROUGH, path[2]: CALM})
     roadside = RecordedRoadside(day, network, cooperative("open"), 1)
     roadside.until(3600.0)
-    found, disengagements = evaluate(legs_on(network, 1000.0, 1001.0), roadside, network, 3.0)
+    found, disengagements = evaluate(legs_on(network, 1000.0, 1001.0), roadside, network, 3.0, 8)
     assert disengagements == 1
     assert all(leg.turbulent_s > 0 for leg in found)
     calm = RecordedRoadside(
         a_day(network, dict.fromkeys(path[1:3], CALM)), network, cooperative(), 1
     )
     calm.until(3600.0)
-    without, _ = evaluate(legs_on(network, 1000.0, 1001.0), calm, network, 3.0)
+    without, _ = evaluate(legs_on(network, 1000.0, 1001.0), calm, network, 3.0, 8)
     extra = turbulence_kwh(roadside, network, path[1], 1100.0, 1120.0)
     assert extra > 0 == turbulence_kwh(roadside, network, path[2], 1100.0, 1120.0)
     for rough, smooth in zip(found, without, strict=True):

@@ -49,7 +49,7 @@ def block_of(
     planner: Planner, present: Sequence[Itinerary], options: Mapping[int, Sequence[Itinerary]]
 ) -> Block:
     """A block around the present plan."""
-    meetings = Meetings(planner.book.shares, planner.book.sync_window_s)
+    meetings = Meetings(planner.book.shares, planner.book.sync_window_s, planner.book.longest)
     for itinerary in present:
         meetings.add(itinerary.traversals)
     return build_block({n: f"van-{n}" for n in range(len(present))}, options, meetings)
@@ -58,7 +58,9 @@ def block_of(
 def largest_platoon(planner: Planner, itineraries: Sequence[Itinerary]) -> int:
     """Members of the largest platoon that forms."""
     routes = [i.route for i in itineraries if i.route is not None]
-    places = form_platoons(routes, planner.snapshot, planner.book.sync_window_s, 1)
+    places = form_platoons(
+        routes, planner.snapshot, planner.book.sync_window_s, planner.book.longest, 1
+    )
     return 1 + max(place.number for place in places.values())
 
 

@@ -51,7 +51,7 @@ def planned(
 def test_who_can_wait_leaves_with_the_one_that_comes_later(town: Town) -> None:
     """One is ready 40 s later and cannot wait, the other can: it waits, and they drive together."""
     planner, (early, late) = planned(town, [{"depart_by_s": 100.0}, {"ready_s": 40.0}])
-    meetings = Meetings(planner.book.shares, 3.0)
+    meetings = Meetings(planner.book.shares, 3.0, planner.book.longest)
     meetings.add(late.traversals)
     found = meeting_departures(planner, early, encounters(planner, early, meetings))
     assert found[0] == pytest.approx(50.0)
@@ -78,7 +78,7 @@ def test_nobody_waits_for_what_is_worth_less_than_the_time(
     )
     planner, (early, late) = planned(town, vans, price_of_waiting_kw=share * gain * 3600 / 40)
     assert early.cost_kwh == sum(leg.cost_kwh for leg in planner.legs(0, early.stops) or ())
-    meetings = Meetings(planner.book.shares, 3.0)
+    meetings = Meetings(planner.book.shares, 3.0, planner.book.longest)
     meetings.add(late.traversals)
     best = best_departure(planner, early, meetings)
     assert (best.depart_s == pytest.approx(50.0)) == waits
@@ -89,7 +89,7 @@ def test_departures_are_apart_and_the_most_promising_comes_first(town: Town) -> 
     """Two that leave together outweigh one alone, and no two departures lie within the window."""
     vans = [{"depart_by_s": 200.0}, {"ready_s": 60.0}, {"ready_s": 120.0}, {"ready_s": 121.0}]
     planner, itineraries = planned(town, vans)
-    meetings = Meetings(planner.book.shares, 3.0)
+    meetings = Meetings(planner.book.shares, 3.0, planner.book.longest)
     for other in itineraries[1:]:
         meetings.add(other.traversals)
     found = meeting_departures(
@@ -121,7 +121,7 @@ def test_alternatives_that_would_miss_a_stop_s_window_are_left_out(town: Town) -
     )
     assert early.route is not None
     assert early.route.visits[1].arrival_s - early.depart_s > 70.0
-    meetings = Meetings(planner.book.shares, 3.0)
+    meetings = Meetings(planner.book.shares, 3.0, planner.book.longest)
     meetings.add(late.traversals)
     assert meeting_departures(planner, early, encounters(planner, early, meetings))
     others = list(alternatives(planner, early, meetings))
@@ -234,15 +234,15 @@ def test_a_wait_makes_no_stop_late_and_nobody_back_late(town: Town) -> None:
 
 
 def test_greedy_scheduling_never_saves_less_and_keeps_routes(town: Town) -> None:
-    """Those ready last choose first: all four end up in one platoon, on the routes they had."""
-    vans = [{"ready_s": 20.0 * n, "depart_by_s": 20.0 * n + 90.0} for n in range(4)]
+    """Those ready last choose first: all three end up in one platoon, on the routes they had."""
+    vans = [{"ready_s": 20.0 * n, "depart_by_s": 20.0 * n + 90.0} for n in range(3)]
     planner, itineraries = planned(town, vans)
     moved = schedule_greedily(planner, itineraries[::-1])
     assert [i.stops for i in moved] == [i.stops for i in itineraries[::-1]]
     before, after = choice_of(planner, itineraries), choice_of(planner, moved)
     assert before.saving_kwh == 0
     one_platoon = sum(
-        planner.book.shares[s].leader_kwh + 3 * planner.book.shares[s].follower_kwh
+        planner.book.shares[s].leader_kwh + 2 * planner.book.shares[s].follower_kwh
         for s in moved[0].traversals
     )
     assert after.saving_kwh == pytest.approx(one_platoon)

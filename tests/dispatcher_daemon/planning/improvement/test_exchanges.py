@@ -28,7 +28,7 @@ def plan(
     ]
     problem, snapshot = town(stops, vans, seed=2)
     planner = Planner(problem, snapshot, [Travel(problem, roads_of(problem, snapshot))], 3.0)
-    meetings, present = Meetings(planner.book.shares, 3.0), []
+    meetings, present = Meetings(planner.book.shares, 3.0, planner.book.longest), []
     for n, route in enumerate(routes):
         itinerary = planner.itinerary(n, tuple(route), planner.legs(n, route))
         assert itinerary is not None

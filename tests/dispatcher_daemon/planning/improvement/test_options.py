@@ -29,7 +29,7 @@ def present_plan(town: Town, **first: object) -> tuple[Planner, list[Itinerary],
     roads = roads_of(problem, snapshot)
     lured = Travel(problem, roads, 0.5 * roads.cost_kwh * (np.arange(len(roads.ids)) % 2))
     planner = Planner(problem, snapshot, [Travel(problem, roads), lured], 3.0)
-    meetings, present = Meetings(planner.book.shares, 3.0), []
+    meetings, present = Meetings(planner.book.shares, 3.0, planner.book.longest), []
     for n in range(3):
         stops = (f"s{2 * n}", f"s{2 * n + 1}")
         itinerary = planner.itinerary(n, stops, planner.legs(n, stops))
@@ -95,7 +95,7 @@ def test_vehicles_that_can_only_meet_if_both_move_get_the_departure_for_it(town:
     vans = [{"depart_by_s": 120.0}, {"ready_s": 30.0, "depart_by_s": 150.0}]
     problem, snapshot = town(["33", "33"], vans)
     planner = Planner(problem, snapshot, [Travel(problem, roads_of(problem, snapshot))], 3.0)
-    meetings, present = Meetings(planner.book.shares, 3.0), []
+    meetings, present = Meetings(planner.book.shares, 3.0, planner.book.longest), []
     for n, depart_s in enumerate((0.0, 150.0)):
         itinerary = planner.itinerary(n, (f"s{n}",), planner.legs(n, (f"s{n}",)), depart_s)
         assert itinerary is not None

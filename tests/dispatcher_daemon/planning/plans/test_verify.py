@@ -38,6 +38,7 @@ def verify(
     open_segments: set[str] = OPEN,
     sync_window_s: float = 3.0,
     unserved: tuple[str, ...] = (),
+    longest: int = 2,
 ) -> tuple[str, ...]:
     """Faults of plans of a cycle that was given its time to solve."""
     deadline_s = DispatcherSettings().deadline_s
@@ -47,6 +48,7 @@ def verify(
         demo.fleet,
         open_segments,
         sync_window_s,
+        longest=longest,
         unserved=unserved,
         reference_s=deadline_s,
     )
@@ -72,6 +74,15 @@ def spoilt(plans: tuple[VehiclePlan, ...], spoil: Callable[[Plain], None]) -> Pl
 def test_sound_plans_pass(demo: RoutingProblem, plans: tuple[VehiclePlan, ...]) -> None:
     """The dispatcher's own plans have no fault."""
     assert verify(demo, plans) == ()
+
+
+def test_a_platoon_has_no_more_vehicles_than_its_brakes_allow(
+    demo: RoutingProblem, plans: tuple[VehiclePlan, ...]
+) -> None:
+    """One line names the platoon and the road."""
+    found = verify(demo, plans, longest=1)
+    assert found
+    assert all("2 vehicles, more than the 1 that their brakes allow" in fault for fault in found)
 
 
 def put(value: Any, *path: Any) -> Callable[[Plain], None]:

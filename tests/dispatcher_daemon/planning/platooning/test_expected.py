@@ -233,7 +233,7 @@ def test_objective_accounts_energy_and_messages_expect_the_same() -> None:
     gains = Accounts(planner, vans, vans).gains_kwh()
     assert gains[None] == pytest.approx(choice.saving_kwh)
     expected = expected_drafting(problem, snapshot)
-    places = form_platoons(choice.routes, snapshot, 3.0, 1, expected=expected)
+    places = form_platoons(choice.routes, snapshot, 3.0, 8, 1, expected=expected)
     energies = [route_energy(problem, route, places) for route in choice.routes]
     drag_kwh = sum(e.undrafted.total_kwh - e.driven.total_kwh for e in energies)
     # Planning speeds are those of the segments, drives begin and end at rest.

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dispatcher_daemon.forms.problem import RoutingProblem
-from dispatcher_daemon.planning.platooning.meetings import Meetings, platoon_kwh
+from dispatcher_daemon.planning.platooning.meetings import Meetings, group_kwh
 from dispatcher_daemon.planning.platooning.platoons import platoons_of
 from dispatcher_daemon.planning.platooning.segment_order import SegmentOrder
 from dispatcher_daemon.planning.platooning.shares import Shares, open_shares
@@ -29,9 +29,10 @@ WINDOW_S = 3.0
 VehicleTraversals = dict[str, list[Traversal]]
 
 
-def saving_kwh(passages: Sequence[Traversal], shares: Shares) -> float:
+def saving_kwh(passages: Sequence[Traversal], shares: Shares, longest: int = 8) -> float:
     """Of all platoons on one segment, formed anew."""
-    return sum(platoon_kwh(one, shares, {}, None) for one in platoons_of(passages, WINDOW_S))
+    platoons = platoons_of(passages, WINDOW_S, longest)
+    return sum(group_kwh(one, longest, shares, {}, None) for one in platoons)
 
 
 @st.composite
@@ -54,13 +55,13 @@ def traversals_of_vehicles(draw: st.DrawFn) -> list[VehicleTraversals]:
 
 
 def from_scratch(
-    present: Sequence[Mapping[str, Sequence[Traversal]]], other: Collection[int]
+    present: Sequence[Mapping[str, Sequence[Traversal]]], longest: int, other: Collection[int]
 ) -> float:
     """Savings of vehicles on the road, without any bookkeeping; some have other shares."""
     total = 0.0
     for segment, shares in SHARES.items():
         passages = sorted(p for way in present for p in way.get(segment, ()))
-        for group in platoons_of(passages, WINDOW_S):
+        for group in platoons_of(passages, WINDOW_S, longest):
             if len(group) > 1:
                 for place, (_, _, (number,)) in enumerate(group):
                     own = OTHERS[segment] if number in other else shares
@@ -70,16 +71,19 @@ def from_scratch(
 
 @pytest.mark.slow
 @given(
-    traversals_of_vehicles(), st.frozensets(st.integers(0, 7)), st.randoms(use_true_random=False)
+    traversals_of_vehicles(),
+    st.integers(2, 5),
+    st.frozensets(st.integers(0, 7)),
+    st.randoms(use_true_random=False),
 )
 def test_changes_add_up_to_the_whole(
-    every: list[VehicleTraversals], others: frozenset[int], random: object
+    every: list[VehicleTraversals], longest: int, others: frozenset[int], random: object
 ) -> None:
     """Vehicles of one type or of two come and go in any order: each change is the difference of
     evaluations from nothing, and a gain that is asked for is the change that then happens.
     """
     assert hasattr(random, "choice")
-    meetings = Meetings(SHARES, WINDOW_S, dict.fromkeys(others, OTHERS))
+    meetings = Meetings(SHARES, WINDOW_S, longest, dict.fromkeys(others, OTHERS))
     before = 0.0
     present: list[VehicleTraversals] = []
     for way in [*every, *every, *every]:
@@ -94,7 +98,7 @@ def test_changes_add_up_to_the_whole(
         if len(present) > 2 and random.choice([True, False]):
             other = present.pop(0)
             change += meetings.remove(other)
-        after = from_scratch(present, others)
+        after = from_scratch(present, longest, others)
         assert change == pytest.approx(after - before, abs=1e-9)
         before = after
     on_road = sorted(p for way in present for p in way.get("e", ()))
@@ -107,7 +111,8 @@ def test_what_neighbours_tell_is_what_forming_anew_finds(data: st.DataObject) ->
     """Exactly: a plan does not depend on which of the two found a change."""
     seconds = st.tuples(st.integers(0, 40), st.integers(16, 20), st.integers(0, 19))
     shares = SHARES["f"]
-    order = SegmentOrder(WINDOW_S, lambda platoon: saving_kwh(platoon, shares))
+    longest = data.draw(st.integers(2, 5))
+    order = SegmentOrder(WINDOW_S, lambda group: group_kwh(group, longest, shares, {}, None))
     present: list[Traversal] = []
     for _ in range(data.draw(st.integers(1, 30))):
         off = [p for p in present if data.draw(st.integers(0, 9)) == 0][:2]
@@ -120,11 +125,11 @@ def test_what_neighbours_tell_is_what_forming_anew_finds(data: st.DataObject) ->
             assert order.change(off, sorted(on)) == change
         for passage in on:
             assert order.gain_kwh(passage) == order.change((), [passage]).saving_kwh
-        before = saving_kwh(present, shares)
+        before = saving_kwh(present, shares, longest)
         present = sorted({*present, *on} - {*off})
         assert order.apply(off, sorted(on)) == change.saving_kwh
         assert order.passages == present
-        after = saving_kwh(present, shares)
+        after = saving_kwh(present, shares, longest)
         assert change.saving_kwh == pytest.approx(after - before, abs=1e-9)
 
 
@@ -134,7 +139,7 @@ def test_what_is_tried_leaves_no_trace(every: list[VehicleTraversals], data: st.
     """After changes that were only tried the roads and all gains are exactly as before, also where
     trying ends by an error.
     """
-    meetings = Meetings(SHARES, WINDOW_S)
+    meetings = Meetings(SHARES, WINDOW_S, 3)
     for way in every[1:]:
         meetings.add(way)
 

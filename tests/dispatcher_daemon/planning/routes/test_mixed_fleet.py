@@ -21,9 +21,10 @@ from dispatcher_daemon.settings import DispatcherSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
 from dispatcher_daemon.solvers.workers.pool import solve_in_process
 from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
+from slipstream.braking import BRAKING
 from slipstream.energy.consumption import ETA_FOLLOWER, ETA_LEADER, drag_saving_kwh, drive_energies
 from slipstream.energy.drafting import reductions_at
-from slipstream.vehicle_types import PRESETS
+from slipstream.vehicle_types import PRESETS, VehicleType
 
 Town = Callable[..., tuple[RoutingProblem, TrafficSnapshot]]
 
@@ -34,11 +35,13 @@ def small(town: Town) -> tuple[RoutingProblem, TrafficSnapshot]:
     return town(["11", "22", "30", "33", "02", "13"], vehicles)
 
 
-def with_types(problem: RoutingProblem, *kinds: str | None) -> RoutingProblem:
+def with_types(problem: RoutingProblem, *kinds: str | VehicleType | None) -> RoutingProblem:
     """The same with the vehicles' types, in turn."""
     fleet = problem.fleet
+    of = [kinds[n % len(kinds)] for n in range(len(fleet.vehicles))]
     vehicles = tuple(
-        v.model_copy(update={"type": kinds[n % len(kinds)]}) for n, v in enumerate(fleet.vehicles)
+        v.model_copy(update={"own_type" if isinstance(kind, VehicleType) else "type": kind})
+        for v, kind in zip(fleet.vehicles, of, strict=True)
     )
     return replace(problem, fleet=fleet_like(fleet, vehicles=vehicles))
 
@@ -94,8 +97,15 @@ def test_a_platoon_saves_by_the_types_of_leader_and_followers(town: Town) -> Non
     other at 9 m and less; then the other way round; then as the last and in the middle of three.
     """
     problem, snapshot = small(town)
-    mixed = with_types(problem, None, "truck_40t")
+    # The truck's own brakes allow platoons of two, these of four.
+    kinds = [
+        PRESETS[name].model_copy(update={"braking": BRAKING["brake_by_wire"]})
+        for name in ("paper_car", "truck_40t")
+    ]
+    mixed = with_types(problem, *kinds)
     planner = Planner(mixed, snapshot, [], 3.0)
+    assert planner.book.longest == mixed.longest_platoon == 4
+    assert with_types(problem, None, "truck_40t").longest_platoon == 2
     assert isinstance(planner.book.meetings(), Meetings)
     segment = next(iter(planner.book.shares))
     length = mixed.network.segments[segment].length_m
