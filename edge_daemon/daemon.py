@@ -23,7 +23,7 @@ from edge_daemon.pipeline import Pipeline
 from edge_daemon.publishing import CountsPublisher, Previews, StoppedPublisher, warn_opposite
 from edge_daemon.runtime import StageTimer
 from edge_daemon.settings import EdgeSettings
-from edge_daemon.sources import FrameSource, mark_repeats, open_source
+from edge_daemon.sources import FrameSource, hidden, mark_repeats, open_source
 from edge_daemon.tracking import HIGH_SCORE
 from edge_daemon.watch import STALE_AFTER_S, Watch, read_reference
 from slipstream.bus import Bus
@@ -136,9 +136,10 @@ class EdgeDaemon:
         due_s = preview_due_s = -math.inf
         publishing: Iterator[None] = iter(())
         stages = self._stages
+        frames = mark_repeats(hidden(self._source.frames(), self._camera.masks))
         with (
             stages.measure_garbage_collection(),
-            closing(detect_stream(mark_repeats(self._source.frames()), self._detector)) as results,
+            closing(detect_stream(frames, self._detector)) as results,
         ):
             done_s = time.monotonic()
             for frame, found in results:

@@ -21,7 +21,7 @@ from edge_daemon.frame import Frame
 from edge_daemon.pipeline import Pipeline
 from edge_daemon.preview import annotate, draw_time
 from edge_daemon.settings import TrackSettings
-from edge_daemon.sources import mark_repeats
+from edge_daemon.sources import hidden, mark_repeats
 from edge_daemon.sources.clip import FastClip, open_clip
 from edge_daemon.sources.rate import Rate
 from edge_daemon.tracking import HIGH_SCORE, Sightings
@@ -137,7 +137,8 @@ def track(
     all_boxes: npt.NDArray[np.float32] | None = None
     latest: dict[str, SegmentState] = {}
     source = FastClip(reader)
-    frames = detect_stream(mark_repeats(prefetch(source.frames(), _PREFETCHED_FRAMES)), detector)
+    read = hidden(prefetch(source.frames(), _PREFETCHED_FRAMES), camera.masks)
+    frames = detect_stream(mark_repeats(read), detector)
     with closing(frames), _AnnotatedVideo(annotated, reader.fps, camera) as annotated_video:
         for frame, detections in frames:
             if frame is None:

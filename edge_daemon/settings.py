@@ -220,6 +220,16 @@ CalibrationLines = Annotated[
 ]
 
 
+Masks = Annotated[
+    tuple[Annotated[tuple[Pair, ...], Field(min_length=3, max_length=100)], ...],
+    Field(
+        max_length=16,
+        description="Outlines in the picture, px, of what must not be looked at: grey from the "
+        "first step on. None may cover watched road.",
+    ),
+]
+
+
 class PointsSettings(Settings):
     """A points file: points, and what else of a camera.toml is known. A camera.toml is one too."""
 
@@ -234,6 +244,7 @@ class PointsSettings(Settings):
     )
     points: Points
     lines: CalibrationLines = ()
+    masks: Masks = ()
     segments: Annotated[tuple[SegmentSettings, ...], Field(max_length=16)] = Field(
         default=(), description="Watched segments."
     )
@@ -257,6 +268,7 @@ class CameraSettings(Settings):
     )
     points: Points
     lines: CalibrationLines = ()
+    masks: Masks = ()
     segments: Annotated[tuple[SegmentSettings, ...], Field(min_length=1, max_length=16)] = Field(
         description="Watched segments."
     )

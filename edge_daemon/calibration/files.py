@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
@@ -15,7 +16,7 @@ import tomli_w
 
 from edge_daemon.calibration.calibration import Calibration
 from edge_daemon.frame import MAX_PIXELS, Image, read_image
-from edge_daemon.settings import PointsSettings, SegmentSettings
+from edge_daemon.settings import Masks, PointsSettings, SegmentSettings
 from edge_daemon.sources.clip_file import first_frame
 from slipstream.config import MAX_TOML_BYTES, check, load
 from slipstream.errors import InputError
@@ -66,15 +67,20 @@ def read_picture(path: Path) -> tuple[Image, bool]:
 
 
 def camera_toml(
-    name: str, calibration: Calibration, segments: tuple[SegmentSettings, ...], reference: str
+    name: str,
+    calibration: Calibration,
+    segments: tuple[SegmentSettings, ...],
+    reference: str,
+    masks: Masks = (),
 ) -> str:
-    """Text of the camera.toml: the points that the fit rests on, and the segments as they were."""
+    """Text of the camera.toml: the points that the fit rests on, the rest as it was."""
     width, height = calibration.size
     terms = {"terms": list(calibration.terms)} if calibration.terms else {}
     lines = [
         "schema = 1",
         *tomli_w.dumps({"name": name, "reference": reference}).splitlines(),
         *(f"{key} = {json.dumps(value)}" for key, value in terms.items()),
+        *([f"masks = [{', '.join(map(_outline, masks))}]"] if masks else []),
         "",
         "[image]",
         f"width = {width}",
@@ -88,20 +94,22 @@ def camera_toml(
             f"road = {_pair(calibration.road_m[i])}",
         ]
     for line in calibration.lines:
-        places = ", ".join(_pair(place) for place in line.image)
-        lines += ["", "[[lines]]", f"offset = {line.offset!r}", f"image = [{places}]"]
+        lines += ["", "[[lines]]", f"offset = {line.offset!r}", f"image = {_outline(line.image)}"]
     for segment in segments:
-        corners = ", ".join(_pair(corner) for corner in segment.polygon)
         lines += [
             "",
             "[[segments]]",
             *tomli_w.dumps({"id": segment.id}).splitlines(),
-            f"polygon = [{corners}]",
+            f"polygon = {_outline(segment.polygon)}",
             f"direction = {_pair(segment.direction)}",
             f"lanes = {segment.lanes}",
             f"lane_width_m = {segment.lane_width_m!r}",
         ]
     return "\n".join(lines) + "\n"
+
+
+def _outline(places: Sequence[tuple[float, float]]) -> str:
+    return f"[{', '.join(map(_pair, places))}]"
 
 
 def _pair(pair: tuple[float, float] | np.ndarray) -> str:

@@ -13,6 +13,8 @@ from edge_daemon.calibration.files import (
     write_whole,
 )
 from edge_daemon.calibration.overlay import draw_grid
+from edge_daemon.camera import hide
+from edge_daemon.camera.checks import check_masks, outline_px
 from edge_daemon.frame import Image
 from edge_daemon.settings import PointsSettings
 from slipstream.errors import InputError
@@ -60,16 +62,20 @@ def save(
     size = (picture.shape[1], picture.shape[0])
     check_size(given, size, source, picture_file)
     before = read_points(out) if out.exists() else None
-    # A camera that is calibrated anew keeps what it watches.
+    # A camera that is calibrated anew keeps what it watches, and what it must not look at.
     kept = before.segments if before and keeps_segments else ()
     segments = given.segments or kept
+    masks = given.masks or (before.masks if before else ())
     calibration = calibrate(given.points, segments, size, source, given.lines, given.terms)
+    outlines = [outline_px(one.polygon_m, calibration.projection) for one in calibration.segments]
+    picture = picture.copy()
+    hide(picture, check_masks(masks, outlines, size, source))
     shown = name or given.name or (before.name if before else None) or out.stem
     reference = picture_file or out.with_name(f"{out.stem}-reference.png")
     if picture_file is None:
         write_picture(reference, picture)
     if overlay is not None:
         write_picture(overlay, draw_grid(picture, calibration))
-    text = camera_toml(shown, calibration, segments, reference_of(reference, out))
+    text = camera_toml(shown, calibration, segments, reference_of(reference, out), masks)
     write_whole(out, text.encode())
     return calibration

@@ -229,6 +229,7 @@ class Session:
     def _given(self, question: Answer) -> PointsSettings:
         keys = ("points", "lines", "segments")
         data: Answer = {key: question.get(key, []) for key in keys}
+        data["masks"] = self._start.get("masks", [])
         if question.get("terms") is not None:
             data["terms"] = question["terms"]
         if self._start.get("name") is not None:

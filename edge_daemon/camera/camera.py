@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
+from typing import Final
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
 from edge_daemon.camera.checks import (
     check_lines,
+    check_masks,
     check_points,
     fit_points,
     outline_px,
@@ -23,6 +27,9 @@ from edge_daemon.settings import CameraSettings
 from slipstream.config import load
 from slipstream.errors import InputError
 
+_HIDDEN_BGR: Final = (114, 114, 114)
+"""Neither dark nor bright."""
+
 
 class Camera:
     """A fixed camera over a road, calibrated from points known on the road and in the image, both
@@ -33,6 +40,7 @@ class Camera:
         segments: the watched segments.
         projection: between image and road; default: a plane through the points.
         reference: the image that it was calibrated on, if the calibration names one.
+        masks: outlines of what must not be looked at, px, each (n, 2).
         reprojection_error_px: root mean square over the calibration points.
 
     Raises:
@@ -48,11 +56,13 @@ class Camera:
         segments: tuple[WatchedSegment, ...],
         reference: Path | None = None,
         projection: Projection | None = None,
+        masks: Sequence[Array] = (),
     ) -> None:
         self.name = name
         self.size = size
         self.segments = segments
         self.reference = reference
+        self.masks = tuple(masks)
         self.projection = projection or Homography(road_points_m, image_points_px)
         misses = self.projection.residuals_px(road_points_m, image_points_px)
         self.reprojection_error_px = float(np.sqrt(np.mean(misses**2)))
@@ -83,12 +93,18 @@ class Camera:
         return pose_of(self.projection, self.size)
 
 
+def hide(image: npt.NDArray[np.uint8], masks: Sequence[Array]) -> None:
+    """Make grey in a picture what lies within outlines, px, each (n, 2)."""
+    if masks:
+        cv2.fillPoly(image, [mask.round().astype(np.int32) for mask in masks], _HIDDEN_BGR)
+
+
 def load_camera(path: Path) -> Camera:
     """Read a ``camera.toml``.
 
     Raises:
         InputError: it is none, the reference image is missing, its points fix no view of the road
-            or do not fit it, or `watched_segment` refuses a segment.
+            or do not fit it, or `watched_segment` or `check_masks` refuses a part.
     """
     settings = load(path, CameraSettings)
     ids = [segment.id for segment in settings.segments]
@@ -106,4 +122,6 @@ def load_camera(path: Path) -> Camera:
     segments = tuple(
         watched_segment(segment, projection, size, path) for segment in settings.segments
     )
-    return Camera(settings.name, size, road, image, segments, reference, projection)
+    outlines = [outline_px(segment.polygon_m, projection) for segment in segments]
+    masks = check_masks(settings.masks, outlines, size, path)
+    return Camera(settings.name, size, road, image, segments, reference, projection, masks)

@@ -6,13 +6,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, NoReturn
 
+import cv2
 import numpy as np
+import numpy.typing as npt
 
 from edge_daemon.camera.consensus import find_inliers, tolerance_px
 from edge_daemon.camera.fit import Observations, Projection, fit_road, line_misses_px
 from edge_daemon.camera.homography import Array, CalibrationError, Homography, Lines
 from edge_daemon.camera.segment import WatchedSegment
-from edge_daemon.settings import CalibrationLine, CalibrationPoint, SegmentSettings, Term
+from edge_daemon.settings import CalibrationLine, CalibrationPoint, Masks, SegmentSettings, Term
 from slipstream.errors import InputError
 
 _MAX_RMS_SHARE: Final = 0.01  # of the image's width
@@ -74,6 +76,46 @@ def check_lines(lines: tuple[CalibrationLine, ...], size: tuple[int, int], sourc
         np.array([place for line in lines for place in line.image]),
         np.array([line.offset for line in lines for _ in line.image]),
     )
+
+
+def check_masks(
+    masks: Masks, watched: Sequence[Array], size: tuple[int, int], source: Path
+) -> list[Array]:
+    """Outlines of what must not be looked at, px, each (n, 2), none outside the image, none over a
+    watched segment.
+
+    Args:
+        watched: the segments' outlines, px.
+    """
+    found = [np.array(mask) for mask in masks]
+    for i, mask in enumerate(found):
+        outside = ((mask < 0) | (mask > size)).any(axis=1)
+        if outside.any():
+            u, v = mask[outside][0]
+            raise InputError(
+                source,
+                f"({u:g}, {v:g}) lies outside the {size[0]}×{size[1]} picture",
+                "mend its pixel or the picture's size",
+                key=f"masks.{i}",
+            )
+        hidden = _filled(mask, size)
+        if any((hidden & _filled(outline, size)).any() for outline in watched):
+            raise InputError(
+                source,
+                "covers watched road, whose vehicles would not be seen",
+                "draw it beside the road, or the segment smaller",
+                key=f"masks.{i}",
+            )
+    return found
+
+
+def _filled(outline: Array, size: tuple[int, int]) -> npt.NDArray[np.bool_]:
+    """Pixels within an outline, (height, width)."""
+    picture = np.zeros(size[::-1], dtype=np.uint8)
+    if np.isfinite(outline).all():
+        # OpenCV draws with 16-bit coordinates.
+        cv2.fillPoly(picture, [np.clip(outline, -16384, 16384).round().astype(np.int32)], (1,))
+    return picture.astype(np.bool_)
 
 
 def fit_points(

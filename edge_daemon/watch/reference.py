@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from edge_daemon.camera import Camera
+from edge_daemon.camera import Camera, hide
 from edge_daemon.frame import Image, read_image
 from slipstream.errors import InputError
 
@@ -24,4 +24,5 @@ def read_reference(camera: Camera) -> Image | None:
             f"{camera.size[0]}×{camera.size[1]}",
             mend,
         )
+    hide(picture, camera.masks)
     return picture

@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from edge_daemon.camera import Array, Camera
 from edge_daemon.frame import Image
-from edge_daemon.watch.sample import Floats, Grey, Mask, detail_grey, road_mask
+from edge_daemon.watch.sample import Floats, Grey, Mask, detail_grey, polygon_mask, road_mask
 
 log = logging.getLogger(__name__)
 
@@ -98,6 +98,9 @@ class View:
         self._zoom = blank.shape[1] / width
         self._middle = np.array([width, height]) / 2
         self._road = road_mask(camera, blank.shape, _VEHICLE_MARGIN)
+        # The outline of what is hidden stays where it is in any picture.
+        hidden = polygon_mask([mask * self._zoom for mask in camera.masks], blank.shape, _EDGE_PX)
+        self._shown = ~hidden
         self._hull = _hull(self._road)
         self._span = float(np.ptp(self._hull, axis=0).max())
         self.calibrated: Grey | None = None
@@ -195,10 +198,10 @@ class View:
         return self.motion.at(self._hull / self._zoom)
 
     def _choose(self, detail: Grey, motion: Array) -> _Landmarks:
-        places = _corners(detail, ~self._road)
+        places = _corners(detail, self._shown & ~self._road)
         if len(places) < _MIN_POINTS:
             # A frame full of road: its markings must do.
-            places = _corners(detail, np.ones_like(self._road))
+            places = _corners(detail, self._shown)
         if not len(places) and self._first is None:
             log.warning("the view has nothing to recognise: a moved camera would go unnoticed")
         return _Landmarks(_even(detail), places, motion)

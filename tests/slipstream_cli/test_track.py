@@ -70,6 +70,31 @@ def test_a_clip_is_followed_scored_and_drawn(
     assert (cv2.absdiff(drawn, plain) > 60).any()
 
 
+@pytest.mark.long
+def test_what_must_not_be_looked_at_is_in_no_picture(
+    street_clips: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A mask beside the road is grey in the film, and changes no count."""
+    folder, masked = street_clips["stable"], tmp_path / "masked"
+    shutil.copytree(folder, masked)
+    text = (folder / "camera.toml").read_text()
+    outline = "masks = [[[0, 0], [1280, 0], [1280, 60], [0, 60]]]"
+    (masked / "camera.toml").write_text(f"{outline}\n{text}")
+    film = tmp_path / "drawn.mp4"
+    found = []
+    for arguments_ in (
+        arguments(folder, "--json"),
+        arguments(masked, "--annotated", film, "--json"),
+    ):
+        assert main(arguments_) == 0
+        (counted,) = json.loads(capsys.readouterr().out)["counts"]
+        found.append(counted["vehicles"])
+    assert found[0] == found[1]
+    drawn = cv2.VideoCapture(str(film)).read()[1]
+    # Beside what is written on it.
+    assert np.abs(drawn[:50, 900:].astype(int) - 114).max() < 12
+
+
 @pytest.fixture
 def grey(tmp_path: Path) -> Path:
     """The folder of a clip of three seconds of nothing, beside the camera of the examples."""

@@ -119,6 +119,28 @@ def test_points_are_fitted_and_saved_as_by_the_command_line(
     )
 
 
+def test_masks_are_kept_and_their_picture_is_grey(tmp_path: Path) -> None:
+    """Masks of a points file stay when the camera is calibrated anew without them; the reference
+    picture of a camera is written without what they hide, and one over the road is refused.
+    """
+    out = tmp_path / "camera.toml"
+    bright = np.full((720, 1280, 3), 200, dtype=np.uint8)
+    mask = ((10.0, 10.0), (200.0, 10.0), (200.0, 90.0), (10.0, 90.0))
+    start = PointsSettings.model_validate({**question(), "masks": [mask]})
+    Session(Recording(bright, (), ()), None, out, BUILTIN_MODEL, start, None).save(question())
+    Session(Recording(bright, (), ()), None, out, BUILTIN_MODEL, None, None).save(question())
+    assert [each.tolist() for each in load_camera(out).masks] == [[list(pair) for pair in mask]]
+    reference = cv2.imread(str(tmp_path / "camera-reference.png"))
+    assert (reference[20:80, 20:190] == 114).all()
+    assert (reference[100:] == 200).all()
+    assert (bright == 200).all()
+    over = project([[30.0, 2.0], [50.0, 2.0], [50.0, 5.0]]).tolist()
+    bad = PointsSettings.model_validate({**question(), "masks": [over]})
+    session = Session(Recording(bright, (), ()), None, out, BUILTIN_MODEL, bad, None)
+    with pytest.raises(InputError, match="covers watched road"):
+        session.save(question())
+
+
 def test_a_points_file_keeps_its_name_and_terms_and_is_for_its_picture(tmp_path: Path) -> None:
     """The page begins with all of it; another picture's points are refused at once."""
     view, out = tmp_path / "view.png", tmp_path / "camera.toml"

@@ -143,6 +143,11 @@ def outline(corners: str) -> str:
     )
 
 
+def masked(corners: str) -> str:
+    """The calibration with something that must not be looked at."""
+    return camera_toml().replace("[image]", f"masks = [[{corners}]]\n[image]")
+
+
 EIGHT = [(20, -8), (20, 8), (45, -8), (45, 8), (80, -8), (80, 8), (30, 0), (60, 3)]
 LINE = [(20.0, 2.0), (40.0, 2.0), (60.0, 2.0), (80.0, 2.0)]
 
@@ -178,6 +183,9 @@ LINE = [(20.0, 2.0), (40.0, 2.0), (60.0, 2.0), (80.0, 2.0)]
         (outline("[2, 0], [25, 0], [25, 7], [2, 7]"), "of the polygon lies in the picture"),
         (camera_toml().replace("[-1.0, 0.0]", "[0.0, 1.0]"), "across its direction"),
         (camera_toml().replace("[image]", "reference = 'none.png'\n[image]"), "no such picture"),
+        (masked("[0, 0], [99, 0], [99, 721]"), r"\(99, 721\) lies outside the 1280×720 picture"),
+        (masked("[0, 0], [99, 0]"), "masks.0"),
+        (masked("[600, 400], [700, 400], [650, 500]"), "masks.0: covers watched road"),
     ],
 )
 def test_unusable_calibrations_are_one_line(tmp_path: Path, text: str, problem: str) -> None:

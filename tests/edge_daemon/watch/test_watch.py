@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Callable, Iterator
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import cv2
 import numpy as np
 import pytest
 
-from edge_daemon.camera import load_camera
+from edge_daemon.camera import hide, load_camera
 from edge_daemon.detection import Detections
 from edge_daemon.frame import Frame
 from edge_daemon.settings import WatchSettings
@@ -241,6 +242,28 @@ def test_a_view_s_motion_is_measured_to_a_tenth_of_a_pixel(road: Road) -> None:
     places = np.array([[300.0, 500.0], [640.0, 360.0], [1000.0, 300.0]])
     moved = cv2.transform(places[None], turn)[0] - places
     assert view.motion.at(places) == pytest.approx(moved, abs=0.1)
+
+
+def test_the_outline_of_a_mask_hides_no_motion(road: Road) -> None:
+    """A third of the picture is masked, with corners that stay where they are: the camera's own
+    movement is measured by what is beside them.
+    """
+    mask = np.array([[20.0, 20.0], [500.0, 20.0], [500.0, 200.0], [260.0, 90.0], [20.0, 200.0]])
+    camera = copy(road.camera)
+    camera.masks = (mask, np.add(mask, (700.0, 0.0)))
+
+    def seen(number: int, right: float, down: float) -> Picture:
+        picture = road.seen(number, shifted(right, down))
+        hide(picture, camera.masks)
+        return picture
+
+    view = View(camera, seen(0, 0.0, 0.0))
+    view.measure(detail_grey(seen(1, 3.0, -2.0)))
+    assert view.motion is not None
+    assert view.motion.at(np.array([[640.0, 360.0]])) == pytest.approx(
+        np.array([[3.0, -2.0]]), abs=0.2
+    )
+    assert view.found_share > 0.9
 
 
 @pytest.mark.long
