@@ -20,7 +20,7 @@ from edge_daemon.camera import Camera, load_camera
 from edge_daemon.detection import Detections, Detector, detect_stream, open_detector
 from edge_daemon.frame import Frame
 from edge_daemon.pipeline import Pipeline
-from edge_daemon.publishing import CountsPublisher, Previews, StoppedPublisher, warn_opposite
+from edge_daemon.publishing import CountsPublisher, Previews, StoppedPublisher, warn_of_direction
 from edge_daemon.runtime import StageTimer
 from edge_daemon.settings import EdgeSettings
 from edge_daemon.sources import FrameSource, hidden, mark_repeats, open_source
@@ -259,7 +259,7 @@ class EdgeDaemon:
                     if self._counting is not None:
                         last_s = math.inf if status == "ended" else now
                         self._counting.publish(state.segment, self._pipeline.counts, last_s)
-            warn_opposite(state, self._limiter)
+            warn_of_direction(state, self._limiter)
             self._latest[state.segment] = state
             self._states += 1
             metrics.STATES.labels(state.segment, str(state.y_e)).inc()

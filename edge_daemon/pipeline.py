@@ -77,6 +77,7 @@ class Pipeline:
         self._kinematics = {
             segment.id: SegmentKinematics(segment, camera.pose) for segment in camera.segments
         }
+        self._passed = dict.fromkeys((segment.id for segment in camera.segments), 0)
         self._windows: dict[str, WindowFeatures | None] = {}
         self._counters = {
             segment.id: PassageCounter(segment, camera.pose) for segment in camera.segments
@@ -242,11 +243,11 @@ class Pipeline:
         time_ns: int,
         fault: CameraFault | None,
     ) -> SegmentState:
-        measured, oncoming = None, 0
+        measured, oncoming, wrong_way = None, 0, 0
         if fault is None and window.sightings is not None and window.observed_s > 0:
             kinematics = self._kinematics[segment.id]
             measured = kinematics.features(window.sightings, window.begin_s, window.observed_s)
-            oncoming = kinematics.oncoming
+            oncoming, wrong_way = kinematics.oncoming, kinematics.wrong_way
         self._states_s = window.begin_s + self._window_s
         self._stopped[segment.id].update(self._states_s, window.sightings)
         features = measured.features if measured else None
@@ -254,6 +255,7 @@ class Pipeline:
         counter = self._counters[segment.id]
         self._count(segment.id, self._states_s)
         passed = counter.take(self._states_s, measured.vehicles if measured else ())
+        self._passed[segment.id] += len(passed)
         self.counts.add(segment.id, passed, counter.lost())
         if measured is not None:
             self.counts.look(segment.id, measured.occluded_share)
@@ -274,6 +276,9 @@ class Pipeline:
         )
         if flag.reason == "too_few_vehicles" and oncoming > vehicles + _MOST_ONCOMING:
             flag = self._judge.invalidate(segment.id, "opposite_direction")
+            self._passed[segment.id] = 0
+        elif wrong_way and self._passed[segment.id] > _MOST_ONCOMING:
+            flag = self._judge.invalidate(segment.id, "wrong_way")
         self._sequence += 1
         return SegmentState(
             rsu=self._rsu,

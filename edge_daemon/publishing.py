@@ -104,11 +104,17 @@ class CountsPublisher:
             running.put(present)
 
 
-def warn_opposite(state: SegmentState, limiter: LogLimiter) -> None:
-    """Log that a segment is drawn against its traffic."""
-    if state.reason == "opposite_direction":
-        line = f"{state.segment}: the traffic runs the other way; turn the segment round"
-        limiter.warn(log, f"opposite {state.segment}", line)
+_DIRECTIONS: Final = {
+    "opposite_direction": "the traffic runs the other way; turn the segment round",
+    "wrong_way": "a vehicle drives against the traffic",
+}
+
+
+def warn_of_direction(state: SegmentState, limiter: LogLimiter) -> None:
+    """Log that a segment is drawn against its traffic, or that somebody drives against it."""
+    told = _DIRECTIONS.get(state.reason or "")
+    if told is not None:
+        limiter.warn(log, f"{state.reason} {state.segment}", f"{state.segment}: {told}")
 
 
 class Previews:

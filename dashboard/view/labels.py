@@ -72,6 +72,7 @@ _REASONS: Final[dict[str, str]] = {
     "window_not_covered": "camera not watching long enough yet",
     "implausible": "measured accelerations that no traffic has",
     "opposite_direction": "traffic runs the other way: turn the segment round in the calibration",
+    "wrong_way": "a vehicle drives the wrong way",
     "uncertain": "too uncertain to tell",
     "stale": "no fresh data",
     "dark": "the camera's picture is black",

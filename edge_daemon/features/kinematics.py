@@ -28,6 +28,7 @@ from edge_daemon.features.trajectories import (
     Trajectory,
     VehicleKey,
     count_oncoming,
+    count_wrong_way,
     find_trajectories,
     group_by_vehicle,
 )
@@ -90,6 +91,7 @@ class SegmentKinematics:
 
     Attributes:
         oncoming: vehicles that drove against the segment's direction, at the latest features.
+        wrong_way: those of them that certainly did so on it, and not beside it.
     """
 
     def __init__(self, segment: WatchedSegment, pose: CameraPose | None) -> None:
@@ -97,7 +99,7 @@ class SegmentKinematics:
         self._pose = pose
         self._virtual_cars = None if pose is None else VirtualCars(segment, pose)
         self._trajectories: dict[VehicleKey, Trajectory | None] = {}
-        self.oncoming = 0
+        self.oncoming = self.wrong_way = 0
 
     def features(
         self, sightings: Sightings, begin_s: float, observed_s: float
@@ -109,6 +111,7 @@ class SegmentKinematics:
         segment = self._segment
         grouped = group_by_vehicle(sightings, segment)
         self.oncoming = count_oncoming(grouped, segment)
+        self.wrong_way = count_wrong_way(grouped, segment) if self.oncoming else 0
         centreline = _centreline(grouped, segment)
         trajectories = self._find_trajectories(grouped, centreline)
         if not trajectories:

@@ -23,6 +23,9 @@ _SEARCH_MARGIN_M: Final = 25.0
 _PLACES: Final = 8
 _MAX_PAUSE_S: Final = 1.0
 _ONCOMING_M: Final = 5.0
+_WRONG_WAY_M: Final = 15.0
+_WRONG_WAY_MPS: Final = 3.0
+_INSIDE_M: Final = 0.5
 MARGIN_M: Final = 15.0
 """So far before and behind the segment positions still help to smooth those within."""
 NOMINAL_LENGTH_M: Final = (4.5, 8.5, 12.0, 2.2)
@@ -140,6 +143,36 @@ def count_oncoming(grouped: GroupedSightings, segment: WatchedSegment) -> int:
     rows, seen = grouped.rows, grouped.sightings
     begin, end = (segment.along(seen.point_m.take(rows[each], axis=0)) for each in (first, last))
     return int((end < begin - _ONCOMING_M).sum())
+
+
+def count_wrong_way(grouped: GroupedSightings, segment: WatchedSegment) -> int:
+    """How many vehicles certainly drive against the direction of a segment that runs along it.
+
+    A vehicle counts by the sightings that lie within the outline by a margin, so that those of a
+    carriageway beside it do not. They have to go back by `_WRONG_WAY_M` at `_WRONG_WAY_MPS` and
+    more, in both halves of the time, as a track that jumps to the next vehicle does not.
+    """
+    seen, found = grouped.sightings, 0
+    for rows in np.split(grouped.rows, np.flatnonzero(np.diff(grouped.vehicle)) + 1):
+        if len(rows) < MIN_SIGHTINGS:
+            continue
+        middle = seen.point_m[rows] + _half_length(seen, rows)
+        across_m = np.sqrt(
+            np.einsum("i,nij,j->n", segment.left, seen.covariance_m2[rows], segment.left)
+        )
+        off = (_INSIDE_M + 2 * across_m)[:, None] * segment.left
+        within = segment.contains(middle + off) & segment.contains(middle - off)
+        time, along = seen.time_s[rows][within], segment.along(middle[within])
+        if len(time) < MIN_SIGHTINGS or time[-1] - time[0] < MIN_TRACKED_S:
+            continue
+        middle_s = (time[0] + time[-1]) / 2
+        back = along[0] - along[-1]
+        halves = [along[time <= middle_s], along[time >= middle_s]]
+        found += bool(
+            back >= max(_WRONG_WAY_M, _WRONG_WAY_MPS * (time[-1] - time[0]))
+            and all(len(half) and half[0] - half[-1] >= back / 4 for half in halves)
+        )
+    return found
 
 
 def _ends(vehicle: Indices) -> tuple[Indices, Indices]:

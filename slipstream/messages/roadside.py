@@ -66,12 +66,14 @@ UnknownReason = (
         "too_few_vehicles",
         "implausible",
         "opposite_direction",
+        "wrong_way",
         "uncertain",
     ]
     | CameraFault
 )
 """Why a flag is unknown. `implausible`: accelerations that no traffic has were measured;
-`opposite_direction`: all vehicles drive against the segment as the calibration has it."""
+`opposite_direction`: all vehicles drive against the segment as the calibration has it;
+`wrong_way`: one does, where the others have driven along it."""
 
 
 class SegmentState(Compact, frozen=True, kw_only=True):

@@ -232,6 +232,35 @@ def test_a_segment_that_is_drawn_against_its_traffic_says_so(
     assert (state.y_e is None) == (reason is not None)
 
 
+@pytest.mark.parametrize(
+    ("before", "reason"), [(6, "wrong_way"), (2, "too_few_vehicles"), (0, "too_few_vehicles")]
+)
+def test_who_drives_the_wrong_way_closes_the_road_for_a_window(
+    camera: Camera, before: int, reason: str
+) -> None:
+    """Where traffic was seen to run along the segment; else nobody knows which way is wrong."""
+    pipeline = a_pipeline(camera)
+    turns_s = 2.0 * before + 8.0
+    told = {}
+    for number in range(round(10 * (turns_s + 25.0))):
+        time_s = number / 10
+        places = [95.0 - 15.0 * (time_s - 2.0 * car) for car in range(before)]
+        places.append(10.0 + 12.0 * (time_s - turns_s))
+        seen = [standing(place) for place in places if 5.0 < place < 95.0]
+        seen = seen or [Blind().detect(np.empty(0))]
+        boxes, scores, classes = (
+            np.concatenate([getattr(one, name) for one in seen])
+            for name in ("boxes", "scores", "classes")
+        )
+        pipeline.update(blank(time_s), Detections(boxes, scores, classes))
+        if number % 10 == 0:
+            (state,) = pipeline.states(round(time_s * 1e9) + 1)
+            told[round(time_s)] = state.reason
+    assert told[round(turns_s) + 7] == reason
+    assert told[round(turns_s) + 24] == "too_few_vehicles"
+    assert all(each != "wrong_way" for at, each in told.items() if at < turns_s)
+
+
 def test_a_pause_of_the_source_does_not_count_as_watched(camera: Camera) -> None:
     """Frames before and after a hole do not cover it."""
     pipeline = a_pipeline(camera)

@@ -70,6 +70,12 @@ KINDS: Final[Mapping[str, AlarmKind]] = {
     "vehicle_stopped": AlarmKind(
         "warning", "look at the camera; send help", 10.0, many="roads have a vehicle that stands"
     ),
+    "wrong_way": AlarmKind(
+        "warning",
+        "look at the camera; warn the police",
+        end_after_s=60.0,
+        many="roads have a vehicle that drives the wrong way",
+    ),
     "rsus_lost": AlarmKind(
         "critical",
         "look at their boxes, and at the network between them and here",

@@ -130,6 +130,7 @@ class RoadsideWatch:
                 text = f"last heard of at {utc(heard_ns)}"
                 yield Condition("rsu_silent", f"rsu/{rsu}", text, heard_ns)
         yield from self._of_reception(receptions, fresh, now_s)
+        yield from self._wrong_way(now_ns)
         yield from _standing(
             message for heard_ns, message in stopped if now_ns - heard_ns <= self._silent_ns
         )
@@ -149,6 +150,17 @@ class RoadsideWatch:
         awaited = self._seen_ns is None and now_ns - self._started_ns <= STARTED_S * 1e9
         since_ns = self._seen_ns or self._started_ns
         yield Condition("rsus_lost", "dispatcher", text, since_ns, awaited=awaited)
+
+    def _wrong_way(self, now_ns: int) -> Iterator[Condition]:
+        """A road once, however many RSUs see it."""
+        seen: dict[str, SegmentState] = {}
+        for state in self._states():
+            fresh = freshness.fault(state.time_ns, now_ns, stale_after_s=self._silent_s) is None
+            if fresh and state.reason == "wrong_way":
+                seen.setdefault(state.segment, state)
+        for segment, state in seen.items():
+            text = f"a vehicle drives against the traffic, seen by {state.rsu}"
+            yield Condition("wrong_way", f"road/{segment}", text)
 
     def _of_reception(
         self, receptions: Receptions, fresh: set[str], now_s: float

@@ -149,6 +149,36 @@ def test_an_empty_or_oncoming_road_has_no_features(camera: Camera) -> None:
     assert measure(observe(short, 0.1), camera) is None
 
 
+def jumping(t: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+    """With the traffic, but that its track goes on with the vehicle behind."""
+    return 15.0 * t - np.where(t < 2.5, 0.0, 40.0)
+
+
+@pytest.mark.parametrize(
+    ("position", "y", "wrong_way"),
+    [
+        (lambda t: 70 - 10.0 * t, 1.75, 1),
+        (lambda t: 70 - 10.0 * t, 5.25, 1),
+        # Half a metre from the outline, 0.2 m beyond it, and on the carriageway beside it.
+        (lambda t: 70 - 10.0 * t, 0.5, 0),
+        (lambda t: 70 - 10.0 * t, 7.2, 0),
+        (lambda t: 70 - 10.0 * t, 8.75, 0),
+        # It pushes back.
+        (lambda t: 40 - 2.0 * t, 1.75, 0),
+        (lambda t: np.maximum(60 - 10.0 * t, 50.0), 1.75, 0),
+        (jumping, 1.75, 0),
+        (steady(0.0, 15.0), 1.75, 0),
+    ],
+)
+def test_who_drives_the_wrong_way(
+    camera: Camera, position: Position, y: float, wrong_way: int
+) -> None:
+    """Who certainly does so on the segment counts, among traffic that runs along it."""
+    kinematics = SegmentKinematics(camera.segments[0], None)
+    kinematics.features(observe([*CALM, (position, y)], 0.3), 0.0, 10.0)
+    assert kinematics.wrong_way == wrong_way
+
+
 def test_a_lone_vehicle_has_no_gap(camera: Camera) -> None:
     """A gap needs two vehicles in one lane."""
     measured = measure(observe([(steady(1, 16), 1.7), (steady(1.2, 16), 5.2)], 0.1), camera)

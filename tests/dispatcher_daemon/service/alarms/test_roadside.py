@@ -147,6 +147,23 @@ def test_no_listed_rsu_sees_its_road(demo: RoutingProblem) -> None:
     assert lost() == [False]
 
 
+def test_who_drives_the_wrong_way_is_told_once_a_road_while_it_is_seen(
+    demo: RoutingProblem,
+) -> None:
+    """Two RSUs see it; a state that is stale tells nothing any more."""
+    roadside = Roadside(demo)
+    roadside.know("wrong_way")
+    roadside.states.append(replace(roadside.states[0], rsu="b"))
+    (only,) = roadside.watch.conditions((), 0.0)
+    assert (only.kind, only.subject) == ("wrong_way", f"road/{roadside.states[0].segment}")
+    assert "seen by a" in only.text
+    roadside.know("opposite_direction")
+    assert roadside.kinds() == []
+    roadside.know("wrong_way")
+    roadside.now_s = SILENT_S + 1
+    assert roadside.kinds() == []
+
+
 @pytest.mark.parametrize("rsus", [None, {}])
 def test_where_no_rsu_is_configured_none_is_lost(demo: RoutingProblem, rsus: Any) -> None:
     """However long none is heard."""
