@@ -201,7 +201,7 @@ class DispatcherSettings(TunedSettings):
         default=("exact", "lc-qaoa"),
         min_length=1,
         description="Solvers that run in parallel; the best answer is taken. Fleets of "
-        "many blocks use city.solvers instead.",
+        "many blocks ask city.solvers for each of them, and these for one a cycle.",
     )
     effort: Effort = Field(
         default="normal",

@@ -35,6 +35,8 @@ from slipstream.service.tracing import traced
 _BETTER_KWH = 1e-9
 _LEAST_S = 0.05
 """Time that is worth a block."""
+_LEAST_TRIAL_S = 1.0
+"""Time that is worth a circuit."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,22 @@ class Sweep:
     outcomes: tuple[Outcome, ...]
     objective_kwh: float
     wall_s: float
+
+
+@dataclass(frozen=True)
+class Trial:
+    """The answer of a solver that is asked for one block of a plan only.
+
+    Attributes:
+        objective_kwh: that the whole plan has with its answer; None without a valid one.
+        optimum_kwh: the block's, where a solver has proven it.
+        accepted: whether the answer improved the plan.
+    """
+
+    outcome: Outcome
+    objective_kwh: float | None = None
+    optimum_kwh: float | None = None
+    accepted: bool = False
 
 
 def choice_of(planner: Planner, itineraries: Sequence[Itinerary]) -> Choice:
@@ -132,6 +150,7 @@ class BlockDescent:
         saving = math.fsum(self._meetings.add(i.traversals) for i in itineraries)
         self._objective_kwh = math.fsum(i.cost_kwh for i in itineraries) - saving
         self._accounts: Accounts | None = None
+        self._last: list[Block] = []
         self._names = {n: v.id for n, v in enumerate(planner.problem.fleet.vehicles)}
 
     def keep_to(self, accounts: Accounts) -> None:
@@ -188,6 +207,7 @@ class BlockDescent:
                 accepted.update(self._accept_best(block, outcomes))
                 self._note_declined(block)
                 solved.append((block, outcomes))
+        self._last = [block for block, _ in solved]
         return Sweep(
             len(solved),
             sum(block.problem.choices for block, _ in solved),
@@ -197,6 +217,46 @@ class BlockDescent:
             self._objective_kwh,
             clock() - began,
         )
+
+    @traced("trials")
+    def try_solvers(
+        self, names: Sequence[str], seed: int, ends: float, clock: Callable[[], float]
+    ) -> tuple[Trial, ...]:
+        """Ask further solvers, and those of all blocks beside them, for the block of the last
+        sweep whose options save most together; an answer that improves the plan is accepted.
+        """
+        if not names or not self._last:
+            return ()
+        left_s = min(ends - clock(), self.settings.block_deadline_s)
+        if left_s < _LEAST_TRIAL_S:
+            why = f"{max(0.0, left_s):.1f} s were left for it"
+            return tuple(Trial(Outcome(name, "timeout", None, 0.0, reason=why)) for name in names)
+        # Built anew: blocks that were solved later may have changed what is around it.
+        chosen, rng = max(self._last, key=_at_stake_kwh), np.random.default_rng(seed)
+        block = self._block(list(chosen.options), self.settings.block_variables, rng)
+        every = (*self.settings.solvers, *names)
+        outcomes = self._solve([PoolJob(n, block.problem, seed) for n in every], left_s)
+        found_kwh = [self._with_kwh(block, outcome) for outcome in outcomes]
+        proven = [
+            block.problem.objective_kwh(outcome.selected)
+            for outcome in outcomes
+            if outcome.status == "optimal" and outcome.selected is not None
+        ]
+        accepted = self._accept_best(block, outcomes)
+        return tuple(
+            Trial(outcome, kwh, min(proven, default=None), outcome.solver in accepted)
+            for outcome, kwh in zip(outcomes, found_kwh, strict=True)
+            if outcome.solver in names
+        )
+
+    def _with_kwh(self, block: Block, outcome: Outcome) -> float | None:
+        """The exact objective of the plan with an answer; None without a valid one."""
+        if outcome.selected is None or not _is_valid(block, outcome.selected):
+            return None
+        chosen = block.chosen(outcome.selected)
+        change = self._apply(chosen)
+        self._apply([block.options[i.number][0] for i in chosen])
+        return self._objective_kwh + change
 
     def adopt(
         self, stops: StopsByVehicle, seed: int, ends: float, clock: Callable[[], float]
@@ -330,6 +390,10 @@ class BlockDescent:
             change -= self._meetings.add(itinerary.traversals)
             self.present[itinerary.number] = itinerary
         return change
+
+
+def _at_stake_kwh(block: Block) -> float:
+    return math.fsum(map(abs, block.problem.savings.values()))
 
 
 def _is_valid(block: Block, selected: frozenset[int]) -> bool:

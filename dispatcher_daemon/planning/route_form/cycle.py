@@ -77,16 +77,26 @@ def _made_by(plan: FleetPlan) -> str:
     for sweep in plan.sweeps:
         for name, number in sweep.accepted.items():
             wins[name] = wins.get(name, 0) + number
+    for trial in plan.trials:
+        if trial.accepted:
+            wins[trial.outcome.solver] = wins.get(trial.outcome.solver, 0) + 1
     if wins:
         return max(wins, key=lambda name: wins[name])
     return GREEDY if plan.greedy.objective_kwh < plan.base.objective_kwh else BASE
 
 
 def _reports(plan: FleetPlan, best: Candidate | CandidateRefusal) -> tuple[SolverReport, ...]:
-    """One report a solver over all blocks of all sweeps."""
+    """One report a solver: over all blocks of all sweeps, or of the one that it was asked for, with
+    the objective that the whole plan had with its answer.
+    """
     outcomes: dict[str, list[Outcome]] = {}
     for sweep in plan.sweeps:
         for outcome in sweep.outcomes:
             outcomes.setdefault(outcome.solver, []).append(outcome)
     objective = best.objective_kwh if isinstance(best, Candidate) else None
-    return tuple(solver_report(of_one, objective, blocks=True) for of_one in outcomes.values())
+    reports = [solver_report(of_one, objective, blocks=True) for of_one in outcomes.values()]
+    trials = [
+        solver_report([one.outcome], one.objective_kwh, optimum_kwh=one.optimum_kwh, blocks=True)
+        for one in plan.trials
+    ]
+    return (*reports, *trials)

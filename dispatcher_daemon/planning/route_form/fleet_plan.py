@@ -21,6 +21,7 @@ from dispatcher_daemon.planning.improvement.sweeps import (
     BlockDescent,
     Choice,
     Sweep,
+    Trial,
     choice_of,
     scheduled,
 )
@@ -64,7 +65,9 @@ class FleetPlan:
         choice: the plan; no carrier has less than by `base`.
         base: the same fleet routed without platooning, all vehicles leaving when ready.
         greedy: base routes, departures chosen one vehicle after the other.
-        wall_s: time of each stage: roads, base, check, greedy, ways, second, sweeps, carriers.
+        trials: answers of the dispatcher's solvers that are not asked for every block.
+        wall_s: time of each stage: roads, base, check, greedy, ways, second, sweeps, trials,
+            carriers.
         timed_out: True if a deadline ended a stage, so that a repetition may end elsewhere.
         gains_kwh: of each carrier by the plan, where there are several.
         base_gains_kwh: likewise by `base` with the platoons that form by chance.
@@ -76,6 +79,7 @@ class FleetPlan:
     greedy: Choice
     unserved: Mapping[str, str]
     sweeps: tuple[Sweep, ...]
+    trials: tuple[Trial, ...]
     wall_s: Mapping[str, float]
     timed_out: bool
     gains_kwh: Gains
@@ -151,6 +155,9 @@ def plan_fleet(
     stage("second")
     sweeps, late = descent.run(seed, ends, clock)
     stage("sweeps")
+    others = [name for name in cycle.settings.solvers if name not in settings.solvers]
+    trials = descent.try_solvers(others, seed, ends, clock)
+    stage("trials")
     base = first.base.itineraries
     accounts = nobody_worse_off(
         first.planner, base, descent.present, cycle.on_road, lambda: clock() < ends
@@ -171,6 +178,7 @@ def plan_fleet(
         first.greedy,
         missing,
         sweeps,
+        trials,
         walls,
         timed_out or late,
         gains,
@@ -180,7 +188,9 @@ def plan_fleet(
 
 
 def city_settings(cycle: Cycle) -> CitySettings:
-    """A fleet of one block asks all of the dispatcher's solvers; a larger one those for blocks."""
+    """A fleet of one block asks all of the dispatcher's solvers; a larger one those for blocks, and
+    the others for one of them.
+    """
     city = cycle.settings.city
     if len(cycle.problem.fleet.vehicles) * city.options <= city.block_variables:
         return city.model_copy(update={"solvers": cycle.settings.solvers})

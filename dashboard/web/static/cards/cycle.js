@@ -27,17 +27,20 @@ export function cycleCard(id, row, detail, ctx) {
     detail?.energy ? section("Energy of its plans", energyParts(detail.energy, f, true)) : null,
     detail?.unserved?.length ? section("Not served", longTable(["Order", "Why"], detail.unserved.map((one) => [link("order", one.stop), words(one.reason)]), "Not served")) : null,
     detail ? section("Solvers", detail.solvers?.length ? longTable(["Solver", "Result", "#Cost kWh", "#Time s"], detail.solvers.map((one) => [
-      [one.solver, circuit(one)], words(one.status) + (one.reason ? `: ${words(one.reason)}` : ""), f.number(one.objective_kwh, 3), f.number(one.wall_s, 2),
+      [one.solver, circuit(one, f)], words(one.status) + (one.reason ? `: ${words(one.reason)}` : ""), f.number(one.objective_kwh, 3), f.number(one.wall_s, 2),
     ]), "Solvers", 12) : h("p.muted", {}, row.solver ? "No block solver was needed." : "No solver ran.")) : h("p.muted", {}, "Loading…"),
     detail ? inWords(detail.explain) : null,
   ];
 }
 
-/** Where a solver's circuit ran, and why not on the device; nothing without one. */
-function circuit(run) {
+/** Where a solver's circuit ran, why not on the device, and what its samples were; nothing without one. */
+function circuit(run, f) {
   const parts = [
+    run.qubits && `${run.qubits} qubits`,
     run.backend && `on ${[run.backend, BACKENDS[run.backend_kind]].filter(Boolean).join(", ")}`,
     run.two_qubit_depth && `two-qubit depth ${run.two_qubit_depth}`,
+    run.p_feasible_raw != null && `valid samples ${f.share(run.p_feasible_raw, 2)}, repaired ${f.share(run.p_feasible_repaired)}`,
+    run.p_optimal_raw != null && `the best one in ${f.share(run.p_optimal_raw, 2)}`,
     run.fallback && `instead of the device: ${run.fallback}`,
   ].filter(Boolean);
   return parts.length ? h("div.muted", {}, parts.join(" · ")) : null;

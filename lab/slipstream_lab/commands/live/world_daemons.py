@@ -52,7 +52,6 @@ def place_of_world(
             "interval_s": interval_s,
             "deadline_s": min(10.0, interval_s / 2),
             "form": "route",
-            "solvers": ["exact"],
             **({"advice": {"signal_priority": True}} if order.priority else {}),
         },
     )

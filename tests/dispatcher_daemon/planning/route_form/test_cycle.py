@@ -11,7 +11,7 @@ from dispatcher_daemon.planning.plans.candidates import Cycle
 from dispatcher_daemon.planning.plans.verify import verify_plans
 from dispatcher_daemon.settings import CitySettings, DispatcherSettings, SearchSettings
 from dispatcher_daemon.solvers.exact import ExactSolver
-from dispatcher_daemon.solvers.protocol import Outcome, Solver
+from dispatcher_daemon.solvers.protocol import Outcome, Solver, Status
 from dispatcher_daemon.solvers.workers.pool import solve_in_process
 from dispatcher_daemon.traffic.snapshot import TrafficSnapshot
 from slipstream.errors import InputError
@@ -161,6 +161,91 @@ def test_without_any_answer_the_routes_still_leave() -> None:
     assert answered.report.objective_kwh is not None
     assert result.report.objective_kwh is not None
     assert answered.report.objective_kwh <= result.report.objective_kwh + 1e-9
+
+
+class Stranger:
+    """A solver of somebody else's, asked for one block of a cycle."""
+
+    name = "lc-qaoa"
+
+    def __init__(self, answer: Callable[[Problem], frozenset[int] | None]) -> None:
+        self.answer, self.asked = answer, list[Problem]()
+
+    def warm_up(self) -> None:
+        """Nothing to do."""
+
+    def solve(self, problem: Problem, deadline_s: float, seed: int) -> Outcome:
+        """What it is told to answer."""
+        self.asked.append(problem)
+        selected = self.answer(problem)
+        status: Status = "timeout" if selected is None else "feasible"
+        reason = "never done" if selected is None else None
+        return Outcome(self.name, status, selected, 0.1, reason=reason)
+
+
+def broken(problem: Problem) -> frozenset[int] | None:
+    """It raises."""
+    raise RuntimeError("no such gate")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("answer", "status", "reason"),
+    [
+        (lambda p: frozenset(of[-1] for of in p.options_of.values()), "feasible", None),
+        (lambda p: frozenset([0, 1, 10**6]), "feasible", None),
+        (lambda p: None, "timeout", "1 of 1 blocks without an answer: never done"),
+        (broken, "failed", "1 of 1 blocks without an answer: RuntimeError: no such gate"),
+    ],
+)
+def test_a_fleet_of_many_blocks_asks_the_other_solvers_for_one(
+    answer: Callable[[Any], frozenset[int] | None], status: str, reason: str | None
+) -> None:
+    """Once a cycle, for a block that fits, beside those of all blocks. The plan is no worse for a
+    bad answer, for nonsense or for none, and the report has the objective with its answer.
+    """
+    city = generate_city(
+        1, vehicles=12, stops=36, segments=160, shape=CityShape(depots=1, open_share=0.9)
+    )
+    stranger = Stranger(answer)
+    settings = SETTINGS.model_copy(update={"solvers": ("exact", "lc-qaoa")})
+    result = cycle(city.problem, city.snapshot, settings, solvers=[ExactSolver(), stranger])
+    alone = cycle(city.problem, city.snapshot)
+    (problem,) = stranger.asked
+    assert 2 <= problem.choices <= settings.city.block_variables
+    assert problem.pair_savings
+    exact, asked = result.report.solvers
+    assert (asked.solver, asked.status, asked.reason) == ("lc-qaoa", status, reason)
+    assert exact.solver == "exact"
+    assert result.report.objective_kwh == alone.report.objective_kwh
+    assert result.report.solver == alone.report.solver
+    if asked.objective_kwh is not None:
+        assert result.report.objective_kwh is not None
+        assert asked.objective_kwh > result.report.objective_kwh + 1e-6
+    else:
+        assert reason is not None or answer(problem) == frozenset([0, 1, 10**6])
+
+
+@pytest.mark.slow
+def test_a_better_answer_for_one_block_is_accepted_and_named(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Where those of all blocks have none, the plan is what the other solver makes of it."""
+    city = generate_city(
+        1, vehicles=12, stops=36, segments=160, shape=CityShape(depots=1, open_share=0.9)
+    )
+    # A schedule that nobody has improved yet.
+    monkeypatch.setattr(
+        "dispatcher_daemon.planning.route_form.fleet_plan.scheduled",
+        lambda planner, base, has_time=None: base,
+    )
+    stranger = Stranger(lambda p: ExactSolver().solve(p, 5.0, 1).selected)
+    settings = SETTINGS.model_copy(update={"solvers": ("exact", "lc-qaoa")})
+    result = cycle(city.problem, city.snapshot, settings, solvers=[Silent(), stranger])
+    assert result.report.solver == "lc-qaoa"
+    (asked,) = [one for one in result.report.solvers if one.solver == "lc-qaoa"]
+    assert asked.objective_kwh == pytest.approx(result.report.objective_kwh)
+    assert faults(city.problem, city.snapshot, result) == ()
 
 
 def test_the_arc_form_refuses_time_windows_by_name(town: Town) -> None:
