@@ -225,7 +225,7 @@ class BlockDescent:
         """Ask further solvers, and those of all blocks beside them, for the block of the last
         sweep whose options save most together; an answer that improves the plan is accepted.
         """
-        if not names or not self._last:
+        if not self._last:
             return ()
         left_s = min(ends - clock(), self.settings.block_deadline_s)
         if left_s < _LEAST_TRIAL_S:

@@ -156,7 +156,7 @@ def plan_fleet(
     sweeps, late = descent.run(seed, ends, clock)
     stage("sweeps")
     others = [name for name in cycle.settings.solvers if name not in settings.solvers]
-    trials = descent.try_solvers(others, seed, ends, clock)
+    trials = descent.try_solvers(others, seed, ends, clock) if others else ()
     stage("trials")
     base = first.base.itineraries
     accounts = nobody_worse_off(
