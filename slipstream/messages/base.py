@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from functools import cache, lru_cache
 from typing import Annotated, Any, Final, Protocol, Self, TypeVar, runtime_checkable
 from urllib.parse import quote
@@ -146,7 +147,9 @@ def check_version(encoding: str) -> None:
 
 
 def _without_references(schema: Any, parts: dict[str, Any]) -> Any:
-    """A JSON schema with its parts in place of references to them."""
+    """A JSON schema with its parts in place of references to them, docstrings without their
+    indentation, which msgspec before 0.23 leaves in.
+    """
     if isinstance(schema, list):
         return [_without_references(one, parts) for one in schema]
     if not isinstance(schema, dict):
@@ -155,7 +158,12 @@ def _without_references(schema: Any, parts: dict[str, Any]) -> Any:
         schema = parts[schema["$ref"].rpartition("/")[2]] | {
             key: value for key, value in schema.items() if key != "$ref"
         }
-    return {key: _without_references(value, parts) for key, value in schema.items()}
+    return {
+        key: inspect.cleandoc(value)
+        if key == "description" and isinstance(value, str)
+        else _without_references(value, parts)
+        for key, value in schema.items()
+    }
 
 
 def _path(fault: ErrorDetails) -> str | None:
