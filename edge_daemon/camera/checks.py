@@ -24,6 +24,7 @@ _MIN_VISIBLE_SHARE: Final = 0.5
 _PIECES: Final = 24  # of an outline's edge on a curved road
 _LINE_TOLERANCE: Final = 4.0  # of a point's: points alone say little of places between them
 _MAX_HIDDEN_M: Final = 2.0
+_MOST_PX: Final = 16384
 
 
 def check_points(
@@ -88,6 +89,7 @@ def check_masks(
         watched: the segments' outlines, px.
     """
     found = [np.array(mask) for mask in masks]
+    road = polygon_mask(watched if masks else (), size[::-1], 0)
     for i, mask in enumerate(found):
         outside = ((mask < 0) | (mask > size)).any(axis=1)
         if outside.any():
@@ -98,8 +100,7 @@ def check_masks(
                 "mend its pixel or the picture's size",
                 key=f"masks.{i}",
             )
-        hidden = _filled(mask, size)
-        if any((hidden & _filled(outline, size)).any() for outline in watched):
+        if (polygon_mask([mask], size[::-1], 0) & road).any():
             raise InputError(
                 source,
                 "covers watched road, whose vehicles would not be seen",
@@ -109,13 +110,20 @@ def check_masks(
     return found
 
 
-def _filled(outline: Array, size: tuple[int, int]) -> npt.NDArray[np.bool_]:
-    """Pixels within an outline, (height, width)."""
-    picture = np.zeros(size[::-1], dtype=np.uint8)
-    if np.isfinite(outline).all():
-        # OpenCV draws with 16-bit coordinates.
-        cv2.fillPoly(picture, [np.clip(outline, -16384, 16384).round().astype(np.int32)], (1,))
-    return picture.astype(np.bool_)
+def polygon_mask(
+    outlines: Sequence[Array], shape: tuple[int, int], reach: int
+) -> npt.NDArray[np.bool_]:
+    """Pixels of an image of (height, width) within outlines, or at most `reach` px beside them."""
+    mask = np.zeros(shape, dtype=np.uint8)
+    for outline in outlines:
+        if np.isfinite(outline).all():
+            # OpenCV draws with 16-bit coordinates.
+            cv2.fillPoly(
+                mask, [np.clip(outline, -_MOST_PX, _MOST_PX).round().astype(np.int32)], (1,)
+            )
+    if reach > 0:
+        mask = np.asarray(cv2.dilate(mask, np.ones((2 * reach + 1,) * 2, np.uint8)), dtype=np.uint8)
+    return mask.astype(np.bool_)
 
 
 def fit_points(

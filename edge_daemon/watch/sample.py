@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -11,7 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from edge_daemon.camera import Array, Camera
+from edge_daemon.camera import Array, Camera, polygon_mask
 from edge_daemon.frame import Frame, Image
 
 Grey = npt.NDArray[np.uint8]
@@ -161,15 +160,3 @@ def road_mask(camera: Camera, shape: tuple[int, int], margin: float) -> Mask:
     scale = np.array([width / camera.size[0], height / camera.size[1]])
     outlines = [camera.outline_px(segment) * scale for segment in camera.segments]
     return polygon_mask(outlines, shape, round(margin * height))
-
-
-def polygon_mask(outlines: Sequence[Array], shape: tuple[int, int], reach: int) -> Mask:
-    """Pixels of an image of (height, width) within outlines, or at most `reach` px beside them."""
-    mask = np.zeros(shape, dtype=np.uint8)
-    for outline in outlines:
-        if np.isfinite(outline).all():
-            # OpenCV draws with 16-bit coordinates.
-            cv2.fillPoly(mask, [np.clip(outline, -4096, 4096).round().astype(np.int32)], (1,))
-    if reach > 0:
-        mask = np.asarray(cv2.dilate(mask, np.ones((2 * reach + 1,) * 2, np.uint8)), dtype=np.uint8)
-    return mask.astype(np.bool_)

@@ -17,9 +17,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from edge_daemon.camera import Array, Camera
+from edge_daemon.camera import Array, Camera, polygon_mask
 from edge_daemon.frame import Image
-from edge_daemon.watch.sample import Floats, Grey, Mask, detail_grey, polygon_mask, road_mask
+from edge_daemon.watch.sample import Floats, Grey, Mask, detail_grey, road_mask
 
 log = logging.getLogger(__name__)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -172,6 +173,17 @@ def standing(place_m: float) -> Detections:
     return Detections(box, np.full(1, 0.9, np.float32), np.zeros(1, np.int64))
 
 
+def cars_at(places_m: Sequence[float]) -> Detections:
+    """Cars in the right lane, those that are in view."""
+    seen = [standing(place) for place in places_m if 5.0 < place < 95.0]
+    seen = seen or [Blind().detect(np.empty(0))]
+    boxes, scores, classes = (
+        np.concatenate([getattr(one, name) for one in seen])
+        for name in ("boxes", "scores", "classes")
+    )
+    return Detections(boxes, scores, classes)
+
+
 def test_who_stands_ends_though_the_camera_is_silent_for_longer_than_the_window(
     camera: Camera,
 ) -> None:
@@ -220,13 +232,7 @@ def test_a_segment_that_is_drawn_against_its_traffic_says_so(
         time_s = number / 10
         begin_m = 90.0 if speed_mps < 0 else 10.0
         places = [begin_m + speed_mps * (time_s - 1.6 * car) for car in range(cars)]
-        seen = [standing(place) for place in places if 5.0 < place < 95.0]
-        seen = seen or [Blind().detect(np.empty(0))]
-        boxes, scores, classes = (
-            np.concatenate([getattr(one, name) for one in seen])
-            for name in ("boxes", "scores", "classes")
-        )
-        pipeline.update(blank(time_s), Detections(boxes, scores, classes))
+        pipeline.update(blank(time_s), cars_at(places))
     (state,) = pipeline.states(1)
     assert state.reason == reason
     assert (state.y_e is None) == (reason is not None)
@@ -246,13 +252,7 @@ def test_who_drives_the_wrong_way_closes_the_road_for_a_window(
         time_s = number / 10
         places = [95.0 - 15.0 * (time_s - 2.0 * car) for car in range(before)]
         places.append(10.0 + 12.0 * (time_s - turns_s))
-        seen = [standing(place) for place in places if 5.0 < place < 95.0]
-        seen = seen or [Blind().detect(np.empty(0))]
-        boxes, scores, classes = (
-            np.concatenate([getattr(one, name) for one in seen])
-            for name in ("boxes", "scores", "classes")
-        )
-        pipeline.update(blank(time_s), Detections(boxes, scores, classes))
+        pipeline.update(blank(time_s), cars_at(places))
         if number % 10 == 0:
             (state,) = pipeline.states(round(time_s * 1e9) + 1)
             told[round(time_s)] = state.reason

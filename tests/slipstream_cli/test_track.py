@@ -82,11 +82,9 @@ def test_what_must_not_be_looked_at_is_in_no_picture(
     (masked / "camera.toml").write_text(f"{outline}\n{text}")
     film = tmp_path / "drawn.mp4"
     found = []
-    for arguments_ in (
-        arguments(folder, "--json"),
-        arguments(masked, "--annotated", film, "--json"),
-    ):
-        assert main(arguments_) == 0
+    for clip, more in ((folder, ()), (masked, ("--annotated", film))):
+        states = tmp_path / f"{clip.name}.jsonl"
+        assert main(arguments(clip, "--out", states, "--json", *more)) == 0
         (counted,) = json.loads(capsys.readouterr().out)["counts"]
         found.append(counted["vehicles"])
     assert found[0] == found[1]

@@ -253,10 +253,13 @@ class BlockDescent:
         """The exact objective of the plan with an answer; None without a valid one."""
         if outcome.selected is None or not _is_valid(block, outcome.selected):
             return None
-        chosen = block.chosen(outcome.selected)
+        return self._objective_kwh + self._tried(block, block.chosen(outcome.selected))
+
+    def _tried(self, block: Block, chosen: Sequence[Itinerary]) -> float:
+        """What a choice would change, kWh; the present one stays."""
         change = self._apply(chosen)
         self._apply([block.options[i.number][0] for i in chosen])
-        return self._objective_kwh + change
+        return change
 
     def adopt(
         self, stops: StopsByVehicle, seed: int, ends: float, clock: Callable[[], float]
@@ -358,10 +361,9 @@ class BlockDescent:
                 continue
             seen.add(selected)
             chosen = block.chosen(selected)
-            change = self._apply(chosen)
+            change = self._tried(block, chosen)
             if change < best_change and (self._accounts is None or self._accounts.allows(chosen)):
                 best_change, best, solver = change, chosen, outcome.solver
-            self._apply([block.options[i.number][0] for i in chosen])
         if best is None:
             return ()
         self._objective_kwh += self._apply(best)

@@ -139,9 +139,8 @@ class RoadsideWatch:
         """No RSU of the settings says now how a road is. One without a picture says so itself."""
         if not self._rsus:
             return
-        for state in self._states():
-            fault = freshness.fault(state.time_ns, now_ns, stale_after_s=self._silent_s)
-            if fault is None and state.reason not in ("stale", "no_frames"):
+        for state in self._fresh_states(now_ns):
+            if state.reason not in ("stale", "no_frames"):
                 self._seen_ns = now_ns
                 return
         names = ", ".join(islice(self._rsus, _NAMED))
@@ -151,12 +150,16 @@ class RoadsideWatch:
         since_ns = self._seen_ns or self._started_ns
         yield Condition("rsus_lost", "dispatcher", text, since_ns, awaited=awaited)
 
+    def _fresh_states(self, now_ns: int) -> Iterator[SegmentState]:
+        for state in self._states():
+            if freshness.fault(state.time_ns, now_ns, stale_after_s=self._silent_s) is None:
+                yield state
+
     def _wrong_way(self, now_ns: int) -> Iterator[Condition]:
         """A road once, however many RSUs see it."""
         seen: dict[str, SegmentState] = {}
-        for state in self._states():
-            fresh = freshness.fault(state.time_ns, now_ns, stale_after_s=self._silent_s) is None
-            if fresh and state.reason == "wrong_way":
+        for state in self._fresh_states(now_ns):
+            if state.reason == "wrong_way":
                 seen.setdefault(state.segment, state)
         for segment, state in seen.items():
             text = f"a vehicle drives against the traffic, seen by {state.rsu}"
